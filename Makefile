@@ -1,0 +1,36 @@
+# make fly   sets up .venv and flies missions/circle-wind.yaml to the end, report included
+# make test  sets up .venv and runs the whole test suite
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+MISSION ?= missions/circle-wind.yaml
+OUT ?= flights/$(basename $(notdir $(MISSION)))
+
+.PHONY: fly test lint clean
+
+fly: $(VENV)/.runtime
+	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
+
+test: lint
+	$(BIN)/pytest -n 2
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+$(VENV)/.runtime: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "vfguide needs Python 3.11 or newer; name one with: make PYTHON=python3.11")'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "Python has no venv; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.runtime
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) flights build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

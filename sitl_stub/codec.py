@@ -1,0 +1,67 @@
+"""MAVLink frames in and out, without a socket."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+COMPONENT_ID = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
+
+
+class Codec:
+    """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
+
+    def __init__(self, system_id: int, counters: Counter[str]) -> None:
+        self._system_id = system_id
+        self._counters = counters
+        self._encoder = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+
+    def decode(self, data: bytes) -> list[MAVLink_message]:
+        """The messages of one datagram that this autopilot should look at; the rest is counted."""
+        parser = self._parser
+        # A datagram holds whole frames. What an earlier one left behind would swallow this one's.
+        parser.buf = bytearray()
+        parser.buf_index = 0
+        parser.expected_length = mavlink.HEADER_LEN_V1 + 2
+        parser.have_prefix_error = False
+        return [message for message in parser.parse_buffer(data) or () if self._is_for_me(message)]
+
+    def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
+        """The frames of the messages, one after the other, with consecutive sequence numbers."""
+        encoder = self._encoder
+        frames = []
+        for message in messages:
+            frames.append(message.pack(encoder))
+            encoder.seq = (encoder.seq + 1) % 256
+        return b"".join(frames)
+
+    def _is_for_me(self, message: MAVLink_message) -> bool:
+        name = message.get_type()
+        if name == "BAD_DATA":
+            self._counters["bad data"] += 1
+            return False
+        # An unknown id skips the checksum: nothing in such a frame can be trusted.
+        if name.startswith("UNKNOWN_"):
+            self._counters["unknown message"] += 1
+            return False
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if sender == (self._system_id, COMPONENT_ID):
+            self._counters["from itself"] += 1
+            return False
+        if not (
+            getattr(message, "target_system", 0) in {0, self._system_id}
+            and getattr(message, "target_component", 0) in {0, COMPONENT_ID}
+        ):
+            self._counters["for another"] += 1
+            return False
+        return True
+
+
+def whole_number(value: float) -> int | None:
+    """The integer that a float field carries, or None if it carries none."""
+    return int(value) if math.isfinite(value) and value == int(value) else None

@@ -1,0 +1,123 @@
+"""Commands as the emulator sees them, whichever of MAVLink's two messages brought them."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub.flight import Flight
+from sitl_stub.targets import HeightTarget
+
+DO_SET_MODE = 176
+DO_CHANGE_SPEED = 178
+COMPONENT_ARM_DISARM = 400
+SET_MESSAGE_INTERVAL = 511
+REQUEST_MESSAGE = 512
+GUIDED_CHANGE_SPEED = 43000
+GUIDED_CHANGE_ALTITUDE = 43001
+GUIDED_CHANGE_HEADING = 43002
+
+AMSL_FRAMES = frozenset({0, 5})
+"""MAV_FRAME_GLOBAL and its deprecated _INT twin: height above mean sea level."""
+
+ABOVE_HOME_FRAMES = frozenset({3, 6})
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT and its deprecated _INT twin: height above home."""
+
+CUSTOM_MODE_FLAG = 1
+"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED: a mode change speaks of custom modes, or is not understood."""
+
+
+class Result(IntEnum):
+    """MAV_RESULT, in the common message set's numbers."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+
+
+class NonFiniteError(ValueError):
+    """A field that is used holds NaN or infinity."""
+
+
+def finite(*values: float) -> tuple[float, ...]:
+    """The values, all of them finite.
+
+    Raises:
+        NonFiniteError: one of them is not.
+    """
+    if all(map(math.isfinite, values)):
+        return values
+    raise NonFiniteError
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command."""
+
+    number: int
+    """MAV_CMD."""
+
+    parameters: tuple[float, float, float, float]
+    """param1 to param4; may be NaN where a command does not use them."""
+
+    frame: int
+    """MAV_FRAME of `z`."""
+
+    z: float
+    """Height in that frame."""
+
+    def used(self, *indices: int) -> tuple[float, ...]:
+        """The parameters with these numbers (from 1), all of them finite.
+
+        Raises:
+            NonFiniteError: one of them is not; unused ones may well be.
+        """
+        return finite(*(self.parameters[index - 1] for index in indices))
+
+
+def command_of(message: MAVLink_message) -> Command:
+    """The command in a COMMAND_INT or COMMAND_LONG.
+
+    The long form has no frame: its height, param7, is above home as ArduPilot converts it.
+    """
+    parameters = (message.param1, message.param2, message.param3, message.param4)
+    if message.get_type() == "COMMAND_INT":
+        return Command(message.command, parameters, message.frame, message.z)
+    return Command(message.command, parameters, min(ABOVE_HOME_FRAMES), message.param7)
+
+
+Handler = Callable[[Flight, Command], Result]
+"""Carries a command out; raises NonFiniteError before it changes anything."""
+
+Handlers = Mapping[int, Handler]
+
+
+def arm_or_disarm(flight: Flight, command: Command) -> Result:
+    """400: param1 = 1 arms, 0 disarms. Only the flag changes: the emulator is always airborne."""
+    (wanted,) = command.used(1)
+    if wanted not in {0.0, 1.0}:
+        return Result.DENIED
+    flight.armed = wanted == 1.0
+    return Result.ACCEPTED
+
+
+def is_flyable_airspeed(flight: Flight, airspeed_m_s: float) -> bool:
+    """Whether the aircraft's airspeed range holds the value, to a single-precision rounding."""
+    margin = 1e-6 * airspeed_m_s
+    plant = flight.plant
+    return plant.airspeed_min_m_s - margin <= airspeed_m_s <= plant.airspeed_max_m_s + margin
+
+
+def height_target(
+    flight: Flight, frame: int, z: float, max_climb_rate_m_s: float = math.inf
+) -> HeightTarget | None:
+    """The height `z` of a global frame, or None for a frame that is not understood."""
+    if frame in AMSL_FRAMES:
+        return HeightTarget(z, max_climb_rate_m_s)
+    if frame in ABOVE_HOME_FRAMES:
+        return HeightTarget(flight.home.altitude_amsl_m + z, max_climb_rate_m_s)
+    return None

@@ -1,0 +1,63 @@
+"""The inner loops: first order towards their target, within the aircraft's limits."""
+
+import math
+
+from sitl_stub.aircraft import PlantParameters
+from sitl_stub.angles import wrap_to_pi
+from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
+
+GRAVITY_M_S2 = 9.80665
+"""Standard gravity."""
+
+
+def clamped(value: float, limit: float) -> float:
+    """`value` kept within [-limit, limit]."""
+    return limit if value > limit else max(value, -limit)
+
+
+def bank_limited_turn_rate_rad_s(bank_rad: float, speed_m_s: float) -> float:
+    """Turn rate of a coordinated turn: g tan(bank) / V (Beard & McLain, Small Unmanned Aircraft)."""
+    return GRAVITY_M_S2 * math.tan(bank_rad) / speed_m_s
+
+
+def bank_of_rad(turn_rate_rad_s: float, speed_m_s: float) -> float:
+    """Bank of the coordinated turn with this turn rate: atan(V omega / g)."""
+    return math.atan(speed_m_s * turn_rate_rad_s / GRAVITY_M_S2)
+
+
+def turn_rate_rad_s(
+    parameters: PlantParameters,
+    target: TurnTarget,
+    *,
+    course_rad: float,
+    heading_rad: float,
+    speed_m_s: float,
+) -> float:
+    """Lateral loop: omega = sat(alpha wrap(target - present)), article, model equations.
+
+    Saturated by the bank limit and by the lateral acceleration that came with the command, whichever
+    is smaller. `speed_m_s` is the speed of the velocity that turns.
+    """
+    if target.hold == "bank":
+        return bank_limited_turn_rate_rad_s(target.angle_rad, speed_m_s)
+    present_rad = course_rad if target.hold == "course" else heading_rad
+    limit = min(
+        bank_limited_turn_rate_rad_s(parameters.max_bank_rad, speed_m_s),
+        target.max_acceleration_m_s2 / speed_m_s,
+    )
+    return clamped(parameters.alpha_1_s * wrap_to_pi(target.angle_rad - present_rad), limit)
+
+
+def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_s: float) -> float:
+    """Speed loop: dV/dt = sat(beta (target - V)), article, model equations."""
+    limit = min(parameters.max_acceleration_m_s2, target.max_acceleration_m_s2)
+    return clamped(parameters.beta_1_s * (target.speed_m_s - speed_m_s), limit)
+
+
+def climb_rate_m_s(
+    parameters: PlantParameters, target: HeightTarget, altitude_amsl_m: float
+) -> float:
+    """Height loop: dh/dt = sat(gain (target - h)), positive up."""
+    limit = min(parameters.climb_rate_max_m_s, target.max_climb_rate_m_s)
+    error_m = target.altitude_amsl_m - altitude_amsl_m
+    return clamped(parameters.altitude_gain_1_s * error_m, limit)

@@ -1,0 +1,76 @@
+"""Flight modes of the two autopilots and what the emulator flies in each."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One flight mode."""
+
+    name: str
+    """As its status text and the ground stations call it."""
+
+    custom_mode: int
+    """The number in HEARTBEAT.custom_mode."""
+
+    flies: Literal["commanded", "circle", "straight"] = "straight"
+    """Obeys commands, turns at a constant bank, or keeps the course it had at entry.
+
+    Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
+    """
+
+
+def px4_custom_mode(main: int, sub: int = 0) -> int:
+    """PX4's custom_mode: main mode in the third byte, sub mode in the fourth."""
+    return main << 16 | sub << 24
+
+
+def by_number(modes: Iterable[Mode]) -> dict[int, Mode]:
+    """The modes by the number on the wire."""
+    return {mode.custom_mode: mode for mode in modes}
+
+
+GUIDED = Mode("GUIDED", 15, "commanded")
+LOITER = Mode("LOITER", 12, "circle")
+
+ARDUPLANE_MODES = by_number(
+    [
+        Mode("MANUAL", 0),
+        Mode("CIRCLE", 1, "circle"),
+        Mode("STABILIZE", 2),
+        Mode("TRAINING", 3),
+        Mode("ACRO", 4),
+        Mode("FBWA", 5),
+        Mode("FBWB", 6),
+        Mode("CRUISE", 7),
+        Mode("AUTOTUNE", 8),
+        Mode("AUTO", 10),
+        Mode("RTL", 11),
+        LOITER,
+        Mode("TAKEOFF", 13),
+        GUIDED,
+    ]
+)
+"""ArduPlane's modes for a fixed wing, by number."""
+
+OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "commanded")
+AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "circle")
+
+PX4_MODES = by_number(
+    [
+        Mode("MANUAL", px4_custom_mode(1)),
+        Mode("ALTCTL", px4_custom_mode(2)),
+        Mode("POSCTL", px4_custom_mode(3)),
+        Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2)),
+        AUTO_LOITER,
+        Mode("AUTO.MISSION", px4_custom_mode(4, 4)),
+        Mode("AUTO.RTL", px4_custom_mode(4, 5)),
+        Mode("AUTO.LAND", px4_custom_mode(4, 6)),
+        Mode("ACRO", px4_custom_mode(5)),
+        OFFBOARD,
+        Mode("STABILIZED", px4_custom_mode(7)),
+    ]
+)
+"""PX4's modes for a fixed wing, by number."""

@@ -1,0 +1,60 @@
+"""What the inner loops hold: one target each for turn, speed and height."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+SpeedKind = Literal["airspeed", "ground-speed"]
+
+
+@dataclass(frozen=True, slots=True)
+class TurnTarget:
+    """What the lateral loop holds."""
+
+    hold: Literal["course", "heading", "bank"]
+    """Course over ground, heading of the nose, or a constant bank (positive right)."""
+
+    angle_rad: float
+    """The course, heading or bank held."""
+
+    max_acceleration_m_s2: float = math.inf
+    """Lateral acceleration limit of a course or heading; the bank limit holds as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedTarget:
+    """What the speed loop holds. `ground-speed` needs the course-hold plant."""
+
+    kind: SpeedKind
+    """Which speed."""
+
+    speed_m_s: float
+    """Its value."""
+
+    max_acceleration_m_s2: float = math.inf
+    """Limit of its change; the plant's own limit holds as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeightTarget:
+    """What the height loop holds."""
+
+    altitude_amsl_m: float
+    """Altitude above mean sea level."""
+
+    max_climb_rate_m_s: float = math.inf
+    """Limit of climb and descent; the plant's own limit holds as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """What the inner loops hold at one moment."""
+
+    turn: TurnTarget
+    """Lateral."""
+
+    speed: SpeedTarget
+    """Longitudinal."""
+
+    height: HeightTarget
+    """Vertical."""

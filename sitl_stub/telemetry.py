@@ -1,0 +1,238 @@
+"""What the autopilot reports, converted to MAVLink's units; nothing else knows these units.
+
+Height above the ellipsoid and above mean sea level are one here, as are indicated and true airspeed.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import pymap3d
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub.angles import wrap_to_pi, wrap_to_two_pi
+from sitl_stub.flight import Flight, Motion
+from sitl_stub.personality import Personality
+
+HEARTBEAT = 0
+SYS_STATUS = 1
+SYSTEM_TIME = 2
+ATTITUDE = 30
+LOCAL_POSITION_NED = 32
+GLOBAL_POSITION_INT = 33
+VFR_HUD = 74
+AUTOPILOT_VERSION = 148
+WIND = 168
+HOME_POSITION = 242
+EXTENDED_SYS_STATE = 245
+
+HEALTHY_SENSORS = 0x10000027
+"""Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK calls healthy."""
+
+CRUISE_THROTTLE_PERCENT = 50
+"""Reported for want of an engine model."""
+
+
+class Report(NamedTuple):
+    """What all messages of one instant are made from, so that they agree."""
+
+    time_boot_ms: int
+    """Time stamp."""
+
+    flight: Flight
+    """State, mode and home."""
+
+    motion: Motion
+    """True motion."""
+
+    latitude_rad: float
+    """As measured: with noise, if there is any."""
+
+    longitude_rad: float
+    """As measured."""
+
+    personality: Personality
+    """Which autopilot speaks."""
+
+
+Builder = Callable[[Report], MAVLink_message]
+
+
+def centidegrees(angle_rad: float) -> int:
+    """An angle in hundredths of a degree, [0, 36000)."""
+    return round(math.degrees(angle_rad) * 100.0) % 36_000
+
+
+def centimetres_per_second(speed_m_s: float) -> int:
+    """A speed in cm/s, kept within the field's 16 bits."""
+    return max(-32_767, min(32_767, round(speed_m_s * 100.0)))
+
+
+def degrees_e7(angle_rad: float) -> int:
+    """A latitude or longitude in 1e-7 degrees (11 mm)."""
+    return round(math.degrees(angle_rad) * 1e7)
+
+
+def millimetres(length_m: float) -> int:
+    """A height in mm, kept within the field's 32 bits."""
+    return max(-(2**31), min(2**31 - 1, round(length_m * 1000.0)))
+
+
+def heartbeat(report: Report) -> MAVLink_message:
+    """Who this is, the mode, whether armed."""
+    armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if report.flight.armed else 0
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_FIXED_WING,
+        report.personality.firmware,
+        mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
+        report.flight.mode.custom_mode,
+        mavlink.MAV_STATE_ACTIVE if report.flight.armed else mavlink.MAV_STATE_STANDBY,
+        3,
+    )
+
+
+def system_time(report: Report) -> MAVLink_message:
+    """Time since boot; the date is unknown (0)."""
+    return mavlink.MAVLink_system_time_message(0, report.time_boot_ms)
+
+
+def sys_status(_report: Report) -> MAVLink_message:
+    """All sensors present, enabled and healthy; a full battery of unknown voltage and current."""
+    sensors = (HEALTHY_SENSORS,) * 3
+    return mavlink.MAVLink_sys_status_message(*sensors, 0, 65_535, -1, 100, 0, 0, 0, 0, 0, 0)
+
+
+def extended_sys_state(_report: Report) -> MAVLink_message:
+    """No VTOL, in the air."""
+    return mavlink.MAVLink_extended_sys_state_message(
+        mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_IN_AIR
+    )
+
+
+def home_position(report: Report) -> MAVLink_message:
+    """The start position on the ground, which is the origin of the local frame too."""
+    home = report.flight.home
+    return mavlink.MAVLink_home_position_message(
+        degrees_e7(home.latitude_rad),
+        degrees_e7(home.longitude_rad),
+        millimetres(home.altitude_amsl_m),
+        0.0,
+        0.0,
+        0.0,
+        (1.0, 0.0, 0.0, 0.0),
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+def autopilot_version(report: Report) -> MAVLink_message:
+    """What it can do; the version numbers are zero, as no such firmware exists."""
+    no_hash = (0,) * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        report.personality.capabilities, 0, 0, 0, 0, no_hash, no_hash, no_hash, 0, 0, 0
+    )
+
+
+def attitude(report: Report) -> MAVLink_message:
+    """Roll of the coordinated turn, yaw and its rate; pitch is the angle of climb."""
+    motion = report.motion
+    pitch_rad = math.atan2(-motion.down_m_s, motion.airspeed_m_s)
+    return mavlink.MAVLink_attitude_message(
+        report.time_boot_ms,
+        motion.bank_rad,
+        pitch_rad,
+        wrap_to_pi(motion.heading_rad),
+        0.0,
+        0.0,
+        motion.turn_rate_rad_s,
+    )
+
+
+def vfr_hud(report: Report) -> MAVLink_message:
+    """Airspeed, ground speed, whole degrees of heading, altitude, climb."""
+    motion = report.motion
+    return mavlink.MAVLink_vfr_hud_message(
+        motion.airspeed_m_s,
+        motion.ground_speed_m_s,
+        round(math.degrees(motion.heading_rad)) % 360,
+        CRUISE_THROTTLE_PERCENT,
+        report.flight.state.altitude_amsl_m,
+        -motion.down_m_s,
+    )
+
+
+def wind(report: Report) -> MAVLink_message:
+    """The autopilot's own, slowly converging estimate; the direction is the one it comes from."""
+    north_m_s, east_m_s = report.flight.wind_estimate_m_s
+    from_rad = wrap_to_two_pi(math.atan2(-east_m_s, -north_m_s))
+    return mavlink.MAVLink_wind_message(
+        math.degrees(from_rad), math.hypot(north_m_s, east_m_s), 0.0
+    )
+
+
+def local_position_ned(report: Report) -> MAVLink_message:
+    """Position north and east of home, and below it; velocity over ground."""
+    home, altitude_m = report.flight.home, report.flight.state.altitude_amsl_m
+    # At home's own height: z counts height, not the drop of the tangent plane with distance.
+    east_m, north_m, _up_m = pymap3d.geodetic2enu(
+        report.latitude_rad,
+        report.longitude_rad,
+        altitude_m,
+        home.latitude_rad,
+        home.longitude_rad,
+        altitude_m,
+        deg=False,
+    )
+    motion = report.motion
+    return mavlink.MAVLink_local_position_ned_message(
+        report.time_boot_ms,
+        float(north_m),
+        float(east_m),
+        home.altitude_amsl_m - altitude_m,
+        motion.north_m_s,
+        motion.east_m_s,
+        motion.down_m_s,
+    )
+
+
+def global_position_int(report: Report) -> MAVLink_message:
+    """Position and ground velocity. `hdg` is the heading of the nose, not the course."""
+    motion, altitude_m = report.motion, report.flight.state.altitude_amsl_m
+    return mavlink.MAVLink_global_position_int_message(
+        report.time_boot_ms,
+        degrees_e7(report.latitude_rad),
+        degrees_e7(report.longitude_rad),
+        millimetres(altitude_m),
+        millimetres(altitude_m - report.flight.home.altitude_amsl_m),
+        centimetres_per_second(motion.north_m_s),
+        centimetres_per_second(motion.east_m_s),
+        centimetres_per_second(motion.down_m_s),
+        centidegrees(motion.heading_rad),
+    )
+
+
+TELEMETRY: Mapping[int, Builder] = {
+    HEARTBEAT: heartbeat,
+    SYSTEM_TIME: system_time,
+    SYS_STATUS: sys_status,
+    EXTENDED_SYS_STATE: extended_sys_state,
+    HOME_POSITION: home_position,
+    AUTOPILOT_VERSION: autopilot_version,
+    WIND: wind,
+    ATTITUDE: attitude,
+    VFR_HUD: vfr_hud,
+    LOCAL_POSITION_NED: local_position_ned,
+    GLOBAL_POSITION_INT: global_position_int,
+}
+"""Builders by message id, in the order of sending within one instant: GLOBAL_POSITION_INT last, so
+that a receiver which acts on a position already has the attitude and airspeed of the same instant."""
+
+DEFAULT_INTERVALS_US: Mapping[int, int] = dict.fromkeys(
+    (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), 1_000_000
+)
+"""What comes unrequested, as ArduPlane sends it."""
+
+POSITION_MESSAGES = frozenset({LOCAL_POSITION_NED, GLOBAL_POSITION_INT})
+"""The messages that position noise enters."""

@@ -1,0 +1,139 @@
+"""Whole flights of the emulator, steered and observed by MAVLink bytes only."""
+
+import math
+from typing import Literal
+
+import pytest
+from pymap3d.vincenty import vdist
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import (
+    ArticleWind,
+    Autopilot,
+    AutopilotConfig,
+    CalmWind,
+    PlantParameters,
+    SteadyWind,
+    Truth,
+    Wind,
+)
+
+Kind = Literal["course-hold", "heading-hold"]
+
+LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+LATERAL_M_S2 = 9.80665
+
+
+def guided(wind: Wind, kind: Kind = "heading-hold", altitude_amsl_m: float = 0.0) -> Autopilot:
+    """A northbound aircraft in GUIDED at 20 m/s over 47 N 8 E."""
+    config = AutopilotConfig(
+        system_id=1,
+        plant=PlantParameters(kind=kind),
+        latitude_deg=47.0,
+        longitude_deg=8.0,
+        altitude_amsl_m=altitude_amsl_m,
+        home_altitude_amsl_m=0.0,
+        course_rad=0.0,
+        airspeed_m_s=20.0,
+    )
+    vehicle = Autopilot(config, wind)
+    command(vehicle, 176, 1, 15)
+    return vehicle
+
+
+def command(vehicle: Autopilot, number: int, *parameters: float) -> None:
+    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+    vehicle.receive(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded).pack(LINK))
+
+
+def steer(vehicle: Autopilot, course_rad: float) -> None:
+    degrees = math.degrees(course_rad) % 360.0
+    command(vehicle, 43002, 0, degrees if degrees < 359.99999 else 0.0, LATERAL_M_S2)
+
+
+def distance_m(vehicle: Autopilot) -> float:
+    truth = vehicle.truth()
+    return float(vdist(47.0, 8.0, truth.latitude_deg, truth.longitude_deg)[0])
+
+
+@pytest.mark.parametrize("kind", ["course-hold", "heading-hold"])
+def test_100_s_north_at_20_m_s_is_2000_m_on_the_ellipsoid(kind: Kind) -> None:
+    vehicle = guided(CalmWind(), kind)
+    steer(vehicle, 0.0)
+    vehicle.advance(100.0)
+    assert distance_m(vehicle) == pytest.approx(2000.0, abs=0.01)
+
+
+def test_100_s_in_a_steady_crosswind_is_the_triangle_s_distance() -> None:
+    vehicle = guided(SteadyWind(5.0, math.pi / 2))
+    steer(vehicle, 0.0)
+    vehicle.advance(100.0)
+    assert distance_m(vehicle) == pytest.approx(1936.4917, abs=0.01)
+    assert vehicle.truth().longitude_deg == pytest.approx(8.0, abs=1e-9)
+
+
+def square(vehicle: Autopilot) -> Truth:
+    """Four legs of 30 s, a right turn between them."""
+    for leg in range(4):
+        steer(vehicle, leg * math.pi / 2.0)
+        vehicle.advance(30.0 * (leg + 1))
+    return vehicle.truth()
+
+
+def test_a_square_in_calm_air_is_the_same_whichever_plant_flies_it() -> None:
+    first, second = (square(guided(CalmWind(), kind)) for kind in ("course-hold", "heading-hold"))
+    apart_m, _ = vdist(
+        first.latitude_deg, first.longitude_deg, second.latitude_deg, second.longitude_deg
+    )
+    assert float(apart_m) < 0.001
+
+
+def test_the_article_s_plant_under_a_ground_speed_flies_the_same_track_in_any_wind() -> None:
+    moves = []
+    for wind in (CalmWind(), ArticleWind()):
+        vehicle = guided(wind, "course-hold")
+        command(vehicle, 43000, 1, 20.0)
+        steer(vehicle, 0.0)
+        vehicle.advance(30.0)
+        settled, end = vehicle.truth(), square(vehicle)
+        moves.append(
+            (end.latitude_deg - settled.latitude_deg, end.longitude_deg - settled.longitude_deg)
+        )
+    # 1e-8 degrees are a millimetre. The two start at different ground speeds, hence some metres apart.
+    assert moves[0] == pytest.approx(moves[1], abs=5e-8)
+
+
+def test_the_heading_hold_plant_is_disturbed_by_the_article_s_wind() -> None:
+    vehicle = guided(ArticleWind())
+    steer(vehicle, 0.0)
+    errors, speeds = [], []
+    for index in range(1, 1260):
+        vehicle.advance(0.1 * index)
+        truth = vehicle.truth()
+        errors.append(abs(math.remainder(truth.course_rad, math.tau)))
+        speeds.append(truth.ground_speed_m_s)
+        assert truth.airspeed_m_s == pytest.approx(20.0)
+    # The wind turns the course by up to 2.5 m/s^2 / 20 m/s; the hold takes it back with 1.2 1/s.
+    assert 0.05 < max(errors) < 0.15
+    assert min(speeds) < 14.0
+    assert max(speeds) > 26.0
+
+
+def test_a_stream_of_turning_commands_is_followed_with_the_lag_of_the_hold() -> None:
+    # A course ramp of 0.13 rad/s is trailed by 0.13 / 1.2 rad, less what the hold leads in 50 ms.
+    vehicle = guided(CalmWind())
+    for index in range(600):
+        steer(vehicle, 0.13 * 0.05 * index)
+        vehicle.advance(0.05 * (index + 1))
+    lag_rad = math.remainder(0.13 * 30.0 - vehicle.truth().course_rad, math.tau)
+    assert lag_rad == pytest.approx(0.13 / 1.2 + 0.13 * 0.025, abs=2e-3)
+
+
+def test_an_hour_in_the_article_s_wind_stays_finite_and_on_time() -> None:
+    vehicle = guided(ArticleWind(), altitude_amsl_m=500.0)
+    command(vehicle, 511, 33, 1_000_000)
+    vehicle.advance(3600.0)
+    truth = vehicle.truth()
+    assert truth.time_s == 3600.0
+    assert truth.airspeed_m_s == pytest.approx(20.0)
+    assert distance_m(vehicle) < 20_000.0

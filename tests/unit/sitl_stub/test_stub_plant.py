@@ -1,0 +1,234 @@
+import math
+from collections.abc import Callable
+from typing import Literal
+
+import pytest
+
+from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub.angles import wrap_to_pi
+from sitl_stub.loops import bank_limited_turn_rate_rad_s, bank_of_rad, turn_rate_rad_s
+from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, stepped, with_speed_kind
+from sitl_stub.targets import HeightTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
+
+Kind = Literal["course-hold", "heading-hold"]
+KINDS: tuple[Kind, ...] = ("course-hold", "heading-hold")
+
+
+def state(
+    direction_rad: float = 0.0, speed_m_s: float = 20.0, kind: SpeedKind = "airspeed"
+) -> PlantState:
+    return PlantState(direction_rad, speed_m_s, kind, math.radians(47.0), 0.1, 500.0)
+
+
+def targets(
+    turn: TurnTarget | None = None,
+    speed: SpeedTarget | None = None,
+    height: HeightTarget | None = None,
+) -> Targets:
+    return Targets(
+        turn or TurnTarget("course", 0.0),
+        speed or SpeedTarget("airspeed", 20.0),
+        height or HeightTarget(500.0),
+    )
+
+
+def flown(
+    plant: PlantParameters,
+    wanted: Targets,
+    start: PlantState,
+    seconds: float,
+    wind: Wind | None = None,
+    *,
+    step_s: float = 0.005,
+) -> PlantState:
+    for index in range(round(seconds / step_s)):
+        start = stepped(
+            plant, wanted, start, wind or CalmWind(), time_s=index * step_s, step_s=step_s
+        )
+    return start
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_small_course_step_reaches_63_percent_after_one_time_constant(kind: Kind) -> None:
+    plant = PlantParameters(kind=kind)
+    wanted = targets(turn=TurnTarget("course", 0.1))
+    end = flown(plant, wanted, state(), 1.0 / 1.2, step_s=1.0 / 120.0)
+    assert end.direction_rad == pytest.approx(0.1 * (1.0 - math.exp(-1.0)), abs=2e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_small_speed_step_reaches_63_percent_after_one_time_constant(kind: Kind) -> None:
+    wanted = targets(speed=SpeedTarget("airspeed", 22.0))
+    end = flown(PlantParameters(kind=kind), wanted, state(), 1.25)
+    assert end.speed_m_s == pytest.approx(20.0 + 2.0 * (1.0 - math.exp(-1.0)), abs=1e-4)
+
+
+def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s() -> None:
+    assert bank_limited_turn_rate_rad_s(math.pi / 4, 20.0) == pytest.approx(0.4903325)
+    assert bank_of_rad(0.4903325, 20.0) == pytest.approx(math.pi / 4)
+
+
+def test_a_large_course_error_turns_no_faster_than_the_bank_limit() -> None:
+    rate = turn_rate_rad_s(
+        PlantParameters(),
+        TurnTarget("course", math.pi / 2),
+        course_rad=0.0,
+        heading_rad=0.0,
+        speed_m_s=20.0,
+    )
+    assert rate == pytest.approx(0.4903325)
+
+
+@pytest.mark.parametrize(("course_deg", "sign"), [(10.0, -1.0), (190.0, 1.0), (350.0, 1.0)])
+def test_the_shorter_way_round_is_taken(course_deg: float, sign: float) -> None:
+    rate = turn_rate_rad_s(
+        PlantParameters(),
+        TurnTarget("course", 0.0),
+        course_rad=math.radians(course_deg),
+        heading_rad=0.0,
+        speed_m_s=20.0,
+    )
+    assert math.copysign(1.0, rate) == sign
+
+
+def test_a_lateral_acceleration_limit_below_the_bank_limit_governs() -> None:
+    # 2 m/s^2 at 20 m/s: 0.1 rad/s.
+    rate = turn_rate_rad_s(
+        PlantParameters(),
+        TurnTarget("course", 2.0, max_acceleration_m_s2=2.0),
+        course_rad=0.0,
+        heading_rad=0.0,
+        speed_m_s=20.0,
+    )
+    assert rate == pytest.approx(0.1)
+
+
+def test_speed_changes_no_faster_than_the_acceleration_limit() -> None:
+    end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 32.0)), state(), 1.0)
+    assert end.speed_m_s == pytest.approx(23.0)
+
+
+def test_airspeed_stays_in_its_range_whatever_is_asked() -> None:
+    end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 90.0)), state(), 30.0)
+    assert end.speed_m_s == 32.0
+
+
+def test_a_climb_is_limited_and_then_settles() -> None:
+    wanted = targets(height=HeightTarget(530.0))
+    assert flown(PlantParameters(), wanted, state(), 5.0).altitude_amsl_m == pytest.approx(515.0)
+    settled = flown(PlantParameters(), wanted, state(), 40.0)
+    assert settled.altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
+
+
+def test_heading_hold_flies_a_commanded_course_with_the_drift_taken_off() -> None:
+    # Course north in 5 m/s to the east: the nose settles asin(5/20) = 14.478 deg to the left.
+    end = flown(PlantParameters(), targets(), state(), 20.0, SteadyWind(5.0, math.pi / 2))
+    assert math.degrees(wrap_to_pi(end.direction_rad)) == pytest.approx(-14.4775, abs=1e-3)
+
+
+def test_heading_hold_drifts_under_a_commanded_heading() -> None:
+    start = state()
+    wanted = targets(turn=TurnTarget("heading", 0.0))
+    end = flown(PlantParameters(), wanted, start, 10.0, SteadyWind(5.0, math.pi / 2))
+    assert end.direction_rad == 0.0
+    drift_m = (end.longitude_rad - start.longitude_rad) * 6.3886e6 * math.cos(math.radians(47.0))
+    assert drift_m == pytest.approx(50.0, abs=0.1)
+
+
+def test_course_hold_under_a_ground_speed_does_not_feel_the_wind() -> None:
+    plant = PlantParameters(kind="course-hold")
+    wanted = targets(TurnTarget("course", 1.0), SpeedTarget("ground-speed", 21.0))
+    start = state(speed_m_s=20.0, kind="ground-speed")
+    calm = flown(plant, wanted, start, 30.0)
+    windy = flown(plant, wanted, start, 30.0, SteadyWind(6.0, 2.0))
+    assert windy == calm
+
+
+def test_course_hold_under_an_airspeed_gets_its_ground_speed_from_the_triangle() -> None:
+    rates = course_hold_rates(PlantParameters(kind="course-hold"), targets(), 0.0, 20.0, (0.0, 5.0))
+    assert (rates.north_m_s, rates.east_m_s) == pytest.approx((19.364917, 0.0))
+
+
+@pytest.mark.parametrize("course_rad", [0.0, 1.0, 4.0])
+def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad: float) -> None:
+    wind_m_s = (-3.0, 4.0)
+    there = with_speed_kind(state(course_rad), "ground-speed", wind_m_s)
+    back = with_speed_kind(there, "airspeed", wind_m_s)
+    assert there.speed_m_s != 20.0
+    assert back.speed_m_s == pytest.approx(20.0)
+
+
+def test_course_hold_ground_speed_keeps_the_airspeed_flyable() -> None:
+    # Headwind of 8: an airspeed of at most 32 leaves 24 over ground; of at least 12 leaves 4.
+    plant = PlantParameters(kind="course-hold")
+    start = state(speed_m_s=20.0, kind="ground-speed")
+    headwind = SteadyWind(8.0, math.pi)
+    fast = flown(plant, targets(speed=SpeedTarget("ground-speed", 30.0)), start, 30.0, headwind)
+    slow = flown(plant, targets(speed=SpeedTarget("ground-speed", 1.0)), start, 30.0, headwind)
+    assert fast.speed_m_s == pytest.approx(24.0)
+    assert slow.speed_m_s == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_hurricane_leaves_everything_finite(kind: Kind) -> None:
+    plant = PlantParameters(kind=kind)
+    end = flown(plant, targets(), state(1.0), 30.0, SteadyWind(60.0, 3.0))
+    assert all(
+        map(
+            math.isfinite,
+            (end.direction_rad, end.speed_m_s, end.latitude_rad, end.longitude_rad),
+        )
+    )
+
+
+def path_length_error_m(end: PlantState, fine: PlantState) -> float:
+    return 6.4e6 * math.hypot(
+        end.latitude_rad - fine.latitude_rad,
+        (end.longitude_rad - fine.longitude_rad) * math.cos(fine.latitude_rad),
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "speed_kind"),
+    [("heading-hold", "airspeed"), ("course-hold", "airspeed"), ("course-hold", "ground-speed")],
+)
+def test_the_integration_step_is_converged_to_the_resolution_of_the_telemetry(
+    kind: Kind, speed_kind: SpeedKind
+) -> None:
+    plant = PlantParameters(kind=kind)
+
+    def target_at(time_s: float) -> Targets:
+        return targets(
+            TurnTarget("course", 0.13 * time_s),
+            SpeedTarget(speed_kind, 20.0 + 3.0 * math.sin(0.3 * time_s)),
+        )
+
+    def end(steps_per_command: int) -> PlantState:
+        now, step_s = state(0.5), MAX_STEP_S / steps_per_command
+        for index in range(round(120.0 / MAX_STEP_S) * steps_per_command):
+            wanted = target_at(index // steps_per_command * MAX_STEP_S)
+            now = stepped(plant, wanted, now, ArticleWind(), time_s=index * step_s, step_s=step_s)
+        return now
+
+    coarse, half, fine = end(1), end(2), end(20)
+    error_m = path_length_error_m(coarse, fine)
+    assert error_m < 0.005
+    assert abs(wrap_to_pi(coarse.direction_rad - fine.direction_rad)) < math.radians(0.01)
+    assert path_length_error_m(half, fine) < 0.5 * error_m
+
+
+def mistakes() -> list[tuple[str, Callable[[], PlantParameters]]]:
+    return [
+        ("alpha_1_s", lambda: PlantParameters(alpha_1_s=0.0)),
+        ("beta_1_s", lambda: PlantParameters(beta_1_s=math.nan)),
+        ("airspeed_max", lambda: PlantParameters(airspeed_min_m_s=20.0, airspeed_max_m_s=10.0)),
+        ("max_bank_rad", lambda: PlantParameters(max_bank_rad=math.pi)),
+    ]
+
+
+@pytest.mark.parametrize(("name", "make"), mistakes())
+def test_an_aircraft_that_cannot_fly_is_refused_by_name(
+    name: str, make: Callable[[], PlantParameters]
+) -> None:
+    with pytest.raises(ValueError, match=name):
+        make()

@@ -1,0 +1,205 @@
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.random import default_rng
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+
+Station = Callable[..., Any]
+
+LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+COMMANDS = (176, 178, 400, 511, 512, 43000, 43001, 43002, 192)
+
+
+def autopilot(kind: str = "ardupilot", plant: str = "heading-hold") -> Autopilot:
+    config = AutopilotConfig(
+        system_id=7,
+        autopilot="px4" if kind == "px4" else "ardupilot",
+        plant=PlantParameters(kind="course-hold" if plant == "course-hold" else "heading-hold"),
+        latitude_deg=47.0,
+        longitude_deg=8.0,
+        altitude_amsl_m=500.0,
+        home_altitude_amsl_m=400.0,
+        course_rad=1.0,
+        airspeed_m_s=20.0,
+    )
+    vehicle = Autopilot(config, SteadyWind(5.0, 1.0))
+    if kind == "ardupilot":
+        vehicle.receive(command(176, (1, 15, 0, 0)))
+    return vehicle
+
+
+def command(number: int, parameters: tuple[float, ...], z: float = 0.0, frame: int = 3) -> bytes:
+    return bytes(
+        mavlink.MAVLink_command_int_message(7, 1, frame, number, 0, 0, *parameters, 0, 0, z).pack(
+            LINK
+        )
+    )
+
+
+def is_finite(vehicle: Autopilot) -> bool:
+    truth = vehicle.truth()
+    return all(
+        math.isfinite(value)
+        for name in truth.__slots__
+        if isinstance(value := getattr(truth, name), float)
+    )
+
+
+@given(st.binary(max_size=600))
+def test_random_bytes_change_nothing_and_are_not_answered(data: bytes) -> None:
+    vehicle = autopilot()
+    before = vehicle.truth()
+    assert vehicle.receive(data) == b""
+    assert vehicle.truth() == before
+
+
+@given(st.binary(min_size=1, max_size=80), st.sampled_from([b"\xfd", b"\xfe"]))
+def test_garbage_does_not_swallow_the_next_datagram(data: bytes, magic: bytes) -> None:
+    vehicle = autopilot()
+    vehicle.receive(magic + data)
+    assert vehicle.receive(command(512, (0, 0, 0, 0))) != b""
+
+
+def valid_frames() -> list[bytes]:
+    source = default_rng(5)
+    classes = [mavlink.mavlink_map[key] for key in sorted(mavlink.mavlink_map)]
+    frames = []
+    for message_class in classes:
+        size = message_class.unpacker.size
+        payload = source.bytes(size)
+        values = message_class.unpacker.unpack(payload)
+        header = struct.pack(
+            "<BBBBBBBHB", 0xFD, len(payload), 0, 0, 0, 255, 190, *_split(message_class.id)
+        )
+        assert len(values) >= 1
+        checksum = mavlink.x25crc(header[1:] + payload)
+        checksum.accumulate(bytes([message_class.crc_extra]))
+        frames.append(header + payload + struct.pack("<H", checksum.crc))
+    return frames
+
+
+def _split(message_id: int) -> tuple[int, int]:
+    return message_id & 0xFFFF, message_id >> 16
+
+
+FRAMES = valid_frames()
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_every_message_of_the_dialect_with_random_content_is_survived(kind: str) -> None:
+    vehicle = autopilot(kind)
+    for frame in FRAMES:
+        vehicle.receive(frame)
+    vehicle.advance(2.0)
+    assert is_finite(vehicle)
+    assert vehicle.counters["unhandled"] > 100
+
+
+@settings(suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.sampled_from(FRAMES),
+    st.lists(st.tuples(st.integers(0, 279), st.integers(0, 255)), min_size=1, max_size=4),
+)
+def test_mutated_frames_are_survived_and_change_nothing(
+    frame: bytes, changes: list[tuple[int, int]]
+) -> None:
+    mutated = bytearray(frame)
+    for position, value in changes:
+        mutated[position % len(mutated)] ^= value
+    vehicle = autopilot()
+    before = vehicle.truth()
+    vehicle.receive(bytes(mutated))
+    vehicle.receive(bytes(mutated[: len(mutated) // 2]))
+    if bytes(mutated) != frame:
+        assert vehicle.truth() == before
+
+
+FLOATS = st.floats(width=32)
+
+
+@settings(deadline=None)
+@given(
+    kind=st.sampled_from(["ardupilot", "px4"]),
+    plant=st.sampled_from(["heading-hold", "course-hold"]),
+    sent=st.lists(
+        st.tuples(
+            st.sampled_from(COMMANDS),
+            st.tuples(st.sampled_from([0.0, 1.0, 2.0, 33.0]) | FLOATS, FLOATS, FLOATS, FLOATS),
+            FLOATS,
+            st.integers(0, 12),
+        ),
+        max_size=8,
+    ),
+)
+def test_no_command_makes_the_flight_leave_the_finite(
+    kind: str, plant: str, sent: list[tuple[int, tuple[float, ...], float, int]]
+) -> None:
+    vehicle = autopilot(kind, plant)
+    for index, (number, parameters, z, frame) in enumerate(sent):
+        vehicle.receive(command(number, parameters, z, frame))
+        vehicle.advance(0.1 * index)
+        assert is_finite(vehicle)
+        assert 12.0 - 1e-6 <= vehicle.truth().airspeed_m_s <= 32.0 + 1e-6
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(FLOATS, FLOATS, FLOATS, st.integers(0, 4095)), max_size=6))
+def test_no_setpoint_makes_the_flight_leave_the_finite(
+    sent: list[tuple[float, float, float, int]],
+) -> None:
+    vehicle = autopilot("px4")
+    for index, (north, east, z, mask) in enumerate(sent):
+        setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 7, 1, 1, mask, 0, 0, z, north, east, 0, 0, 0, 0, 0, 0
+        )
+        vehicle.receive(setpoint.pack(LINK))
+        vehicle.receive(command(176, (1, 6, 0, 0)))
+        vehicle.advance(0.1 * index)
+        assert is_finite(vehicle)
+
+
+def test_ordinary_traffic_is_ignored_and_counted_as_such(station: Station) -> None:
+    vehicle = station()
+    heartbeat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+    assert vehicle.send(heartbeat) == []
+    assert dict(vehicle.autopilot.counters) == {"ignored": 1}
+
+
+def test_an_unknown_message_id_is_dropped() -> None:
+    vehicle = autopilot()
+    frame = struct.pack("<BBBBBBBHBBH", 0xFD, 1, 0, 0, 0, 255, 190, 0xABCD, 0x01, 7, 0)
+    assert vehicle.receive(frame) == b""
+    assert vehicle.counters["unknown message"] == 1
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("system_id", 0),
+        ("latitude_deg", 90.0),
+        ("longitude_deg", math.nan),
+        ("airspeed_m_s", 50.0),
+        ("position_noise_m", -1.0),
+        ("autopilot", "other"),
+    ],
+)
+def test_a_start_that_cannot_be_flown_is_refused_by_name(field: str, value: object) -> None:
+    fields: dict[str, Any] = {
+        "system_id": 7,
+        "plant": PlantParameters(),
+        "latitude_deg": 47.0,
+        "longitude_deg": 8.0,
+        "altitude_amsl_m": 500.0,
+        "home_altitude_amsl_m": 400.0,
+        "course_rad": 1.0,
+        "airspeed_m_s": 20.0,
+    }
+    with pytest.raises(ValueError, match=field):
+        AutopilotConfig(**(fields | {field: value}))

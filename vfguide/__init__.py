@@ -1,0 +1,1 @@
+"""Companion-computer guidance that flies fixed-wing UAVs as one formation."""

@@ -1,0 +1,260 @@
+"""The companion: bytes from the autopilot and from the link in, bytes for both out.
+
+It owns no socket and reads no clock: whoever drives it hands in bytes and the time. A new position report
+leads to one guidance step and one pair of setpoints at once.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.roles import RoleStep, role_of
+from vfguide.companion.supervisor import Mode, Patience, Situation, next_mode
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    CommandReport,
+    HeartbeatReport,
+    PositionReport,
+    Report,
+    TextReport,
+)
+from vfguide.state import Setpoint
+
+HEARTBEAT_S = 1.0
+"""Between heartbeats, and between tries of what the autopilot has not answered to."""
+
+ALTITUDE_S = 5.0
+"""Between repetitions of the altitude."""
+
+RATE_SHARE = 0.7
+"""Below this share of the rate that was asked for, telemetry is asked for again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something an operator should know."""
+
+    time_s: float
+    """When."""
+    text: str
+    """What, in one line."""
+
+
+@dataclass(slots=True)
+class Outgoing:
+    """What a call leads to."""
+
+    to_autopilot: bytes = b""
+    """One datagram."""
+    to_link: list[bytes] = field(default_factory=list)
+    """Leader states."""
+    events: list[Event] = field(default_factory=list)
+    """In the order in which they happened."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What the companion did last, for records."""
+
+    mode: Mode
+    """Of the supervisor."""
+    setpoint: Setpoint[float] | None
+    """The last that was sent."""
+    lyapunov: float
+    """W, m²; NaN for the leader."""
+
+
+class Companion:
+    """One vehicle's companion."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        adapter: AutopilotAdapter,
+        *,
+        engage: bool,
+        patience: Patience | None = None,
+    ) -> None:
+        """Make a companion that has heard nothing yet.
+
+        Args:
+            plan: its vehicle's part of the mission.
+            adapter: how to speak to its autopilot.
+            engage: whether it may put the autopilot into the guided mode by itself, the first time.
+            patience: how long silences are borne.
+        """
+        self._plan = plan
+        self._adapter = adapter
+        self._may_engage = engage
+        self._patience = patience or Patience()
+        self._codec = Codec(plan.system_id, plan.component_id)
+        self._own = OwnVehicle(plan)
+        self._role = role_of(plan)
+        self._mode = Mode.WAITING
+        self._engaged = False
+        self._connected = False
+        self._telemetry_time = -math.inf
+        self._interval = math.inf
+        self._distance = math.inf
+        self._housekeeping_time = -math.inf
+        self._altitude_time = -math.inf
+        self._setpoint: Setpoint[float] | None = None
+        self._lyapunov = math.nan
+        self._refusals: Counter[tuple[int, int]] = Counter()
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What it did last."""
+        return Snapshot(mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov)
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What arrived and was not used, by reason."""
+        return self._codec.counters
+
+    def receive_link(self, data: bytes, now: float) -> None:
+        """Take one message from the link."""
+        self._role.receive(data, now)
+
+    def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
+        """Take one datagram from the autopilot; setpoints go out with a position report."""
+        out = Outgoing()
+        messages: list[MAVLink_message] = []
+        for report in self._codec.decode(data):
+            messages += self._take(report, now, out)
+        messages += self._housekeeping(now)
+        out.to_autopilot = self._codec.encode(messages)
+        return out
+
+    def poll(self, now: float) -> Outgoing:
+        """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""
+        out = Outgoing()
+        messages = self._change_mode(now, out)
+        messages += self._housekeeping(now)
+        out.to_autopilot = self._codec.encode(messages)
+        return out
+
+    def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:
+        match report:
+            case PositionReport():
+                fix = self._own.take(report, now)
+                return [] if fix is None else self._guide(fix, now, out)
+            case AirspeedReport():
+                self._own.note_airspeed(report.airspeed, now)
+            case HeartbeatReport():
+                self._connected = True
+                self._engaged = self._adapter.is_engaged(report.custom_mode)
+                return self._change_mode(now, out)
+            case CommandReport():
+                self._note_result(report, now, out)
+            case TextReport():
+                out.events.append(Event(time_s=now, text=f"autopilot: {report.text}"))
+        return []
+
+    def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
+        """One guidance step, and what it sends."""
+        self._telemetry_time = now
+        self._interval = fix.interval
+        step = self._role.step(fix)
+        self._distance = step.distance
+        if step.publish is not None:
+            out.to_link.append(step.publish)
+        messages = self._change_mode(now, out)
+        streams = self._adapter.streams_before_engaging and self._mode is Mode.WAITING
+        if self._mode.steers or (streams and self._may_engage):
+            messages += self._steer(step, now)
+        return messages
+
+    def _steer(self, step: RoleStep, now: float) -> list[MAVLink_message]:
+        """Messages that carry a setpoint; none that is not finite or outside the vehicle's limits."""
+        setpoint = step.setpoint
+        if setpoint is None or not is_flyable(setpoint, self._plan):
+            return []
+        self._setpoint, self._lyapunov = setpoint, step.lyapunov
+        messages = self._adapter.fly(setpoint.course, setpoint.speed)
+        if now - self._altitude_time >= ALTITUDE_S:
+            self._altitude_time = now
+            messages += self._adapter.hold_altitude(self._plan.altitude_amsl)
+        return messages
+
+    def _change_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+        """Follow the supervisor; hand the vehicle back when the leader is lost."""
+        situation = Situation(
+            engaged=self._engaged,
+            telemetry_age=now - self._telemetry_time,
+            leader_age=self._role.leader_age(now),
+            distance=self._distance,
+        )
+        before, self._mode = self._mode, next_mode(self._mode, situation, self._patience)
+        if self._mode is before:
+            return []
+        out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
+        if self._mode is Mode.PILOT:
+            # What the pilot has taken over is given back by the pilot alone.
+            self._may_engage = False
+        if not before.steers:
+            self._altitude_time = -math.inf
+        return self._adapter.hand_back() if self._mode is Mode.LOST else []
+
+    def _housekeeping(self, now: float) -> list[MAVLink_message]:
+        """Heartbeat, and whatever the autopilot still has to be asked for."""
+        if now - self._housekeeping_time < HEARTBEAT_S:
+            return []
+        self._housekeeping_time = now
+        messages = [heartbeat()]
+        if self._connected and self._interval * self._plan.rate_hz * RATE_SHARE > 1.0:
+            messages += self._adapter.request_telemetry(self._plan.rate_hz)
+        ready = self._setpoint is not None or not self._adapter.streams_before_engaging
+        informed = math.isfinite(self._role.leader_age(now)) and math.isfinite(self._interval)
+        waiting = self._mode is Mode.WAITING and not self._engaged
+        if self._may_engage and waiting and ready and informed:
+            messages += self._adapter.engage()
+        return messages
+
+    def _note_result(self, report: CommandReport, now: float, out: Outgoing) -> None:
+        """An event the first time that a command is refused in some way."""
+        if report.result in {mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS}:
+            return
+        self._refusals[report.command, report.result] += 1
+        if self._refusals[report.command, report.result] == 1:
+            command = name_of("MAV_CMD", report.command)
+            result = name_of("MAV_RESULT", report.result).removeprefix("MAV_RESULT_")
+            out.events.append(Event(time_s=now, text=f"autopilot answers {command}: {result}"))
+
+
+def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
+    """Whether a setpoint is finite and its speed one that the vehicle may be asked for.
+
+    The laws see to both; this is the gate behind which nothing depends on them.
+    """
+    if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
+        return False
+    airframe = plan.airframe
+    if airframe.hold == "course-hold":
+        return setpoint.speed > 0.0
+    return airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
+
+
+def heartbeat() -> MAVLink_message:
+    """HEARTBEAT of an onboard computer."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        0,
+        0,
+        mavlink.MAV_STATE_ACTIVE,
+        3,
+    )
+
+
+def name_of(group: str, number: int) -> str:
+    """Name of an entry of a MAVLink enumeration, or its number."""
+    entry = mavlink.enums[group].get(number)
+    return str(number) if entry is None else str(entry.name)

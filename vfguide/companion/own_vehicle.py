@@ -1,0 +1,128 @@
+"""The companion's own vehicle, as far as telemetry tells: reports in, navigated states out."""
+
+import math
+from dataclasses import dataclass
+
+from vfguide.companion.boot_clock import BootClock
+from vfguide.companion.plan import FlightPlan
+from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
+from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
+from vfguide.mavlink.reports import PositionReport
+from vfguide.state import VehicleState
+
+GAP_S = 1.0
+"""After a silence longer than this the filter starts anew."""
+
+AIRSPEED_FRESH_S = 2.0
+"""An airspeed older than this is not used."""
+
+PERIOD_SHARE = 0.1
+"""Weight of the newest interval in the mean period of the loop."""
+
+
+LEAST_AIRSPEED = 1.0
+"""m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """The navigated position on the ellipsoid, for those who share no local frame."""
+
+    latitude_deg: float
+    """degrees."""
+    longitude_deg: float
+    """degrees."""
+    altitude_amsl: float
+    """m above mean sea level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """A report, navigated."""
+
+    state: VehicleState[float]
+    """In the local frame."""
+    place: Place
+    """On the ellipsoid."""
+    period: float
+    """Mean interval between reports, s."""
+    interval: float
+    """Since the report before, s; infinite for the first."""
+
+
+class OwnVehicle:
+    """Navigation of one vehicle."""
+
+    def __init__(self, plan: FlightPlan) -> None:
+        self._frame = plan.frame
+        self._filters = plan.settings.filters
+        # Only the leader's law has an observer; a follower has nothing to fly by without its speed.
+        self._blind = plan.leads and plan.settings.speed_source == "observer"
+        self._nominal_period = 1.0 / plan.rate_hz
+        self._clock = BootClock()
+        self._airspeed = 0.0
+        self._airspeed_time = -math.inf
+        self._state: VehicleState[float] | None = None
+        self._period = self._nominal_period
+
+    def note_airspeed(self, airspeed: float, now: float) -> None:
+        """Take an airspeed report."""
+        self._airspeed = airspeed
+        self._airspeed_time = now
+
+    def take(self, report: PositionReport, now: float) -> Fix | None:
+        """What a position report leads to; None where it is not newer than the one before."""
+        if self._clock.rebooted(report.boot_time_s):
+            self._clock.reset()
+            self._state = None
+        time_s = self._clock.shared_time(report.boot_time_s, now)
+        previous = self._state
+        if previous is not None and time_s <= previous.time_s:
+            return None
+        sample = self._sample(report, time_s, now)
+        interval = math.inf if previous is None else time_s - previous.time_s
+        if previous is None or interval > GAP_S:
+            self._period = self._nominal_period
+            state = first_state(sample)
+        else:
+            self._period += PERIOD_SHARE * (interval - self._period)
+            step = navigate_blind if self._blind else navigate
+            state = step(previous, sample, self._filters)
+        self._state = state
+        latitude, longitude = self._frame.shifted(
+            report.latitude_deg,
+            report.longitude_deg,
+            state.north - sample.north,
+            state.east - sample.east,
+        )
+        place = Place(
+            latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
+        )
+        return Fix(state=state, place=place, period=self._period, interval=interval)
+
+    def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
+        """The report in the local frame, with airspeed and heading from the wind where it has none."""
+        north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
+        velocity_north, velocity_east = report.velocity_north, report.velocity_east
+        known = self._state
+        wind_north, wind_east = (known.wind_north, known.wind_east) if known else (0.0, 0.0)
+        heading = report.heading
+        if heading is None:
+            heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
+        airspeed = self._airspeed
+        if now - self._airspeed_time > AIRSPEED_FRESH_S:
+            airspeed = airspeed_for_ground_velocity(
+                math.hypot(velocity_north, velocity_east),
+                math.atan2(velocity_east, velocity_north),
+                wind_north,
+                wind_east,
+            )
+        return Sample(
+            time_s=time_s,
+            north=north,
+            east=east,
+            velocity_north=velocity_north,
+            velocity_east=velocity_east,
+            heading=heading,
+            airspeed=max(airspeed, LEAST_AIRSPEED),
+        )

@@ -1,0 +1,179 @@
+"""The two parts a vehicle can have in a formation: each turns a navigated state into a guidance step."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Protocol
+
+from vfguide.companion.own_vehicle import Fix, Place
+from vfguide.companion.plan import FlightPlan
+from vfguide.frames import LocalFrame
+from vfguide.guidance.follower import follower_step
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.leader import LeaderTask, leader_step
+from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
+from vfguide.link.codec import LeaderMessage, LinkDataError, decode, encode
+from vfguide.state import LeaderState, Setpoint
+
+FUTURE_S = 0.25
+"""A leader state from farther in the future than this is not believed."""
+
+GAP_S = 1.0
+"""After a silence longer than this the leader's rates start anew."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoleStep:
+    """What a part makes of one state."""
+
+    setpoint: Setpoint[float] | None
+    """None where there is nothing to steer by."""
+    distance: float
+    """m from path or slot; infinite while not known."""
+    lyapunov: float
+    """W, m²; NaN for the leader."""
+    publish: bytes | None
+    """Leader state for the link."""
+
+
+class Role(Protocol):
+    """A part in the formation."""
+
+    def step(self, fix: Fix) -> RoleStep:
+        """Guidance for a navigated report."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes from the link."""
+
+    def leader_age(self, now: float) -> float:
+        """Seconds since the newest leader state was true."""
+
+
+class LeaderRole:
+    """Follows the path and tells the others."""
+
+    def __init__(self, plan: FlightPlan, task: LeaderTask) -> None:
+        self._plan = plan
+        self._task = task
+        self._motion: LeaderState[float] | None = None
+        self._speed_estimate: float | None = None
+        self._sequence = 0
+
+    def step(self, fix: Fix) -> RoleStep:
+        """One step along the path; the leader's own state goes out with it."""
+        plan, state, before = self._plan, fix.state, self._motion
+        if before is None or not 0.0 < state.time_s - before.time_s <= GAP_S:
+            self._motion = leader_at_rest(state)
+        else:
+            time_constant = plan.settings.rate_filter_s
+            self._motion = estimate_leader(before, state, plan.airframe, time_constant)
+        guidance = leader_step(
+            state,
+            self._task,
+            plan.settings,
+            plan.airframe,
+            period=fix.period,
+            speed_estimate=self._speed_estimate,
+        )
+        self._speed_estimate = guidance.speed_estimate
+        return RoleStep(
+            setpoint=guidance.setpoint,
+            distance=abs(guidance.cross_track_error),
+            lyapunov=math.nan,
+            publish=self._message(self._motion, fix.place),
+        )
+
+    def receive(self, data: bytes, now: float) -> None:
+        """The leader listens to nobody."""
+        del data, now
+
+    def leader_age(self, now: float) -> float:
+        """The leader knows itself."""
+        del now
+        return 0.0
+
+    def _message(self, motion: LeaderState[float], place: Place) -> bytes:
+        self._sequence = (self._sequence + 1) % 2**32
+        return encode(
+            LeaderMessage(
+                sequence=self._sequence,
+                time_s=motion.time_s,
+                latitude_deg=place.latitude_deg,
+                longitude_deg=place.longitude_deg,
+                altitude_amsl=place.altitude_amsl,
+                course=motion.course,
+                ground_speed=motion.ground_speed,
+                acceleration=motion.acceleration,
+                turn_rate=motion.turn_rate,
+                turn_acceleration=motion.turn_acceleration,
+            )
+        )
+
+
+class FollowerRole:
+    """Holds a slot."""
+
+    def __init__(self, plan: FlightPlan, slot: Slot[float]) -> None:
+        self._plan = plan
+        self._slot = slot
+        self.counters: Counter[str] = Counter()
+        """Leader states that were not used, by reason."""
+        self.leader: LeaderState[float] | None = None
+        """Newest leader state."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take a leader state if it is sound and newer than the one before."""
+        try:
+            message = decode(data)
+        except LinkDataError:
+            self.counters["malformed"] += 1
+            return
+        if message.time_s > now + FUTURE_S:
+            self.counters["from the future"] += 1
+        elif self.leader is not None and message.time_s <= self.leader.time_s:
+            self.counters["not newer"] += 1
+        else:
+            self.leader = leader_state(message, self._plan.frame)
+
+    def leader_age(self, now: float) -> float:
+        """Age of the newest leader state, s; infinite before the first."""
+        return math.inf if self.leader is None else now - self.leader.time_s
+
+    def step(self, fix: Fix) -> RoleStep:
+        """One step toward the slot."""
+        if self.leader is None:
+            return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=None)
+        plan = self._plan
+        guidance = follower_step(
+            fix.state, self.leader, self._slot, plan.settings, plan.airframe, period=fix.period
+        )
+        error = guidance.error
+        return RoleStep(
+            setpoint=guidance.setpoint,
+            distance=math.hypot(error.along_track, error.cross_track),
+            lyapunov=guidance.lyapunov,
+            publish=None,
+        )
+
+
+def leader_state(message: LeaderMessage, frame: LocalFrame) -> LeaderState[float]:
+    """A leader state from the link, in the local frame."""
+    north, east = frame.to_local(message.latitude_deg, message.longitude_deg)
+    return LeaderState(
+        time_s=message.time_s,
+        north=north,
+        east=east,
+        course=message.course,
+        ground_speed=message.ground_speed,
+        acceleration=message.acceleration,
+        turn_rate=message.turn_rate,
+        turn_acceleration=message.turn_acceleration,
+    )
+
+
+def role_of(plan: FlightPlan) -> LeaderRole | FollowerRole:
+    """The part that a plan asks for."""
+    task = plan.task
+    if isinstance(task, LeaderTask):
+        return LeaderRole(plan, task)
+    return FollowerRole(plan, task)

@@ -1,0 +1,78 @@
+"""When a companion steers and when it keeps quiet: a pure function of what it knows.
+
+waiting -> joining -> tracking <-> predicting -> lost
+and pilot, from anywhere, the moment the autopilot leaves its guided mode
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Mode(Enum):
+    """What a companion is doing."""
+
+    WAITING = "waiting"
+    """Nothing to steer by yet: no telemetry, no leader, or the autopilot is not in its guided mode."""
+    JOINING = "joining"
+    """Steering, still away from the slot or the path."""
+    TRACKING = "tracking"
+    """Steering, on the slot or the path."""
+    PREDICTING = "predicting"
+    """Steering by the leader's last state, carried on: nothing newer has come."""
+    LOST = "lost"
+    """The leader has been silent for too long: the vehicle goes back to its autopilot."""
+    PILOT = "pilot"
+    """The pilot has taken over: silent until the guided mode comes back."""
+
+    @property
+    def steers(self) -> bool:
+        """Whether setpoints go out."""
+        return self in STEERING
+
+
+STEERING = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What the supervisor decides by."""
+
+    engaged: bool
+    """The autopilot is in the mode in which it obeys."""
+    telemetry_age: float
+    """s since the newest position; infinite before the first."""
+    leader_age: float
+    """s since the newest leader state was true; 0 for the leader itself, infinite before the first."""
+    distance: float
+    """m from the slot, or from the path for the leader; infinite while not known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """How long each kind of silence is borne, and what counts as being in place."""
+
+    telemetry_s: float = 1.0
+    """Position reports."""
+    leader_s: float = 0.6
+    """Leader states, before the companion says that it is predicting."""
+    prediction_s: float = 5.0
+    """Leader states, before the leader counts as lost."""
+    arrived_m: float = 10.0
+    """Nearer than this to slot or path is in place."""
+    strayed_m: float = 20.0
+    """Farther than this is not any more."""
+
+
+def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
+    """The mode that follows from a mode and a situation."""
+    if not situation.engaged:
+        return Mode.WAITING if mode in {Mode.WAITING, Mode.LOST} else Mode.PILOT
+    if not situation.telemetry_age <= patience.telemetry_s or math.isinf(situation.leader_age):
+        return Mode.WAITING
+    if situation.leader_age > patience.prediction_s:
+        return Mode.LOST
+    if situation.leader_age > patience.leader_s:
+        return Mode.PREDICTING
+    bound = patience.strayed_m if mode is Mode.TRACKING else patience.arrived_m
+    return Mode.TRACKING if situation.distance <= bound else Mode.JOINING

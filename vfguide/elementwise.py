@@ -1,0 +1,76 @@
+"""Elementary functions under one name for floats and for NumPy arrays.
+
+The laws are written once and serve two callers: a companion, which steps one vehicle at a time and wants
+the speed of `math` (50 ns a call), and a study, which steps thousands of formations at once on arrays.
+Each function here takes a float or an array, and gives back what it was given. A rule that chooses between
+values is written with `where`, which evaluates both: an array has no one branch.
+"""
+
+import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Number = TypeVar("Number", float, FloatArray)
+"""A float, or an array of them: never a mixture of the two in one formula's arguments."""
+
+
+def sin(angle: Number) -> Number:
+    """Sine of an angle in radians."""
+    return math.sin(angle) if isinstance(angle, float) else np.sin(angle)
+
+
+def cos(angle: Number) -> Number:
+    """Cosine of an angle in radians."""
+    return math.cos(angle) if isinstance(angle, float) else np.cos(angle)
+
+
+def atan(slope: Number) -> Number:
+    """Arc tangent, in (-pi/2, pi/2)."""
+    return math.atan(slope) if isinstance(slope, float) else np.arctan(slope)
+
+
+def atan2(ordinate: Number, abscissa: Number) -> Number:
+    """Angle of the vector (abscissa, ordinate), in [-pi, pi]; 0 for the zero vector."""
+    if isinstance(ordinate, float):
+        return math.atan2(ordinate, abscissa)
+    return np.arctan2(ordinate, abscissa)
+
+
+def hypot(first: Number, second: Number) -> Number:
+    """Length of a vector in the plane."""
+    return math.hypot(first, second) if isinstance(first, float) else np.hypot(first, second)
+
+
+def square_root(value: Number) -> Number:
+    """Non-negative square root; the value must not be negative."""
+    return math.sqrt(value) if isinstance(value, float) else np.sqrt(value)
+
+
+def floor(value: Number) -> Number:
+    """The greatest whole number that is not above the value, as a float."""
+    return float(math.floor(value)) if isinstance(value, float) else np.floor(value)
+
+
+def clip(value: Number, low: Number | float, high: Number | float) -> Number:
+    """The value, held within [low, high]."""
+    if isinstance(value, float):
+        return min(max(value, low), high)
+    return np.clip(value, low, high)
+
+
+def greater_of(first: Number, second: Number | float) -> Number:
+    """The greater of two values."""
+    if isinstance(first, float):
+        return max(first, second)
+    return np.maximum(first, second)
+
+
+def where(condition: bool | BoolArray, first: Number, second: Number) -> Number:
+    """The first value where the condition holds, the second elsewhere."""
+    if isinstance(first, float):
+        return first if condition else second
+    return np.where(condition, first, second)

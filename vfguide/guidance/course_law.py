@@ -1,0 +1,45 @@
+"""The sliding-mode course law, with a boundary layer that follows the loop it runs in."""
+
+from vfguide.elementwise import Number
+from vfguide.guidance.limits import saturation
+
+
+def boundary_layer(
+    gain: float, least: float, *, period: float, delay: float, factor: float
+) -> float:
+    """Boundary layer epsilon of the sampled law: max(epsilon, factor kappa (dt + delay)).
+
+    The article's kappa = 3, epsilon = 0.01 is a continuous-time law. Sampled every dt it limit-cycles
+    as soon as kappa dt / epsilon > 2; a factor of 2 is the least that keeps clear of that with a margin,
+    and a greater one buys a smoother setpoint with a little accuracy.
+
+    Args:
+        gain: kappa, in the law's unit per second.
+        least: the article's epsilon, in the law's unit.
+        period: the loop's period dt, s.
+        delay: from measurement to effect, s.
+        factor: without dimension.
+    """
+    return max(least, factor * gain * (period + delay))
+
+
+def sliding_course_rate(
+    course_error: Number, desired_rate: Number, gain: float, layer: float
+) -> Number:
+    """Course rate (rad/s) that brings the course onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
+
+    Args:
+        course_error: chi~ = wrap(chi - chi^d), rad.
+        desired_rate: d chi^d/dt, rad/s.
+        gain: kappa, rad/s.
+        layer: epsilon, rad.
+    """
+    return desired_rate - gain * saturation(course_error / layer)
+
+
+def course_command(course: Number, course_rate: Number, alpha: float) -> Number:
+    """chi^c = chi + (d chi/dt) / alpha, rad: what a first-order hold turns into the wanted course rate.
+
+    With `sliding_course_rate` this is the article's chi^c. Not wrapped.
+    """
+    return course + course_rate / alpha

@@ -1,0 +1,192 @@
+"""Slots, how they move, and the dual field that steers a follower onto its slot.
+
+The article's y_E and x_E, printed, have one sign that diverges whichever way gamma_f is read; the pair
+here is consistent. Errors are resolved along and across the slot's own motion, which on straight flight is
+the article's frame exactly and on a turn removes the steady error that a rigid slot has there.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Generic, Literal
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import Number, atan, atan2, cos, greater_of, hypot, sin
+from vfguide.guidance.wind_triangle import compose, resolve
+from vfguide.state import LeaderState, VehicleState
+
+FieldType = Literal["slot", "article"]
+"""`slot` follows the slot's own motion; `article` takes the leader's course and speed for it."""
+
+LEAST_SLOT_SPEED = 3.0
+"""m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slot(Generic[Number]):
+    """A place in the formation, fixed in the leader's course frame."""
+
+    forward: Number
+    """g_x, m ahead of the leader."""
+    right: Number
+    """g_y, m to the right of the leader."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldGains:
+    """Shape of the dual field."""
+
+    k_x: float
+    """Along-track gain, 1/m."""
+    k_y: float
+    """Lateral gain, 1/m."""
+    chi_inf: float
+    """Greatest course correction, rad."""
+    v_inf: float
+    """Greatest speed correction, m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotMotion(Generic[Number]):
+    """Where a slot is and how it moves over the ground."""
+
+    north: Number
+    """m."""
+    east: Number
+    """m."""
+    course: Number
+    """chi_s, rad."""
+    speed: Number
+    """V_s, m/s."""
+    turn_rate: Number
+    """dchi_s/dt, rad/s."""
+    acceleration: Number
+    """dV_s/dt, m/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormationError(Generic[Number]):
+    """Where the slot is, seen from the follower, in the frame of the slot's motion; and the rates."""
+
+    along_track: Number
+    """x_E, m, positive where the slot is ahead: fly faster."""
+    cross_track: Number
+    """y_E, m, positive where the slot is to the right: turn right."""
+    along_track_rate: Number
+    """m/s."""
+    cross_track_rate: Number
+    """m/s."""
+
+
+def predict_leader(leader: LeaderState[Number], time_s: float) -> LeaderState[Number]:
+    """The leader at another time, by constant dV/dt and turn acceleration along the arc between.
+
+    The chord of the arc runs along the mean course at the mean speed, exact to third order in the age.
+    """
+    age = time_s - leader.time_s
+    mean_turn_rate = leader.turn_rate + leader.turn_acceleration * (age / 2.0)
+    mean_course = leader.course + (leader.turn_rate + leader.turn_acceleration * (age / 3.0)) * (
+        age / 2.0
+    )
+    chord = (leader.ground_speed + leader.acceleration * (age / 2.0)) * age
+    return LeaderState(
+        time_s=time_s,
+        north=leader.north + chord * cos(mean_course),
+        east=leader.east + chord * sin(mean_course),
+        course=leader.course + mean_turn_rate * age,
+        ground_speed=leader.ground_speed + leader.acceleration * age,
+        acceleration=leader.acceleration,
+        turn_rate=leader.turn_rate + leader.turn_acceleration * age,
+        turn_acceleration=leader.turn_acceleration,
+    )
+
+
+def slot_position(leader: LeaderState[Number], slot: Slot[Number]) -> tuple[Number, Number]:
+    """(north, east) of a slot, m: the leader's position plus the offset turned into its course."""
+    north, east = compose(slot.forward, slot.right, leader.course)
+    return leader.north + north, leader.east + east
+
+
+def slot_velocity(
+    ground_speed: Number, turn_rate: Number, slot: Slot[Number]
+) -> tuple[Number, Number]:
+    """(along, right) of a rigid slot's velocity in the leader's course frame, m/s.
+
+    (V_l - omega g_y, omega g_x): on a turn the outer slot is faster and the rear one slips outward.
+    """
+    return ground_speed - turn_rate * slot.right, turn_rate * slot.forward
+
+
+def slot_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+    """Motion of a rigid slot: chi_s, V_s and their rates, from the leader's V, omega and their rates."""
+    north, east = slot_position(leader, slot)
+    along, right = slot_velocity(leader.ground_speed, leader.turn_rate, slot)
+    along = greater_of(along, LEAST_SLOT_SPEED)
+    along_rate, right_rate = slot_velocity(leader.acceleration, leader.turn_acceleration, slot)
+    speed = hypot(along, right)
+    return SlotMotion(
+        north=north,
+        east=east,
+        course=leader.course + atan2(right, along),
+        speed=speed,
+        turn_rate=leader.turn_rate + (along * right_rate - right * along_rate) / (speed * speed),
+        acceleration=(along * along_rate + right * right_rate) / speed,
+    )
+
+
+def article_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+    """The article's reading: every slot moves with the leader's course and speed, turning or not."""
+    north, east = slot_position(leader, slot)
+    return SlotMotion(
+        north=north,
+        east=east,
+        course=leader.course,
+        speed=leader.ground_speed,
+        turn_rate=leader.turn_rate,
+        acceleration=leader.acceleration,
+    )
+
+
+def formation_error(
+    motion: SlotMotion[Number], follower: VehicleState[Number]
+) -> FormationError[Number]:
+    """x_E and y_E of a follower, and their rates in the turning frame of the slot's motion."""
+    along, right = resolve(
+        motion.north - follower.north, motion.east - follower.east, motion.course
+    )
+    relative_course = wrap_angle(follower.course - motion.course)
+    return FormationError(
+        along_track=along,
+        cross_track=right,
+        along_track_rate=motion.speed
+        - follower.ground_speed * cos(relative_course)
+        + motion.turn_rate * right,
+        cross_track_rate=-follower.ground_speed * sin(relative_course) - motion.turn_rate * along,
+    )
+
+
+def arc_tangent_field(
+    error: Number, error_rate: Number, gain: float, greatest: float
+) -> tuple[Number, Number]:
+    """Correction of a field and its rate: c (2/pi) atan(k e) and its derivative by the chain rule.
+
+    Args:
+        error: e, m.
+        error_rate: de/dt, m/s.
+        gain: k, 1/m.
+        greatest: c, the correction far away: chi_inf in rad or V_inf in m/s.
+    """
+    scaled = gain * error
+    share = greatest * (2.0 / math.pi)
+    return share * atan(scaled), share * gain / (1.0 + scaled * scaled) * error_rate
+
+
+def lyapunov(
+    error: FormationError[Number], course_error: Number, speed_error: Number, rho: float
+) -> Number:
+    """W = (x_E^2 + y_E^2) / 2 + rho (V~^2 + chi~^2) / 2, the function that matches the x_E / rho term.
+
+    The article prints 1/(2 rho) there.
+    """
+    position = error.along_track * error.along_track + error.cross_track * error.cross_track
+    rates = speed_error * speed_error + course_error * course_error
+    return 0.5 * position + 0.5 * rho * rates

@@ -1,0 +1,125 @@
+"""One guidance step of the leader: along its path, at its airspeed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import Number
+from vfguide.guidance.course_law import sliding_course_rate
+from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
+from vfguide.guidance.observer import speed_estimate_rate
+from vfguide.guidance.path import Path
+from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.setpoint import heading_hold, setpoint_for
+from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.wind_triangle import (
+    ground_speed_on_course,
+    heading_rate_at_constant_airspeed,
+)
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderTask:
+    """What a leader flies, and for whom."""
+
+    path: Path
+    """The path."""
+    path_gains: PathGains
+    """The field around it."""
+    airspeed: float
+    """Cruise, m/s."""
+    followers: Sequence[SlotLimits]
+    """Slots, and what their vehicles can do."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderGuidance(Generic[Number]):
+    """Result of one step."""
+
+    setpoint: Setpoint[Number]
+    """For the autopilot."""
+    speed_estimate: Number
+    """V^_g, m/s: the ground speed that the law used, handed to the next step."""
+    cross_track_error: Number
+    """m, positive right of the path."""
+    course_error: Number
+    """chi~, rad."""
+
+
+def leader_step(
+    state: VehicleState[Number],
+    task: LeaderTask,
+    settings: GuidanceSettings,
+    airframe: Airframe,
+    *,
+    period: float,
+    speed_estimate: Number | None = None,
+) -> LeaderGuidance[Number]:
+    """Setpoint of the leader.
+
+    Args:
+        state: navigated state.
+        task: path, field, cruise airspeed, slots.
+        settings: the mission's gains and switches.
+        airframe: response and limits.
+        period: since the step before, s.
+        speed_estimate: V^_g of the step before; None in the first.
+    """
+    point = task.path.nearest(state.north, state.east)
+    field = (task.path_gains.gain, task.path_gains.approach_angle)
+    course_error = wrap_angle(state.course - desired_course(point, *field))
+    regressor = desired_course_rate_per_speed(point, state.course, *field)
+    ground_speed = state.ground_speed
+    if settings.speed_source == "observer":
+        before = state.airspeed if speed_estimate is None else speed_estimate
+        ground_speed = before + period * speed_estimate_rate(
+            before, state.airspeed, course_error, regressor, settings.observer
+        )
+    course_rate = sliding_course_rate(
+        course_error,
+        ground_speed * regressor,
+        settings.sliding.kappa,
+        settings.sliding.layer(period),
+    )
+    airspeed = state.airspeed * 0.0 + task.airspeed
+    if settings.give_way:
+        turn_rate = point.curvature * state.ground_speed
+        airspeed = airspeed_that_gives_way(
+            task.airspeed, state, turn_rate, task.followers, airframe
+        )
+    return LeaderGuidance(
+        setpoint=_setpoint(state, airspeed, course_rate, settings, airframe),
+        speed_estimate=ground_speed,
+        cross_track_error=point.cross_track_error,
+        course_error=course_error,
+    )
+
+
+def _setpoint(
+    state: VehicleState[Number],
+    airspeed: Number,
+    course_rate: Number,
+    settings: GuidanceSettings,
+    airframe: Airframe,
+) -> Setpoint[Number]:
+    """Setpoint that turns the course at a rate and keeps an airspeed."""
+    if airframe.hold == "course-hold":
+        wind = (state.wind_north, state.wind_east)
+        wanted = ground_speed_on_course(airspeed, state.course, *wind)
+        acceleration = airframe.beta * (wanted - state.ground_speed)
+        return setpoint_for(state, acceleration, course_rate, airframe, wind_feedforward=False)
+    share = 1.0 if settings.wind_feedforward else 0.0
+    heading_rate = heading_rate_at_constant_airspeed(
+        course_rate,
+        ground_speed=state.ground_speed,
+        course=state.course,
+        airspeed=state.airspeed,
+        heading=state.heading,
+        wind_rate_north=share * state.wind_rate_north,
+        wind_rate_east=share * state.wind_rate_east,
+    )
+    # The airspeed setpoint is the airspeed itself: this hold needs no lead.
+    airspeed_rate = airframe.beta * (airspeed - state.airspeed)
+    return heading_hold(state, airspeed_rate, heading_rate, airframe)

@@ -1,0 +1,181 @@
+"""From one report of an autopilot to a navigated state: position, wind and the wind's rate of change.
+
+Two things spoil a follower in wind: noise of the reported positions, and the acceleration of a wind that
+turns. A fading-memory filter answers both. The position is carried on by the velocity and only leans on
+the reported one; the wind (ground velocity minus air velocity) is tracked with its rate, which the laws
+take off the acceleration they ask for. Without a measured ground velocity the same filter finds wind and
+speed from the positions alone.
+
+Fading-memory filters: Morrison, Introduction to Sequential Smoothing and Prediction, 1969.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Generic
+
+from vfguide.elementwise import Number, atan2, hypot
+from vfguide.guidance.wind_triangle import compose
+from vfguide.state import VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterTimes:
+    """Memory of the navigation filter."""
+
+    position_s: float
+    """How long a reported position is remembered, s."""
+    wind_s: float
+    """Time constant of wind and wind rate, s."""
+    blind_s: float = 0.4
+    """Time constant of the filter that has positions only, s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample(Generic[Number]):
+    """One report of an autopilot, in the formation's local frame."""
+
+    time_s: float
+    """When it was true, s."""
+    north: Number
+    """m."""
+    east: Number
+    """m."""
+    velocity_north: Number
+    """Ground velocity, m/s."""
+    velocity_east: Number
+    """Ground velocity, m/s."""
+    heading: Number
+    """rad."""
+    airspeed: Number
+    """True airspeed, m/s."""
+
+
+def memory_of(period: float, time_constant: float) -> float:
+    """Share of the past that a filter keeps over one period; none where the time constant is 0."""
+    return math.exp(-period / time_constant) if time_constant > 0.0 else 0.0
+
+
+def fading_memory_2(period: float, time_constant: float) -> tuple[float, float]:
+    """Gains (value, rate times period) of a second-order fading-memory filter."""
+    memory = memory_of(period, time_constant)
+    return 1.0 - memory * memory, (1.0 - memory) ** 2
+
+
+def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, float]:
+    """Gains (value, rate times period, half second derivative times period²) of the third order."""
+    memory = memory_of(period, time_constant)
+    return (
+        1.0 - memory**3,
+        1.5 * (1.0 - memory) ** 2 * (1.0 + memory),
+        0.5 * (1.0 - memory) ** 3,
+    )
+
+
+def first_state(sample: Sample[Number]) -> VehicleState[Number]:
+    """State from one report alone."""
+    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
+    return _state(
+        sample,
+        position=(sample.north, sample.east),
+        wind=(sample.velocity_north - air_north, sample.velocity_east - air_east),
+        wind_rate=(sample.north * 0.0, sample.east * 0.0),
+    )
+
+
+def navigate(
+    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
+) -> VehicleState[Number]:
+    """State after a report, with its ground velocity measured.
+
+    Args:
+        previous: state after the report before.
+        sample: the report; later than the previous state.
+        times: memory of the filter.
+    """
+    period = sample.time_s - previous.time_s
+    lean = period / (times.position_s + period)
+    gain, rate_gain = fading_memory_2(period, times.wind_s)
+    north, east, wind_north, wind_east = _predict(previous, sample, period)
+    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
+    surprise_north = sample.velocity_north - air_north - wind_north
+    surprise_east = sample.velocity_east - air_east - wind_east
+    return _state(
+        sample,
+        position=(north + lean * (sample.north - north), east + lean * (sample.east - east)),
+        wind=(wind_north + gain * surprise_north, wind_east + gain * surprise_east),
+        wind_rate=(
+            previous.wind_rate_north + rate_gain / period * surprise_north,
+            previous.wind_rate_east + rate_gain / period * surprise_east,
+        ),
+    )
+
+
+def navigate_blind(
+    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
+) -> VehicleState[Number]:
+    """State after a report whose ground speed is not to be used; its course is.
+
+    Wind and its rate follow from how the reported positions leave those that airspeed and heading predict.
+    """
+    period = sample.time_s - previous.time_s
+    gain, rate_gain, second_gain = fading_memory_3(period, times.blind_s)
+    north, east, wind_north, wind_east = _predict(previous, sample, period)
+    surprise_north, surprise_east = sample.north - north, sample.east - east
+    return _state(
+        sample,
+        position=(north + gain * surprise_north, east + gain * surprise_east),
+        wind=(
+            wind_north + rate_gain / period * surprise_north,
+            wind_east + rate_gain / period * surprise_east,
+        ),
+        wind_rate=(
+            previous.wind_rate_north + 2.0 * second_gain / period**2 * surprise_north,
+            previous.wind_rate_east + 2.0 * second_gain / period**2 * surprise_east,
+        ),
+        course=atan2(sample.velocity_east, sample.velocity_north),
+    )
+
+
+def _predict(
+    previous: VehicleState[Number], sample: Sample[Number], period: float
+) -> tuple[Number, Number, Number, Number]:
+    """(north, east, wind north, wind east) at the sample's time, by the mean air velocity between."""
+    zero = sample.airspeed * 0.0
+    before_north, before_east = compose(previous.airspeed, zero, previous.heading)
+    after_north, after_east = compose(sample.airspeed, zero, sample.heading)
+    change_north = previous.wind_rate_north * period
+    change_east = previous.wind_rate_east * period
+    mean_north = (before_north + after_north + change_north) / 2.0 + previous.wind_north
+    mean_east = (before_east + after_east + change_east) / 2.0 + previous.wind_east
+    return (
+        previous.north + mean_north * period,
+        previous.east + mean_east * period,
+        previous.wind_north + change_north,
+        previous.wind_east + change_east,
+    )
+
+
+def _state(
+    sample: Sample[Number],
+    *,
+    position: tuple[Number, Number],
+    wind: tuple[Number, Number],
+    wind_rate: tuple[Number, Number],
+    course: Number | None = None,
+) -> VehicleState[Number]:
+    """The state that position and wind make of a sample: ground velocity = air velocity + wind."""
+    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
+    velocity_north, velocity_east = air_north + wind[0], air_east + wind[1]
+    return VehicleState(
+        time_s=sample.time_s,
+        north=position[0],
+        east=position[1],
+        course=atan2(velocity_east, velocity_north) if course is None else course,
+        ground_speed=hypot(velocity_north, velocity_east),
+        heading=sample.heading,
+        airspeed=sample.airspeed,
+        wind_north=wind[0],
+        wind_east=wind[1],
+        wind_rate_north=wind_rate[0],
+        wind_rate_east=wind_rate[1],
+    )

@@ -1,0 +1,84 @@
+"""From the wanted change of the ground velocity to what an autopilot's holds must be told, within limits."""
+
+from vfguide.elementwise import Number, clip
+from vfguide.guidance.course_law import course_command
+from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.speed_law import speed_command
+from vfguide.guidance.wind_triangle import air_relative_rates, ground_speed_on_course
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+
+def setpoint_for(
+    state: VehicleState[Number],
+    acceleration: Number,
+    course_rate: Number,
+    airframe: Airframe,
+    *,
+    wind_feedforward: bool,
+) -> Setpoint[Number]:
+    """Setpoint for a wanted ground acceleration (m/s²) and course rate (rad/s).
+
+    Args:
+        state: navigated state of the vehicle.
+        acceleration: wanted dV_g/dt.
+        course_rate: wanted dchi/dt.
+        airframe: what the autopilot holds, how it responds, what the vehicle can do.
+        wind_feedforward: whether the wind's rate of change is taken off.
+    """
+    if airframe.hold == "course-hold":
+        return _course_hold(state, acceleration, course_rate, airframe)
+    share = 1.0 if wind_feedforward else 0.0
+    airspeed_rate, heading_rate = air_relative_rates(
+        acceleration,
+        course_rate,
+        ground_speed=state.ground_speed,
+        course=state.course,
+        airspeed=state.airspeed,
+        heading=state.heading,
+        wind_rate_north=share * state.wind_rate_north,
+        wind_rate_east=share * state.wind_rate_east,
+    )
+    return heading_hold(state, airspeed_rate, heading_rate, airframe)
+
+
+def heading_hold(
+    state: VehicleState[Number], airspeed_rate: Number, heading_rate: Number, airframe: Airframe
+) -> Setpoint[Number]:
+    """Setpoint for heading and airspeed holds.
+
+    The course is commanded, and the autopilot flies it as a heading through the drift it measures: a
+    course setpoint (heading rate)/alpha ahead of the course turns the heading at that rate.
+    """
+    turn_limit = bank_limited_turn_rate(airframe.max_bank, state.airspeed)
+    turn = clip(heading_rate, -turn_limit, turn_limit)
+    rate = clip(airspeed_rate, -airframe.max_acceleration, airframe.max_acceleration)
+    wanted = speed_command(state.airspeed, rate, airframe.beta)
+    airspeed = clip(wanted, airframe.airspeed_min, airframe.airspeed_max)
+    return Setpoint(
+        course=course_command(state.course, turn, airframe.alpha),
+        speed=airspeed,
+        limited=(turn != heading_rate) | (rate != airspeed_rate) | (airspeed != wanted),
+    )
+
+
+def _course_hold(
+    state: VehicleState[Number], acceleration: Number, course_rate: Number, airframe: Airframe
+) -> Setpoint[Number]:
+    """Setpoint for course and ground-speed holds: the article's equations.
+
+    The airspeed range bounds the ground speed through the wind triangle on the present course.
+    """
+    turn_limit = bank_limited_turn_rate(airframe.max_bank, state.ground_speed)
+    turn = clip(course_rate, -turn_limit, turn_limit)
+    rate = clip(acceleration, -airframe.max_acceleration, airframe.max_acceleration)
+    wanted = speed_command(state.ground_speed, rate, airframe.beta)
+    still = state.airspeed * 0.0
+    wind = (state.wind_north, state.wind_east)
+    slowest = ground_speed_on_course(still + airframe.airspeed_min, state.course, *wind)
+    fastest = ground_speed_on_course(still + airframe.airspeed_max, state.course, *wind)
+    speed = clip(wanted, slowest, fastest)
+    return Setpoint(
+        course=course_command(state.course, turn, airframe.alpha),
+        speed=speed,
+        limited=(turn != course_rate) | (rate != acceleration) | (speed != wanted),
+    )

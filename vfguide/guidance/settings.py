@@ -1,0 +1,74 @@
+"""What a mission chooses about guidance."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from vfguide.guidance.course_law import boundary_layer
+from vfguide.guidance.formation import FieldGains, FieldType
+from vfguide.guidance.navigation import FilterTimes
+from vfguide.guidance.observer import ObserverGains
+
+SpeedSource = Literal["measured", "observer"]
+"""Where the leader's law takes its ground speed from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlidingGains:
+    """Gains of the sliding-mode laws."""
+
+    kappa: float
+    """kappa, rad/s in the course law and m/s² in the speed law."""
+    epsilon: float
+    """Least boundary layer, rad and m/s."""
+    boundary_layer_factor: float
+    """Boundary layer over kappa times period and delay."""
+    loop_delay_s: float
+    """From measurement to the aircraft's response, beyond the sampling period, s."""
+    rho: float
+    """Weight of the Lyapunov function, s²."""
+
+    def layer(self, period: float) -> float:
+        """Boundary layer of a loop with this period in seconds."""
+        return boundary_layer(
+            self.kappa,
+            self.epsilon,
+            period=period,
+            delay=self.loop_delay_s,
+            factor=self.boundary_layer_factor,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathGains:
+    """Shape of the field around the leader's path."""
+
+    gain: float
+    """k, 1/m."""
+    approach_angle: float
+    """chi_inf, rad."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuidanceSettings:
+    """Everything of the laws that a mission can set."""
+
+    field_type: FieldType
+    """How a slot is taken to move."""
+    field: FieldGains
+    """The followers' dual field."""
+    sliding: SlidingGains
+    """The course and speed laws."""
+    observer: ObserverGains
+    """The leader's ground-speed observer."""
+    filters: FilterTimes
+    """Navigation."""
+    rate_filter_s: float
+    """Time constant of the leader's acceleration and turn rate, s."""
+    speed_source: SpeedSource
+    """Where the leader's law takes its ground speed from."""
+    predict_leader: bool
+    """Carry the leader's state on to the time of use."""
+    wind_feedforward: bool
+    """Take the wind's own rate of change off what is asked of the autopilot."""
+    give_way: bool
+    """Let the leader change its airspeed where a slot would need one that its follower does not have."""

@@ -1,0 +1,1 @@
+"""The link that the formation shares: leader states as bytes, and what carries them."""

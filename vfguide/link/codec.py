@@ -1,0 +1,92 @@
+"""Leader states as bytes and back: compact, versioned, checked.
+
+Layout, little-endian: "VFLS", version (u8), three bytes of zero, sequence number (u32), then as f64 the
+time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course (rad),
+ground speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), then the CRC-32 of
+all that (u32). 88 bytes. Position is geodetic, so that no two vehicles have to agree on an origin.
+"""
+
+import math
+import struct
+import zlib
+from dataclasses import astuple, dataclass
+
+MAGIC = b"VFLS"
+VERSION = 1
+LAYOUT = struct.Struct("<4sB3xI9d")
+CHECKSUM = struct.Struct("<I")
+SIZE = LAYOUT.size + CHECKSUM.size
+
+GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0)
+"""Greatest magnitude of each value: beyond them it is no aircraft's state."""
+
+
+class LinkDataError(ValueError):
+    """Bytes from the link that are no leader state; the text says why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderMessage:
+    """A leader state as it crosses the link."""
+
+    sequence: int
+    """Counts up by one with each message of a leader, modulo 2^32."""
+    time_s: float
+    """When it was true, on the clock that the formation shares, s."""
+    latitude_deg: float
+    """degrees."""
+    longitude_deg: float
+    """degrees."""
+    altitude_amsl: float
+    """m above mean sea level."""
+    course: float
+    """chi_l, rad."""
+    ground_speed: float
+    """V_l, m/s."""
+    acceleration: float
+    """dV_l/dt, m/s²."""
+    turn_rate: float
+    """omega, rad/s."""
+    turn_acceleration: float
+    """domega/dt, rad/s²."""
+
+
+def encode(message: LeaderMessage) -> bytes:
+    """Bytes of a leader state."""
+    body = LAYOUT.pack(MAGIC, VERSION, *astuple(message))
+    return body + CHECKSUM.pack(zlib.crc32(body))
+
+
+def decode(data: bytes) -> LeaderMessage:
+    """Leader state of these bytes.
+
+    Raises:
+        LinkDataError: wrong size, mark, version or checksum, or a value that no aircraft has.
+    """
+    if len(data) != SIZE:
+        raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
+    magic, version, sequence, *values = LAYOUT.unpack_from(data)
+    if magic != MAGIC:
+        raise LinkDataError("not a leader state")
+    if version != VERSION:
+        raise LinkDataError(f"version {version} where this companion speaks {VERSION}")
+    if zlib.crc32(data[: LAYOUT.size]) != CHECKSUM.unpack_from(data, LAYOUT.size)[0]:
+        raise LinkDataError("damaged: the checksum does not match")
+    # Not "above": a comparison with NaN is false whichever way it is put.
+    sound = all(abs(value) <= greatest for value, greatest in zip(values, GREATEST, strict=True))
+    if not sound or not math.isfinite(values[0]):
+        raise LinkDataError("a value is out of range")
+    time_s, latitude, longitude, altitude, course, ground_speed, *rates = values
+    acceleration, turn_rate, turn_acceleration = rates
+    return LeaderMessage(
+        sequence=sequence,
+        time_s=time_s,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=altitude,
+        course=course,
+        ground_speed=ground_speed,
+        acceleration=acceleration,
+        turn_rate=turn_rate,
+        turn_acceleration=turn_acceleration,
+    )

@@ -1,0 +1,44 @@
+"""An in-memory link that delays, jitters and loses messages, in virtual time and repeatable by a seed."""
+
+import heapq
+from dataclasses import dataclass
+from random import Random
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkQuality:
+    """What a link does to messages."""
+
+    delay_s: float
+    """Mean time of flight, s."""
+    jitter_s: float
+    """Each message takes the delay plus or minus up to this, s; messages may overtake each other."""
+    loss: float
+    """Probability that a message does not arrive, 0 to 1."""
+
+
+class MemoryLink:
+    """One sender, one receiver."""
+
+    def __init__(self, quality: LinkQuality, seed: str) -> None:
+        self._quality = quality
+        self._random = Random(seed)
+        self._in_flight: list[tuple[float, int, bytes]] = []
+        self._sent = 0
+
+    def send(self, data: bytes, now: float) -> None:
+        """Hand a message over at this time."""
+        quality = self._quality
+        lost = self._random.random() < quality.loss
+        flight = quality.delay_s + quality.jitter_s * self._random.uniform(-1.0, 1.0)
+        if not lost:
+            self._sent += 1
+            heapq.heappush(self._in_flight, (now + max(flight, 0.0), self._sent, data))
+
+    def receive(self, now: float) -> list[bytes]:
+        """Messages that have arrived by this time, in the order of their arrival."""
+        arrived = []
+        # Times are sums of decimal fractions: what is due now must not wait for a rounding error.
+        while self._in_flight and self._in_flight[0][0] <= now + 1e-9:
+            arrived.append(heapq.heappop(self._in_flight)[2])
+        return arrived

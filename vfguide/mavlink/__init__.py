@@ -1,0 +1,1 @@
+"""MAVLink, bytes in and bytes out: what autopilots report, and what they are told."""

@@ -1,0 +1,126 @@
+"""MAVLink frames to reports and back. The only place that knows degE7, cm/s and centidegrees."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
+
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    CommandReport,
+    HeartbeatReport,
+    PositionReport,
+    Report,
+    TextReport,
+)
+
+UNKNOWN_HEADING = 65535
+"""hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
+
+COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+
+
+def position_report(message: MAVLink_message) -> PositionReport | None:
+    """GLOBAL_POSITION_INT, or None where it is no place on earth."""
+    latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        return None
+    known = message.hdg != UNKNOWN_HEADING
+    return PositionReport(
+        boot_time_s=message.time_boot_ms * 1e-3,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=message.alt * 1e-3,
+        velocity_north=message.vx * 1e-2,
+        velocity_east=message.vy * 1e-2,
+        heading=math.radians(message.hdg * 1e-2) if known else None,
+    )
+
+
+def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
+    """VFR_HUD, or None where the airspeed is no speed."""
+    airspeed = message.airspeed
+    return AirspeedReport(airspeed=airspeed) if 0.0 <= airspeed < math.inf else None
+
+
+def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
+    """HEARTBEAT, or None where it is not an autopilot's."""
+    if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+        return None
+    return HeartbeatReport(
+        autopilot=message.autopilot,
+        custom_mode=message.custom_mode,
+        armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+    )
+
+
+def command_report(message: MAVLink_message) -> CommandReport:
+    """COMMAND_ACK."""
+    return CommandReport(command=message.command, result=message.result)
+
+
+def text_report(message: MAVLink_message) -> TextReport:
+    """STATUSTEXT; what is not printable is left out, since it ends on a terminal and in a log."""
+    text = "".join(character for character in message.text if character.isprintable())
+    return TextReport(severity=message.severity, text=text)
+
+
+REPORTS: dict[str, Callable[[MAVLink_message], Report | None]] = {
+    "GLOBAL_POSITION_INT": position_report,
+    "VFR_HUD": airspeed_report,
+    "HEARTBEAT": heartbeat_report,
+    "COMMAND_ACK": command_report,
+    "STATUSTEXT": text_report,
+}
+"""What is listened to. Everything else that parses is passed over and counted."""
+
+
+class Codec:
+    """Frames of one companion's connection: datagrams to reports, messages to bytes."""
+
+    def __init__(self, system_id: int, component_id: int) -> None:
+        """Listen to one autopilot and speak as the onboard computer of the same system.
+
+        Args:
+            system_id: of the vehicle.
+            component_id: of its autopilot.
+        """
+        self.counters: Counter[str] = Counter()
+        """What was received and passed over, by reason."""
+        self._source = (system_id, component_id)
+        self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
+        self._parser.robust_parsing = True
+
+    def decode(self, data: bytes) -> list[Report]:
+        """Reports in one datagram; whatever the bytes are, this does not raise."""
+        # A datagram holds whole frames: without the reset, the length byte in a few bytes of garbage
+        # would swallow the good messages that come after.
+        self._parser.buf = bytearray()
+        self._parser.buf_index = 0
+        self._parser.expected_length = mavlink.HEADER_LEN_V1 + 2
+        reports: list[Report] = []
+        for message in self._parser.parse_buffer(data) or ():
+            name = message.get_type()
+            reader = REPORTS.get(name)
+            if name == "BAD_DATA":
+                self.counters["not MAVLink"] += 1
+            elif reader is None:
+                self.counters["not used"] += 1
+            elif (message.get_srcSystem(), message.get_srcComponent()) != self._source:
+                self.counters["not this vehicle's"] += 1
+            elif (report := reader(message)) is None:
+                self.counters["out of range"] += 1
+            else:
+                reports.append(report)
+        return reports
+
+    def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
+        """One datagram of these messages."""
+        return b"".join([self._pack(message) for message in messages])
+
+    def _pack(self, message: MAVLink_message) -> bytes:
+        packed: bytes = message.pack(self._parser)
+        self._parser.seq = (self._parser.seq + 1) % 256
+        return packed

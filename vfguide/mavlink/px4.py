@@ -1,0 +1,77 @@
+"""PX4, fixed wing: offboard mode, the course as a velocity setpoint, the speed as a command."""
+
+import math
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.mavlink.adapter import Vehicle, command_long, set_mode, telemetry_at
+
+MAIN_MODE_AUTO, SUB_MODE_LOITER = 4, 3
+MAIN_MODE_OFFBOARD = 6
+
+IGNORE_POSITION = 0b111
+IGNORE_ACCELERATION = 0b111 << 6
+IGNORE_YAW = 0b1 << 10
+IGNORE_YAW_RATE = 0b1 << 11
+VELOCITY_ONLY = IGNORE_POSITION | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
+"""Set exactly: PX4 ignores a field only where its bit says so."""
+
+AIRSPEED, GROUND_SPEED = 0, 1
+KEEP_THROTTLE = -1.0
+
+
+class Px4:
+    """Adapter for PX4."""
+
+    streams_before_engaging = True
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._speed_type = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
+
+    def is_engaged(self, custom_mode: int) -> bool:
+        """Offboard: the main mode is the third byte of the custom mode."""
+        return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
+
+    def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
+        """Position and airspeed at this rate."""
+        return telemetry_at(self._vehicle, rate_hz)
+
+    def engage(self) -> list[MAVLink_message]:
+        """Enter offboard; refused unless setpoints are already arriving."""
+        return [set_mode(self._vehicle, MAIN_MODE_OFFBOARD)]
+
+    def hand_back(self) -> list[MAVLink_message]:
+        """Enter hold, PX4's loiter."""
+        return [set_mode(self._vehicle, MAIN_MODE_AUTO, SUB_MODE_LOITER)]
+
+    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
+        """A velocity along the course, whose length is ignored, and the speed by DO_CHANGE_SPEED."""
+        vehicle = self._vehicle
+        velocity = (speed * math.cos(course), speed * math.sin(course), 0.0)
+        return [
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0,
+                vehicle.system_id,
+                vehicle.component_id,
+                mavlink.MAV_FRAME_LOCAL_NED,
+                VELOCITY_ONLY,
+                *(0.0, 0.0, 0.0),
+                *velocity,
+                *(0.0, 0.0, 0.0),
+                *(0.0, 0.0),
+            ),
+            command_long(
+                vehicle,
+                mavlink.MAV_CMD_DO_CHANGE_SPEED,
+                self._speed_type,
+                speed,
+                KEEP_THROTTLE,
+            ),
+        ]
+
+    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
+        """Nothing: a velocity setpoint without a vertical part holds the altitude of entering offboard."""
+        del altitude_amsl
+        return []

@@ -1,0 +1,23 @@
+"""Mission files: what they may say, how they are read, and what is known before take-off."""
+
+from vfguide.mission.faults import Fault, MissionError
+from vfguide.mission.feasibility import check_mission, report_on
+from vfguide.mission.finding import Finding, Report
+from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
+from vfguide.mission.location import MissionSource
+from vfguide.mission.model import Mission
+
+__all__ = [
+    "Fault",
+    "Finding",
+    "LoadedMission",
+    "Mission",
+    "MissionError",
+    "MissionSource",
+    "Report",
+    "check_mission",
+    "load_mission",
+    "parse_mission",
+    "read_mission",
+    "report_on",
+]

@@ -1,0 +1,115 @@
+"""What a mission's leader meets on its way: every course and turn of its path in every declared wind.
+
+Arrays hold one entry for each combination. Local frame: x north, y east; radians clockwise from north.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray, hypot
+from vfguide.guidance.formation import Slot, slot_velocity
+from vfguide.guidance.wind_triangle import compose, ground_speed_on_course
+from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
+from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
+
+ARTICLE_WIND_PERIOD_S = 2.0 * math.pi / 0.1
+ARTICLE_WIND_SAMPLES = 64
+COURSES_AROUND = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Combinations of path course, path curvature and wind."""
+
+    course: FloatArray
+    """Course of the path, rad."""
+    curvature: FloatArray
+    """Curvature of the path, 1/m, positive clockwise."""
+    wind_north: FloatArray
+    """North component of the wind, m/s, toward."""
+    wind_east: FloatArray
+    """East component of the wind, m/s, toward."""
+
+    def ground_speed(self, airspeed: float | FloatArray) -> FloatArray:
+        """Ground speed (m/s) of a leader on the path at an airspeed (m/s), which may be an array."""
+        shape = np.broadcast_shapes(np.shape(airspeed), self.course.shape)
+        speeds = np.broadcast_to(np.asarray(airspeed, dtype=float), shape)
+        return ground_speed_on_course(speeds, self.course, self.wind_north, self.wind_east)
+
+    def turn_rate(self, airspeed: float | FloatArray) -> FloatArray:
+        """Turn rate (rad/s) of a leader on the path, positive clockwise: V_g times curvature."""
+        return self.ground_speed(airspeed) * self.curvature
+
+    def slot_velocity(
+        self, airspeed: float | FloatArray, slot: Slot[float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """(along, right) of a slot's velocity in the leader's course frame, m/s."""
+        ground_speed = self.ground_speed(airspeed)
+        return slot_velocity(ground_speed, ground_speed * self.curvature, as_array(slot))
+
+    def slot_airspeed(self, airspeed: float | FloatArray, slot: Slot[float]) -> FloatArray:
+        """Airspeed (m/s) that keeping a slot takes, |slot velocity - wind|."""
+        along, right = self.slot_velocity(airspeed, slot)
+        north, east = compose(along, right, np.broadcast_to(self.course, along.shape))
+        return hypot(north - self.wind_north, east - self.wind_east)
+
+
+def as_array(slot: Slot[float]) -> Slot[FloatArray]:
+    """The slot in the form that formulas on arrays take."""
+    return Slot(forward=np.asarray(slot.forward), right=np.asarray(slot.right))
+
+
+def conditions_of(
+    path: LinePath | CirclePath | RacetrackPath, wind: CalmWind | ArticleWind | SteadyWind
+) -> Conditions:
+    """Every course of the path with every wind: all around for a circle, the legs' courses for lines."""
+    course, curvature = path_directions(path)
+    north, east = wind_samples(wind)
+    return Conditions(
+        np.repeat(course, north.size),
+        np.repeat(curvature, north.size),
+        np.tile(north, course.size),
+        np.tile(east, course.size),
+    )
+
+
+def path_directions(
+    path: LinePath | CirclePath | RacetrackPath,
+) -> tuple[FloatArray, FloatArray]:
+    """(course in rad, curvature in 1/m) of the parts of a path."""
+    if isinstance(path, LinePath):
+        return np.array([math.radians(path.course_deg)]), np.zeros(1)
+    around = np.linspace(0.0, 2.0 * math.pi, COURSES_AROUND, endpoint=False)
+    sense = 1.0 if path.direction == "clockwise" else -1.0
+    turning = np.full(COURSES_AROUND, sense / path.radius_m)
+    if isinstance(path, CirclePath):
+        return around, turning
+    first = math.radians(path.course_deg)
+    legs = np.array([first, first + math.pi])
+    return np.concatenate([legs, around + first]), np.concatenate([np.zeros(2), turning])
+
+
+def wind_samples(wind: CalmWind | ArticleWind | SteadyWind) -> tuple[FloatArray, FloatArray]:
+    """(north, east) components (m/s, toward) of the declared wind, over a whole period of it."""
+    if isinstance(wind, SteadyWind):
+        toward = math.radians(wind.toward_deg)
+        return (
+            np.array([wind.speed_m_s * math.cos(toward)]),
+            np.array([wind.speed_m_s * math.sin(toward)]),
+        )
+    if isinstance(wind, CalmWind):
+        return np.zeros(1), np.zeros(1)
+    time = np.linspace(0.0, ARTICLE_WIND_PERIOD_S, ARTICLE_WIND_SAMPLES, endpoint=False)
+    return article_wind(time)
+
+
+def article_wind(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of the article's wind at a time in s: W = 5 + 3 cos 0.1 t, psi_w = 135° + pi sin 0.1 t.
+
+    W in m/s, psi_w the direction the air moves toward, clockwise from north.
+    """
+    speed = 5.0 + 3.0 * np.cos(0.1 * time)
+    toward = math.radians(135.0) + math.pi * np.sin(0.1 * time)
+    return speed * np.cos(toward), speed * np.sin(toward)

@@ -1,0 +1,222 @@
+"""Where the parts of a mission contradict each other.
+
+The checks read plain data (mappings, lists, numbers) and pass over whatever is missing or of the wrong
+kind: so they also work on a file that has other faults, and all faults are reported at once.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+from vfguide.mission.location import Location, dotted
+
+DEFAULT_MIN_SEPARATION_M = 5.0
+"""Least distance between two vehicles (m) where a mission does not say."""
+
+LEADER = "leader"
+"""Key of the leader under `rehearsal.start`, whatever its vehicle is called."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inconsistency:
+    """Two statements of a mission that cannot both hold."""
+
+    location: Location
+    """The field to be changed."""
+    message: str
+    """What is wrong."""
+    remedy: str
+    """What would be right."""
+
+    @property
+    def field(self) -> str:
+        """The field as messages write it."""
+        return dotted(self.location)
+
+
+@dataclass(frozen=True, slots=True)
+class _Role:
+    """A vehicle's name at the place that gives it something to do."""
+
+    location: Location
+    title: str
+    vehicle: str
+
+
+def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
+    """All contradictions in a mission given as plain data."""
+    checks: tuple[Callable[[Mapping[str, object]], Iterator[Inconsistency]], ...] = (
+        _unknown_vehicles,
+        _vehicles_with_two_roles,
+        _ambiguous_leader_name,
+        _unused_vehicles,
+        _shared_system_ids,
+        _crowded_slots,
+        _strangers_at_the_start,
+        _airspeed_out_of_range,
+    )
+    return tuple(found for check in checks for found in check(data))
+
+
+def _group(data: object, *steps: str) -> Mapping[str, object]:
+    """The group of fields at a place of the tree; empty if there is none."""
+    for step in steps:
+        data = data.get(step) if isinstance(data, Mapping) else None
+    return data if isinstance(data, Mapping) else {}
+
+
+def _number(value: object) -> float | None:
+    """A finite number as such, anything else as None."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _followers(data: Mapping[str, object]) -> list[Mapping[str, object]]:
+    """The followers in order, with an empty group for whatever is none."""
+    followers = data.get("followers")
+    return [_group(one) for one in followers] if isinstance(followers, list | tuple) else []
+
+
+def _roles(data: Mapping[str, object]) -> list[_Role]:
+    """Everyone who has something to do, the leader first."""
+    leader = _group(data, "leader").get("vehicle")
+    named: list[tuple[Location, str, object]] = [(("leader", "vehicle"), "the leader", leader)]
+    for index, follower in enumerate(_followers(data)):
+        place = ("followers", index, "vehicle")
+        named.append((place, f"followers[{index}]", follower.get("vehicle")))
+    return [
+        _Role(location, title, vehicle)
+        for location, title, vehicle in named
+        if isinstance(vehicle, str)
+    ]
+
+
+def _unknown_vehicles(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Roles given to vehicles that are not described."""
+    vehicles = _group(data, "vehicles")
+    if not vehicles:
+        return
+    for role in _roles(data):
+        if role.vehicle not in vehicles:
+            known = ", ".join(str(name) for name in vehicles)
+            yield Inconsistency(
+                role.location,
+                f"there is no vehicle '{role.vehicle}'",
+                f"describe it under vehicles, or name one of: {known}",
+            )
+
+
+def _vehicles_with_two_roles(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Vehicles that would have to be in two places."""
+    taken: dict[str, str] = {}
+    for role in _roles(data):
+        if role.vehicle in taken:
+            yield Inconsistency(
+                role.location,
+                f"'{role.vehicle}' already flies as {taken[role.vehicle]}",
+                "give each role a vehicle of its own",
+            )
+        taken.setdefault(role.vehicle, role.title)
+
+
+def _ambiguous_leader_name(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """A follower with the leader's key, so that its start could not be told from the leader's."""
+    for role in _roles(data)[1:]:
+        if role.vehicle == LEADER:
+            yield Inconsistency(
+                role.location,
+                "a follower cannot be called 'leader'",
+                "rename this vehicle, here and under vehicles",
+            )
+
+
+def _unused_vehicles(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Vehicles that nobody flies."""
+    flown = {role.vehicle for role in _roles(data)}
+    if not flown:
+        return
+    for name in _group(data, "vehicles"):
+        if name not in flown:
+            yield Inconsistency(
+                ("vehicles", name),
+                "this vehicle has no role",
+                "name it as leader.vehicle or in followers, or remove it",
+            )
+
+
+def _shared_system_ids(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Vehicles that MAVLink could not tell apart."""
+    owners: dict[float, str] = {}
+    for name, vehicle in _group(data, "vehicles").items():
+        system_id = _number(_group(vehicle).get("system_id"))
+        if system_id is None:
+            continue
+        if system_id in owners:
+            yield Inconsistency(
+                ("vehicles", name, "system_id"),
+                f"{system_id:.0f} is also {owners[system_id]}'s",
+                "give each vehicle its own number from 1 to 255",
+            )
+        owners.setdefault(system_id, name)
+
+
+def _crowded_slots(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Slots too close to the leader or to each other, whatever the formation flies."""
+    allowed = _number(_group(data, "acceptance").get("min_separation_m"))
+    allowed = DEFAULT_MIN_SEPARATION_M if allowed is None else allowed
+    places: list[tuple[Location, str, tuple[float, float, float]]] = [
+        (("leader",), "the leader", (0.0, 0.0, 0.0))
+    ]
+    for index, follower in enumerate(_followers(data)):
+        slot = _group(follower, "slot")
+        forward, right = _number(slot.get("forward_m")), _number(slot.get("right_m"))
+        up = _number(slot.get("up_m", 0.0))
+        if forward is not None and right is not None and up is not None:
+            title = f"followers[{index}]'s slot"
+            places.append((("followers", index, "slot"), title, (forward, right, up)))
+    for (_, other, at_other), (location, _, here) in combinations(places, 2):
+        distance = math.dist(at_other, here)
+        if distance < allowed or distance == 0.0:
+            yield Inconsistency(
+                location,
+                f"only {distance:.1f} m from {other}",
+                f"keep slots acceptance.min_separation_m = {allowed:g} m apart",
+            )
+
+
+def _strangers_at_the_start(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Starting places of vehicles that do not follow."""
+    roles = _roles(data)
+    if len(roles) <= len(_followers(data)):
+        return
+    names = [LEADER, *(role.vehicle for role in roles[1:])]
+    for name in _group(data, "rehearsal", "start"):
+        if name not in names:
+            yield Inconsistency(
+                ("rehearsal", "start", name),
+                f"'{name}' is neither 'leader' nor a follower",
+                f"use one of: {', '.join(names)}",
+            )
+
+
+def _airspeed_out_of_range(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """A leader that is to fly faster or slower than it can."""
+    leader = _group(data, "leader")
+    airspeed = _number(leader.get("airspeed_m_s"))
+    span = _group(data, "vehicles", str(leader.get("vehicle"))).get("airspeed_range_m_s")
+    if airspeed is None or not isinstance(span, list | tuple) or len(span) != 2:
+        return
+    lowest, highest = _number(span[0]), _number(span[1])
+    if lowest is None or highest is None or lowest > highest or lowest <= airspeed <= highest:
+        return
+    yield Inconsistency(
+        ("leader", "airspeed_m_s"),
+        f"{airspeed:g} m/s is outside the airspeed_range_m_s of '{leader.get('vehicle')}'",
+        f"choose {lowest:g} to {highest:g} m/s",
+    )

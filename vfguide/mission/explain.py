@@ -1,0 +1,190 @@
+"""Pydantic's findings in plain words, each with what would be right."""
+
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from vfguide.mission.faults import shortened
+from vfguide.mission.known_fields import Place, kind_names, place_of
+from vfguide.mission.location import Location
+from vfguide.mission.quantity import NAME_RULES
+
+COVERED_ELSEWHERE = {"inconsistent_mission", "default_factory_not_called"}
+"""Findings that repeat others: contradictions are looked for separately, with their own places."""
+
+EXPECTED = {
+    "float_type": ("a number", "write a number without quotes"),
+    "int_type": ("a whole number", "write a whole number without quotes"),
+    "bool_type": ("true or false", "write true or false without quotes"),
+    "string_type": ("text", "put it in quotes if it is meant as text"),
+    "model_type": ("a group of fields", "write its fields below it, or {field: value, …}"),
+    "dict_type": ("a group of fields", "write its fields below it, or {name: …, …}"),
+    "model_attributes_type": ("a group of fields", "write its fields below it, or {type: …, …}"),
+    "tuple_type": ("a list", "write [first, second, …], or one line with a dash for each"),
+}
+
+REMEDIES = {
+    "airspeed_range": "write [lowest, highest]",
+    "airspeed_range_m_s": "write [lowest, highest]",
+    "line_given_twice": "remove one of the two",
+    "line_without_course": "add course_deg, degrees clockwise from north, or slope",
+    "line_without_slope": "add slope, or use point and course_deg",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What is wrong at a place of the file."""
+
+    location: Location
+    message: str
+    remedy: str
+
+
+def explain(error: ValidationError) -> list[Explanation]:
+    """One explanation for each finding that is not reported elsewhere."""
+    details = error.errors(include_url=False)
+    return [_explain_one(one) for one in details if one["type"] not in COVERED_ELSEWHERE]
+
+
+def described(value: object) -> str:
+    """A value as a message can quote it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f"'{shortened(value)}'"
+    if isinstance(value, int | float):
+        # huge integers would make Python refuse to write them out
+        return "such a huge number" if 1e300 < abs(value) < math.inf else f"{value:g}"
+    return "a list" if isinstance(value, list | tuple) else "a group of fields"
+
+
+def _explain_one(detail: ErrorDetails) -> Explanation:
+    kind, place = detail["type"], place_of(detail["loc"])
+    if kind in EXPECTED:
+        return _wrong_kind(detail, place)
+    if kind in _EXPLAINERS:
+        return _EXPLAINERS[kind](detail, place)
+    return Explanation(place.location, detail["msg"], REMEDIES.get(kind, _meaning(place)))
+
+
+def _meaning(place: Place) -> str:
+    """The field's description, as a remedy of last resort."""
+    field = place.known.get(str(place.location[-1])) if place.location else None
+    return (field.description or "").rstrip(".") if field else ""
+
+
+def _context(detail: ErrorDetails) -> Mapping[str, object]:
+    return detail.get("ctx", {})
+
+
+def _wrong_kind(detail: ErrorDetails, place: Place) -> Explanation:
+    expected, remedy = EXPECTED[detail["type"]]
+    value = detail["input"]
+    if value is None:
+        return Explanation(place.location, "is left empty", f"{remedy}, or remove the field")
+    return Explanation(place.location, f"{described(value)} is not {expected}", remedy)
+
+
+def _missing(_: ErrorDetails, place: Place) -> Explanation:
+    if place.location and isinstance(place.location[-1], int):
+        around = Explanation(place.location[:-1], "has too few values", "")
+        name = str(around.location[-1]) if around.location else ""
+        return Explanation(around.location, around.message, REMEDIES.get(name, "add the others"))
+    meaning = _meaning(place)
+    return Explanation(place.location, "is missing", f"add it: {meaning}" if meaning else "add it")
+
+
+def _unknown(_: ErrorDetails, place: Place) -> Explanation:
+    name = str(place.location[-1])
+    near = nearest(name, place.known)
+    remedy = f"did you mean '{near}'?" if near else f"known here: {', '.join(place.known)}"
+    return Explanation(place.location, f"unknown field '{shortened(name)}'", remedy)
+
+
+def nearest(name: str, known: Mapping[str, object]) -> str | None:
+    """The known name that somebody most likely meant."""
+    beginning = [one for one in known if one.startswith(f"{name}_")]
+    near = beginning or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return near[0] if near else None
+
+
+def _not_finite(detail: ErrorDetails, place: Place) -> Explanation:
+    message = f"{described(detail['input'])} is not a finite number"
+    return Explanation(place.location, message, "write a finite number")
+
+
+def _out_of_bounds(detail: ErrorDetails, place: Place) -> Explanation:
+    words = {"gt": "above {}", "ge": "{} or more", "lt": "below {}", "le": "{} or less"}
+    name, bound = next(iter(_context(detail).items()), ("", ""))
+    limit = f"{bound:g}" if isinstance(bound, int | float) else str(bound)
+    side = "small" if name in {"gt", "ge"} else "large"
+    message = f"{described(detail['input'])} is too {side}"
+    allowed = words.get(name, "{}").format(limit)
+    return Explanation(place.location, message, f"choose {allowed}")
+
+
+def _not_a_choice(detail: ErrorDetails, place: Place) -> Explanation:
+    choices = str(_context(detail).get("expected", "")).replace("'", "").replace(" or ", ", ")
+    return _choice(place.location, detail["input"], choices)
+
+
+def _choice(location: Location, value: object, choices: str) -> Explanation:
+    names = [one.strip() for one in choices.split(",")]
+    near = (
+        difflib.get_close_matches(value, names, n=1, cutoff=0.6) if isinstance(value, str) else []
+    )
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    return Explanation(location, f"{described(value)} is not known", f"{hint}use one of: {choices}")
+
+
+def _not_a_kind(detail: ErrorDetails, place: Place) -> Explanation:
+    context = _context(detail)
+    choices = str(context.get("expected_tags", "")).replace("'", "")
+    return _choice((*place.location, "type"), context.get("tag"), choices)
+
+
+def _no_kind(_: ErrorDetails, place: Place) -> Explanation:
+    choices = ", ".join(str(name) for kind in place.kinds for name in kind_names(kind))
+    return Explanation((*place.location, "type"), "is missing", f"add one of: {choices}")
+
+
+def _bad_name(detail: ErrorDetails, place: Place) -> Explanation:
+    rule = NAME_RULES.get(str(_context(detail).get("pattern")), "")
+    message = f"{described(detail['input'])} cannot be a name"
+    return Explanation(place.location, message, f"use {rule}" if rule else "")
+
+
+def _too_many(detail: ErrorDetails, place: Place) -> Explanation:
+    name = str(place.location[-1]) if place.location else ""
+    limit = _context(detail).get("max_length")
+    remedy = REMEDIES.get(name, f"write {limit} at most")
+    return Explanation(place.location, "has too many values", remedy)
+
+
+def _too_few(detail: ErrorDetails, place: Place) -> Explanation:
+    least = _context(detail).get("min_length")
+    return Explanation(place.location, "has too few entries", f"write {least} or more")
+
+
+_EXPLAINERS: dict[str, Callable[[ErrorDetails, Place], Explanation]] = {
+    "missing": _missing,
+    "extra_forbidden": _unknown,
+    "finite_number": _not_finite,
+    "greater_than": _out_of_bounds,
+    "greater_than_equal": _out_of_bounds,
+    "less_than": _out_of_bounds,
+    "less_than_equal": _out_of_bounds,
+    "literal_error": _not_a_choice,
+    "union_tag_invalid": _not_a_kind,
+    "union_tag_not_found": _no_kind,
+    "string_pattern_mismatch": _bad_name,
+    "too_long": _too_many,
+    "too_short": _too_few,
+}

@@ -1,0 +1,98 @@
+"""What is known about a mission before take-off."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from vfguide.mission.faults import printable
+from vfguide.mission.location import Location, MissionSource, dotted
+
+Severity = Literal["error", "warning", "note"]
+"""error: it cannot be flown so; warning: it can, but not well; note: what to expect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing known before take-off."""
+
+    severity: Severity
+    """How bad it is."""
+    location: Location
+    """The field to look at."""
+    message: str
+    """What is the case."""
+    remedy: str = ""
+    """What would be better."""
+    file: str | None = None
+    """The mission file, where known."""
+    line: int | None = None
+    """Line of the field in it, where known."""
+
+    @property
+    def field(self) -> str:
+        """The field as messages write it."""
+        return dotted(self.location)
+
+    def placed(self, source: MissionSource) -> "Finding":
+        """The same finding with its place in the mission file."""
+        return Finding(
+            self.severity,
+            self.location,
+            self.message,
+            self.remedy,
+            source.file,
+            source.line_of(self.location),
+        )
+
+    def as_json(self) -> dict[str, object]:
+        """The finding as JSON holds it."""
+        return {
+            "severity": self.severity,
+            "file": self.file,
+            "line": self.line,
+            "field": self.field,
+            "message": self.message,
+            "remedy": self.remedy,
+        }
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        where = f"{place}: " if place else ""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return printable(f"{where}{self.severity}: {self.field}: {self.message}{remedy}")
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """All findings of one mission, the worst first."""
+
+    findings: tuple[Finding, ...]
+    """Errors, then warnings, then notes."""
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """What makes the mission impossible."""
+        return self._of("error")
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """What makes it worse than it could be."""
+        return self._of("warning")
+
+    @property
+    def notes(self) -> tuple[Finding, ...]:
+        """What to expect."""
+        return self._of("note")
+
+    def as_json(self) -> list[dict[str, object]]:
+        """The findings as JSON holds them."""
+        return [one.as_json() for one in self.findings]
+
+    def _of(self, severity: Severity) -> tuple[Finding, ...]:
+        return tuple(one for one in self.findings if one.severity == severity)
+
+
+def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Errors before warnings before notes, otherwise in the order they were found."""
+    rank = {"error": 0, "warning": 1, "note": 2}
+    return tuple(sorted(findings, key=lambda one: rank[one.severity]))

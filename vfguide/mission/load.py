@@ -1,0 +1,130 @@
+"""Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from vfguide.mission.consistency import inconsistencies
+from vfguide.mission.explain import explain
+from vfguide.mission.faults import Fault, MissionError
+from vfguide.mission.location import Location, MissionSource
+from vfguide.mission.model import Mission
+from vfguide.mission.yaml_tree import Tree, TreeError, read_tree
+
+MAX_BYTES = 1024 * 1024
+"""Far beyond any mission; what is larger is something else."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedMission:
+    """A mission, and where in its file everything stands."""
+
+    mission: Mission
+    """What the file says."""
+    source: MissionSource
+    """The file and the line of each field, for later findings."""
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission file.
+
+    Raises:
+        MissionError: the file cannot be read, or is no mission; lists every fault found.
+    """
+    return read_mission(path).mission
+
+
+def read_mission(path: Path) -> LoadedMission:
+    """Read a mission file, and keep where in it each field stands.
+
+    Raises:
+        MissionError: the file cannot be read, or is no mission; lists every fault found.
+    """
+    return parse_mission(_read_bytes(path), file=str(path))
+
+
+def parse_mission(content: bytes, *, file: str) -> LoadedMission:
+    """Read a mission from the bytes of a file.
+
+    Args:
+        content: what the file holds.
+        file: the name messages give it.
+
+    Raises:
+        MissionError: the bytes are no mission; lists every fault found.
+    """
+    tree = _read_tree(_decode(content, file), file)
+    if not isinstance(tree.data, dict):
+        found = "is empty" if tree.data is None else "holds no group of fields"
+        raise _error(
+            file, f"the file {found}", "begin with name: …; see the missions that come along"
+        )
+    source = MissionSource(file, tree.lines)
+    faults = [Fault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults]
+    mission = None
+    try:
+        mission = Mission.model_validate(tree.data)
+    except ValidationError as error:
+        faults += _validation_faults(error, tree.data, source)
+    if mission is None or faults:
+        raise MissionError(_in_order(faults))
+    return LoadedMission(mission, source)
+
+
+def _read_bytes(path: Path) -> bytes:
+    file = str(path)
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError as error:
+        raise _error(file, "there is no such file", "give the path of a mission file") from error
+    except IsADirectoryError as error:
+        raise _error(file, "this is a directory", "give the path of a mission file") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise _error(file, f"cannot be read: {reason}", "check its path and permissions") from error
+    if len(content) > MAX_BYTES:
+        raise _error(file, "larger than 1 MiB", "this is no mission file")
+    return content
+
+
+def _decode(content: bytes, file: str) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise _error(file, "not UTF-8 text", "save the file as UTF-8", line) from error
+
+
+def _read_tree(text: str, file: str) -> Tree:
+    try:
+        return read_tree(text)
+    except TreeError as error:
+        fault = error.fault
+        found = Fault(file, fault.line, fault.location, fault.message, fault.remedy)
+        raise MissionError((found,)) from error
+
+
+def _error(file: str, message: str, remedy: str, line: int | None = None) -> MissionError:
+    return MissionError((Fault(file, line, (), message, remedy),))
+
+
+def _validation_faults(
+    error: ValidationError, data: dict[str, object], source: MissionSource
+) -> Iterator[Fault]:
+    """Faults of single fields, then contradictions between fields that are sound by themselves."""
+    faulty: set[Location] = set()
+    for one in explain(error):
+        faulty.add(one.location)
+        line = source.line_of(one.location)
+        yield Fault(source.file, line, one.location, one.message, one.remedy)
+    for other in inconsistencies(data):
+        if other.location not in faulty:
+            line = source.line_of(other.location)
+            yield Fault(source.file, line, other.location, other.message, other.remedy)
+
+
+def _in_order(faults: list[Fault]) -> tuple[Fault, ...]:
+    return tuple(sorted(faults, key=lambda fault: fault.line or 0))

@@ -1,0 +1,115 @@
+"""Before take-off: is the guidance loop fast enough for its gains, and are its inputs fresh enough?"""
+
+import math
+from collections.abc import Iterator
+
+from vfguide.guidance.course_law import boundary_layer
+from vfguide.mission.controller import Controller
+from vfguide.mission.finding import Finding
+from vfguide.mission.model import Mission
+
+LIMIT_CYCLE = 2.0
+"""kappa (period + delay) / epsilon above which the sampled law limit-cycles."""
+
+RESTLESS = 0.5
+"""The same ratio above which the setpoint still overshoots at every step."""
+
+WIDEST_LAYER = math.pi / 4.0
+"""rad; course errors up to a quarter turn wide would be answered with less than full authority."""
+
+STALE_S = 1.0
+"""Age of a leader state (s) beyond which its prediction is a guess."""
+
+
+def effective_layer(controller: Controller, period: float) -> float:
+    """Boundary layer epsilon (rad, m/s) that the laws use in a loop with this period in s."""
+    return boundary_layer(
+        controller.kappa,
+        controller.epsilon,
+        period=period,
+        delay=controller.loop_delay_s,
+        factor=controller.boundary_layer_factor,
+    )
+
+
+def layer_crossing(kappa: float, layer: float, *, period: float, delay: float) -> float:
+    """Share of the boundary layer that the law crosses before it sees the result: kappa (dt + delay) / epsilon.
+
+    Above 2 the error changes sign by more than its size at every step: a limit cycle.
+
+    Args:
+        kappa: rad/s.
+        layer: epsilon, rad.
+        period: dt, s.
+        delay: from measurement to effect, s.
+    """
+    return kappa * (period + delay) / layer
+
+
+def loop_too_slow(mission: Mission) -> Iterator[Finding]:
+    """A loop that chatters, or one whose boundary layer makes it soft."""
+    controller = mission.controller
+    rate = mission.rehearsal.rate_hz
+    layer = effective_layer(controller, 1.0 / rate)
+    crossing = layer_crossing(
+        controller.kappa, layer, period=1.0 / rate, delay=controller.loop_delay_s
+    )
+    if crossing > RESTLESS:
+        word = "limit-cycles" if crossing > LIMIT_CYCLE else "is restless"
+        message = (
+            f"at {rate:g} Hz the law crosses {crossing:.1f} boundary layers in one step and {word}"
+        )
+        remedy = "set boundary_layer_factor to 2 or more (5 is usual), or raise rehearsal.rate_hz"
+        location = ("controller", "boundary_layer_factor")
+        yield Finding("error" if crossing > LIMIT_CYCLE else "warning", location, message, remedy)
+    if layer > WIDEST_LAYER:
+        message = (
+            f"at {rate:g} Hz kappa {controller.kappa:g} takes a boundary layer of {layer:.2f} rad, wider than "
+            f"{WIDEST_LAYER:.2f}: the formation is kept softly"
+        )
+        remedy = "raise rehearsal.rate_hz, or lower controller.kappa or boundary_layer_factor"
+        yield Finding("warning", ("controller", "kappa"), message, remedy)
+
+
+def mean_leader_age(mission: Mission) -> float:
+    """Mean age (s) of the newest leader state: delay, half the jitter, and the wait for the next that arrives.
+
+    Of states sent every dt with a share p lost, the newest is older by dt p / (1 - p) on average.
+    """
+    rehearsal = mission.rehearsal
+    wait = rehearsal.link_loss / (1.0 - rehearsal.link_loss) / rehearsal.rate_hz
+    return rehearsal.link_delay_s + rehearsal.link_jitter_s / 2.0 + wait
+
+
+def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
+    """Leader states that are old when they are used."""
+    if not mission.followers:
+        return
+    age = mean_leader_age(mission)
+    if age > STALE_S:
+        message = f"leader states are {age:.1f} s old on average, more than prediction bridges well"
+        yield Finding(
+            "warning", ("rehearsal", "link_delay_s"), message, "expect a less precise formation"
+        )
+    behind = age * mission.leader.airspeed_m_s
+    if not mission.controller.predict_leader and behind > 0.1:
+        message = f"leader states are {age:.2f} s old on average: followers fly {behind:.1f} m behind their slots"
+        remedy = "set predict_leader: true"
+        yield Finding("warning", ("controller", "predict_leader"), message, remedy)
+
+
+def observer_out_of_tune(mission: Mission) -> Iterator[Finding]:
+    """A ground-speed observer that drifts, or that its own step makes unstable."""
+    controller = mission.controller
+    if controller.leader_speed_source != "observer":
+        return
+    location = ("controller", "observer", "sigma")
+    pull = controller.observer.gamma * controller.observer.sigma
+    if pull == 0.0:
+        message = "without sigma nothing holds the estimate to the measured ground speed: it drifts"
+        yield Finding("warning", location, message, "set sigma to 0.5 or so")
+    elif pull / mission.rehearsal.rate_hz > LIMIT_CYCLE:
+        message = f"gamma * sigma = {pull:g} 1/s is too fast for {mission.rehearsal.rate_hz:g} Hz: it diverges"
+        yield Finding(
+            "error", location, message, "lower gamma or sigma, or raise rehearsal.rate_hz"
+        )

@@ -1,0 +1,118 @@
+"""The whole mission file, as immutable values."""
+
+from collections.abc import Mapping
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from vfguide.mission.consistency import inconsistencies
+from vfguide.mission.controller import Controller
+from vfguide.mission.flight_path import FlightPath
+from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
+from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
+from vfguide.mission.vehicle import Vehicle
+
+SlotOffset = Annotated[Number, Field(ge=-10e3, le=10e3)]
+
+
+class Origin(Section):
+    """A point on the earth's surface."""
+
+    latitude_deg: Annotated[Number, Field(ge=-85.0, le=85.0)]
+    """Latitude, degrees, north positive."""
+
+    longitude_deg: Annotated[Number, Field(ge=-180.0, le=180.0)]
+    """Longitude, degrees, east positive."""
+
+    altitude_amsl_m: Annotated[Number, Field(ge=-500.0, le=9000.0)]
+    """Altitude above mean sea level, m."""
+
+
+class Leader(Section):
+    """The vehicle that follows the path."""
+
+    vehicle: VehicleName
+    """Its name under `vehicles`."""
+
+    airspeed_m_s: Speed
+    """Airspeed it keeps, m/s."""
+
+
+class Slot(Section):
+    """A place in the formation, fixed to the leader's course."""
+
+    forward_m: SlotOffset
+    """Ahead of the leader, m; negative is behind."""
+
+    right_m: SlotOffset
+    """Right of the leader, m; negative is left."""
+
+    up_m: SlotOffset = 0.0
+    """Above the leader, m; negative is below."""
+
+
+class Follower(Section):
+    """A vehicle that keeps a slot."""
+
+    vehicle: VehicleName
+    """Its name under `vehicles`."""
+
+    slot: Slot
+    """Its place in the formation."""
+
+
+class Mission(Section):
+    """One flight: who flies, where, in which formation, and how it is rehearsed."""
+
+    name: MissionName
+    """Short name: lower-case letters, digits and hyphens."""
+
+    origin: Origin
+    """The point on earth that local coordinates count from."""
+
+    height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
+    """Flying height of the leader above the origin's altitude, m."""
+
+    path: FlightPath
+    """What the leader follows."""
+
+    leader: Leader
+    """Who leads, and how fast."""
+
+    followers: tuple[Follower, ...] = ()
+    """Who follows, and where; a leader alone is a mission too."""
+
+    vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
+    """Every vehicle of the mission by name."""
+
+    controller: Controller = Controller()
+    """The guidance law and its gains."""
+
+    wind: Wind = CalmWind(type="calm")
+    """What the rehearsal blows; a companion on a real vehicle ignores it."""
+
+    rehearsal: Rehearsal = Rehearsal()
+    """How the flight is rehearsed on the computer."""
+
+    acceptance: Acceptance = Acceptance()
+    """What the rehearsal must reach."""
+
+    @property
+    def leader_vehicle(self) -> Vehicle:
+        """The vehicle that leads."""
+        return self.vehicles[self.leader.vehicle]
+
+    @property
+    def followers_by_name(self) -> Mapping[str, Follower]:
+        """Each follower by the name of its vehicle."""
+        return {follower.vehicle: follower for follower in self.followers}
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Self:
+        found = inconsistencies(self.model_dump())
+        if found:
+            kind = "inconsistent_mission"
+            message = "; ".join(f"{one.field}: {one.message}" for one in found)
+            raise PydanticCustomError(kind, "{text}", {"text": message})
+        return self

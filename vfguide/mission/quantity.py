@@ -1,0 +1,69 @@
+"""Numbers and names as a mission file may hold them.
+
+Numbers are strict: text in quotes, yes/no values, NaN and infinities are not numbers here.
+Units live in the field names (``_m``, ``_m_s``, ``_deg``, ``_s``).
+"""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""Any finite number."""
+
+WholeNumber = Annotated[int, Field(strict=True)]
+"""An integer."""
+
+Switch = Annotated[bool, Field(strict=True)]
+"""true or false, and nothing that merely looks like it."""
+
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
+"""A finite number above zero."""
+
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
+"""A finite number, zero or above."""
+
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100e3, le=100e3)]
+"""A local coordinate (m): further out, the flat local frame no longer describes the earth."""
+
+Course = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)]
+"""A direction (degrees), clockwise from north."""
+
+Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=300.0)]
+"""A speed of flight (m/s)."""
+
+Gain = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)]
+"""A feedback gain: positive, so that the loop it closes is stable."""
+
+Duration = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=60.0)]
+"""A delay or time constant (s); none of vfguide's is anywhere near a minute."""
+
+VEHICLE_NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
+MISSION_NAME = r"^[a-z0-9][a-z0-9-]{0,63}$"
+NAME_RULES = {
+    VEHICLE_NAME: "a letter and up to 31 more letters, digits, hyphens or underscores",
+    MISSION_NAME: "up to 64 lower-case letters, digits and hyphens",
+}
+"""The patterns of names in words."""
+
+VehicleName = Annotated[str, Field(pattern=VEHICLE_NAME)]
+"""What a vehicle is called: also a topic of the link and a file name, hence the narrow alphabet."""
+
+MissionName = Annotated[str, Field(pattern=MISSION_NAME)]
+"""What a mission is called: also the name of its record."""
+
+
+class Section(BaseModel):
+    """A group of fields in a mission file: immutable, and closed to names it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Position(Section):
+    """A point in the local frame of the mission."""
+
+    north_m: Coordinate = 0.0
+    """Metres north of the mission's origin."""
+
+    east_m: Coordinate = 0.0
+    """Metres east of the mission's origin."""

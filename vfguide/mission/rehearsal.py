@@ -1,0 +1,134 @@
+"""How a mission is flown on the computer, and what counts as a good flight."""
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field
+
+from vfguide.mission.quantity import (
+    Coordinate,
+    Course,
+    Duration,
+    NotNegative,
+    Positive,
+    Section,
+    WholeNumber,
+)
+
+
+class CalmWind(Section):
+    """No wind."""
+
+    type: Literal["calm"]
+    """`calm`."""
+
+
+class ArticleWind(Section):
+    """The article's wind: 5 + 3 cos(0.1 t) m/s, blowing toward 135° + 180° sin(0.1 t)."""
+
+    type: Literal["article"]
+    """`article`."""
+
+
+class SteadyWind(Section):
+    """The same wind everywhere, all the time."""
+
+    type: Literal["steady"]
+    """`steady`."""
+
+    speed_m_s: Annotated[NotNegative, Field(le=100.0)]
+    """Wind speed, m/s."""
+
+    toward_deg: Course
+    """Where the air moves to (not where it comes from), degrees clockwise from north."""
+
+
+Wind = Annotated[CalmWind | ArticleWind | SteadyWind, Field(discriminator="type")]
+
+
+class LeaderStart(Section):
+    """Where the leader is when the rehearsal begins."""
+
+    north_m: Coordinate
+    """Metres north of the origin."""
+
+    east_m: Coordinate
+    """Metres east of the origin."""
+
+    course_deg: Course | None = None
+    """Course at the start, degrees; along the beginning of the path if absent."""
+
+
+class FollowerStart(Section):
+    """How far from its slot a follower is when the rehearsal begins."""
+
+    forward_m: Coordinate = 0.0
+    """Ahead of its slot, along the leader's course at the start, m; negative is behind."""
+
+    right_m: Coordinate = 0.0
+    """Right of its slot, m; negative is left."""
+
+    course_deg: Course | None = None
+    """Course at the start, degrees; the leader's if absent."""
+
+
+class Start(Section):
+    """Where everyone begins: `leader`, and each follower by the name of its vehicle."""
+
+    model_config = ConfigDict(extra="allow")
+
+    __pydantic_extra__: dict[str, FollowerStart] = Field(init=False)
+
+    leader: LeaderStart | None = None
+    """Where the leader begins; 30 m right of the beginning of the path if absent."""
+
+    @property
+    def followers(self) -> dict[str, FollowerStart]:
+        """The followers whose start the mission gives, by vehicle name."""
+        return dict(self.__pydantic_extra__)
+
+
+class Rehearsal(Section):
+    """The flight on the computer."""
+
+    duration_s: Annotated[Positive, Field(le=86400.0)] = 300.0
+    """How long it lasts, s."""
+
+    rate_hz: Annotated[Positive, Field(ge=1.0, le=200.0)] = 20.0
+    """Position reports per second, and with them guidance steps."""
+
+    start: Start = Start()
+    """Where everyone begins."""
+
+    link_delay_s: Duration = 0.1
+    """Time a leader state takes to arrive, s."""
+
+    link_jitter_s: Duration = 0.0
+    """Random extra delay, s: uniform between 0 and this."""
+
+    link_loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
+    """Share of leader states that never arrive, 0 to below 1."""
+
+    position_noise_m: Annotated[NotNegative, Field(le=1000.0)] = 0.0
+    """Standard deviation of the noise on each position report, m."""
+
+    seed: Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)] = 1
+    """Seed of everything random: the same seed gives the same flight."""
+
+
+class Acceptance(Section):
+    """What the flight must reach; whatever is absent is not asked for."""
+
+    mean_error_m: Positive | None = None
+    """Highest mean formation error over the second half of the flight, m."""
+
+    max_error_m: Positive | None = None
+    """Highest formation error over the second half of the flight, m."""
+
+    settle_10m_s: Positive | None = None
+    """Time after which every follower stays within 10 m of its slot, s."""
+
+    settle_1m_s: Positive | None = None
+    """Time after which every follower stays within 1 m of its slot, s."""
+
+    min_separation_m: NotNegative = 5.0
+    """Least distance between any two vehicles, at any time, m."""

@@ -1,0 +1,96 @@
+"""Before take-off: does the rehearsal begin, and is it judged, in a sensible way?"""
+
+import math
+from collections.abc import Iterator
+from itertools import combinations
+
+from vfguide.mission.consistency import LEADER
+from vfguide.mission.finding import Finding
+from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
+from vfguide.mission.location import Location
+from vfguide.mission.model import Mission
+from vfguide.mission.starts import StartState, follower_start, leader_start
+
+FAR_M = 1000.0
+"""A start further away than this (m) takes most of a rehearsal to fly in from."""
+
+
+def distance_from_path(path: LinePath | CirclePath | RacetrackPath, start: StartState) -> float:
+    """Horizontal distance (m) of a place from a path."""
+    if isinstance(path, LinePath):
+        along, right = _seen_from(path.point.north_m, path.point.east_m, path.course_deg, start)
+        return abs(right)
+    centre = path.centre
+    if isinstance(path, CirclePath):
+        distance = math.hypot(start.north_m - centre.north_m, start.east_m - centre.east_m)
+        return abs(distance - path.radius_m)
+    along, right = _seen_from(centre.north_m, centre.east_m, path.course_deg, start)
+    beyond = max(0.0, abs(along) - path.leg_m / 2.0)
+    return abs(math.hypot(beyond, right) - path.radius_m)
+
+
+def _seen_from(
+    north_m: float, east_m: float, course_deg: float, start: StartState
+) -> tuple[float, float]:
+    """(along, right of) a direction from a point to a place, m."""
+    north, east, course = start.north_m - north_m, start.east_m - east_m, math.radians(course_deg)
+    along = north * math.cos(course) + east * math.sin(course)
+    return along, east * math.cos(course) - north * math.sin(course)
+
+
+def crowded_starts(mission: Mission) -> Iterator[Finding]:
+    """Vehicles that begin closer together than they may ever be."""
+    places = {LEADER: leader_start(mission)}
+    places |= {one.vehicle: follower_start(mission, one.vehicle) for one in mission.followers}
+    allowed = mission.acceptance.min_separation_m
+    for (other, at_other), (name, here) in combinations(places.items(), 2):
+        distance = math.dist(
+            (at_other.north_m, at_other.east_m, at_other.up_m),
+            (here.north_m, here.east_m, here.up_m),
+        )
+        if distance < allowed:
+            yield Finding(
+                "warning",
+                ("rehearsal", "start", name),
+                f"begins {distance:.1f} m from {other}, closer than acceptance.min_separation_m = {allowed:g} m",
+                "move one of the two starts",
+            )
+
+
+def distant_starts(mission: Mission) -> Iterator[Finding]:
+    """Vehicles that begin so far away that the rehearsal is mostly their way in."""
+    away = distance_from_path(mission.path, leader_start(mission))
+    distances: list[tuple[Location, float, str]] = [
+        (("rehearsal", "start", LEADER), away, "the path")
+    ]
+    for name, start in mission.rehearsal.start.followers.items():
+        displacement = math.hypot(start.forward_m, start.right_m)
+        distances.append((("rehearsal", "start", name), displacement, "its slot"))
+    for location, distance, target in distances:
+        if distance > FAR_M:
+            message = f"begins {distance:.0f} m from {target}"
+            yield Finding("warning", location, message, f"begin within {FAR_M:.0f} m of it")
+
+
+def below_ground(mission: Mission) -> Iterator[Finding]:
+    """Slots below the origin's altitude."""
+    for index, follower in enumerate(mission.followers):
+        height = mission.height_above_origin_m + follower.slot.up_m
+        if height <= 0.0:
+            yield Finding(
+                "error",
+                ("followers", index, "slot", "up_m"),
+                f"this slot is {-height:g} m below the origin",
+                "raise the slot or height_above_origin_m",
+            )
+
+
+def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
+    """Settling times that the rehearsal is too short to tell from never settling."""
+    duration = mission.rehearsal.duration_s
+    for name in ("settle_10m_s", "settle_1m_s"):
+        allowed = getattr(mission.acceptance, name)
+        if allowed is not None and allowed >= duration:
+            message = f"{allowed:g} s is no shorter than the rehearsal of {duration:g} s"
+            remedy = "lengthen rehearsal.duration_s or ask for earlier settling"
+            yield Finding("warning", ("acceptance", name), message, remedy)

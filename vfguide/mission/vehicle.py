@@ -1,0 +1,51 @@
+"""What a mission file tells about each vehicle."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
+
+from vfguide.mission.quantity import Gain, Positive, Section, Speed
+
+
+def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
+    lowest, highest = airspeed_range
+    if lowest >= highest:
+        kind = "airspeed_range"
+        message = "the lowest airspeed comes first and must be below the highest"
+        raise PydanticCustomError(kind, message)
+    return airspeed_range
+
+
+AirspeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ascending)]
+
+
+class Vehicle(Section):
+    """One aircraft: its address, its autopilot and what it can do."""
+
+    system_id: Annotated[int, Field(strict=True, ge=1, le=255)]
+    """MAVLink system id, 1 to 255, different for each vehicle."""
+
+    component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
+    """MAVLink component id of its autopilot."""
+
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Which autopilot flies it; decides how setpoints and modes are spoken."""
+
+    plant: Literal["course-hold", "heading-hold"] = "heading-hold"
+    """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
+
+    alpha_1_s: Annotated[Gain, Field(le=20.0)] = 1.2
+    """alpha of the article: bandwidth of the course (or heading) hold, 1/s."""
+
+    beta_1_s: Annotated[Gain, Field(le=20.0)] = 0.8
+    """beta of the article: bandwidth of the speed hold, 1/s."""
+
+    airspeed_range_m_s: AirspeedRange = (12.0, 32.0)
+    """Lowest and highest airspeed it may be asked for, m/s."""
+
+    max_bank_deg: Annotated[Positive, Field(le=80.0)] = 45.0
+    """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
+
+    max_acceleration_m_s2: Annotated[Positive, Field(le=50.0)] = 3.0
+    """Fastest change of speed along the flight path, either way, m/s²."""

@@ -1,0 +1,208 @@
+"""YAML text → plain data, with the line of every field.
+
+Only what a mission file needs is understood: groups, lists, text, numbers, true/false and null, by the
+rules of YAML 1.2 that editors follow (`no` and `12:30` are text, `1e3` is a number). Aliases and foreign tags
+are refused, and size and depth are bounded: a mission file may come from anywhere.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import yaml
+
+from vfguide.mission.faults import shortened
+from vfguide.mission.location import Location
+
+MAX_DEPTH = 16
+MAX_NODES = 20_000
+MAX_DIGITS = 400
+
+_INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS: dict[str, bool | None] = {
+    "": None,
+    "~": None,
+    "null": None,
+    "Null": None,
+    "NULL": None,
+    "true": True,
+    "True": True,
+    "TRUE": True,
+    "false": False,
+    "False": False,
+    "FALSE": False,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TreeFault:
+    """Something in the text that no mission file may contain."""
+
+    line: int
+    location: Location
+    message: str
+    remedy: str
+
+
+class TreeError(Exception):
+    """The text cannot be read any further."""
+
+    def __init__(self, fault: TreeFault) -> None:
+        super().__init__(fault.message)
+        self.fault = fault
+
+
+@dataclass(slots=True)
+class Tree:
+    """Plain data, where each part of it stands, and what was wrong on the way."""
+
+    data: object = None
+    """None, bool, int, float, str, and lists and mappings of these."""
+    lines: dict[Location, int] = field(default_factory=dict)
+    """Line of each field, counted from 1."""
+    faults: list[TreeFault] = field(default_factory=list)
+    """Faults that left the rest readable."""
+
+
+def read_tree(text: str) -> Tree:
+    """Read one YAML document.
+
+    Raises:
+        TreeError: the text is no YAML, or holds what makes it unreadable as a whole.
+    """
+    try:
+        return _Reader(text).read()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else 1
+        detail = error.problem or error.context or "unreadable"
+        raise TreeError(_syntax_fault(line, detail)) from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        message = f"character U+{ord(text[error.position]):04X} cannot stand in a YAML file"
+        raise TreeError(TreeFault(line, (), message, "remove it")) from error
+    except (ValueError, OverflowError) as error:
+        # PyYAML lets these escape on absurd version numbers and on escapes past U+10FFFF
+        raise TreeError(_syntax_fault(1, "a number or escape is out of range")) from error
+
+
+def _syntax_fault(line: int, detail: str) -> TreeFault:
+    remedy = "check indentation, colons, brackets and quotes there"
+    return TreeFault(line, (), f"not valid YAML: {shortened(detail, 100)}", remedy)
+
+
+class _Reader:
+    """Builds the tree from PyYAML's stream of events."""
+
+    def __init__(self, text: str) -> None:
+        self._tree = Tree()
+        self._nodes = 0
+        self._events: Iterator[yaml.Event] = self._bounded(yaml.parse(text, Loader=yaml.SafeLoader))
+
+    def read(self) -> Tree:
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                self._tree.data = self._value(next(self._events), ())
+                break
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                message, remedy = "a second document begins", "one file holds one mission"
+                raise TreeError(TreeFault(_line(event), (), message, remedy))
+        return self._tree
+
+    def _bounded(self, events: Iterator[yaml.Event]) -> Iterator[yaml.Event]:
+        """The events, as long as they are few, shallow and without aliases."""
+        depth = 0
+        for event in events:
+            self._nodes += isinstance(event, yaml.NodeEvent)
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if self._nodes > MAX_NODES:
+                message, remedy = f"more than {MAX_NODES} entries", "this is no mission file"
+            elif depth > MAX_DEPTH:
+                message, remedy = "nested too deeply", "no field lies that deep"
+            elif isinstance(event, yaml.AliasEvent):
+                message = f"alias *{shortened(str(event.anchor))} is not supported"
+                remedy = "write the value out"
+            else:
+                yield event
+                continue
+            raise TreeError(TreeFault(_line(event), (), message, remedy))
+
+    def _value(self, event: yaml.Event, location: Location) -> object:
+        self._tree.lines.setdefault(location, _line(event))
+        if isinstance(event, yaml.MappingStartEvent):
+            self._refuse_tag(event, location, "tag:yaml.org,2002:map")
+            return self._mapping(location)
+        if isinstance(event, yaml.SequenceStartEvent):
+            self._refuse_tag(event, location, "tag:yaml.org,2002:seq")
+            return self._sequence(location)
+        if isinstance(event, yaml.ScalarEvent):
+            return self._scalar(event, location)
+        raise TreeError(TreeFault(_line(event), location, "a value is missing here", ""))
+
+    def _mapping(self, location: Location) -> dict[str, object]:
+        found: dict[str, object] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent):
+                message = "a list or group cannot be the name of a field"
+                raise TreeError(TreeFault(_line(event), location, message, "write name: value"))
+            name = self._text(event, location)
+            inner = (*location, name)
+            if name in found:
+                first = self._tree.lines[inner]
+                message = f"given twice, first in line {first}"
+                self._tree.faults.append(TreeFault(_line(event), inner, message, "remove one"))
+                self._value(next(self._events), inner)
+                continue
+            self._tree.lines[inner] = _line(event)
+            found[name] = self._value(next(self._events), inner)
+        return found
+
+    def _sequence(self, location: Location) -> list[object]:
+        found: list[object] = []
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            found.append(self._value(event, (*location, len(found))))
+        return found
+
+    def _scalar(self, event: yaml.ScalarEvent, location: Location) -> object:
+        self._refuse_tag(event, location, "tag:yaml.org,2002:str")
+        if event.style is None and event.tag is None:
+            return plain_value(self._text(event, location))
+        return self._text(event, location)
+
+    def _text(self, event: yaml.ScalarEvent, location: Location) -> str:
+        """The text of a scalar; lone surrogates, which no output could carry, are a fault."""
+        if any("\ud800" <= character <= "\udfff" for character in event.value):
+            message, remedy = "half of a surrogate pair is no character", "remove it"
+            self._tree.faults.append(TreeFault(_line(event), location, message, remedy))
+            return event.value.encode("utf-8", "replace").decode()
+        return str(event.value)
+
+    def _refuse_tag(self, event: yaml.Event, location: Location, own: str) -> None:
+        """Tags can make YAML construct anything; a mission needs none."""
+        tag = getattr(event, "tag", None)
+        if tag is not None and tag not in {own, "!"}:
+            short = str(tag).replace("tag:yaml.org,2002:", "!!")
+            message = f"tag {shortened(short)} is not supported"
+            fault = TreeFault(_line(event), location, message, "write the plain value")
+            self._tree.faults.append(fault)
+
+
+def _line(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 1
+
+
+def plain_value(text: str) -> object:
+    """What an unquoted scalar means, by the core schema of YAML 1.2."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text) and len(text) <= MAX_DIGITS:
+        return int(text)
+    if _FLOAT.fullmatch(text) or _INTEGER.fullmatch(text):
+        return float(text)
+    if _NOT_FINITE.fullmatch(text):
+        return float(text.replace(".", "", 1))
+    return text

@@ -1,0 +1,1 @@
+"""The flight record: what every vehicle really did, in one file."""

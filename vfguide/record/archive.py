@@ -1,0 +1,87 @@
+"""One file of named arrays with a JSON description: a NumPy `.npz` archive without pickles.
+
+Reading trusts nothing. Whatever is wrong with a file becomes one `InputError` with one line.
+"""
+
+import json
+import os
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vfguide.errors import InputError
+
+AnyArray = NDArray[np.generic]
+
+DESCRIPTION = "description"
+"""Name of the array that holds the JSON text."""
+
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    tokenize.TokenError,
+    EOFError,
+    MemoryError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    LookupError,
+)
+"""What NumPy, zipfile and zlib raise on bytes that are no archive, or a damaged one."""
+
+
+def write_archive(
+    path: Path, description: Mapping[str, object], arrays: Mapping[str, AnyArray]
+) -> None:
+    """Write an archive whole or not at all: an interrupted write leaves the file that was there.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    partial = path.with_name(path.name + ".partial")
+    text = json.dumps(description, ensure_ascii=True, allow_nan=False)
+    contents: dict[str, Any] = {DESCRIPTION: np.array(text), **arrays}
+    try:
+        with partial.open("wb") as stream:
+            np.savez_compressed(stream, **contents)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+    """The description and the arrays of an archive.
+
+    Raises:
+        InputError: the file is missing, unreadable, damaged or something else.
+    """
+    try:
+        stored = np.load(path, allow_pickle=False)
+        if not isinstance(stored, np.lib.npyio.NpzFile):
+            raise InputError(f"{path}: is no flight record, but a single NumPy array")
+        with stored:
+            arrays: dict[str, AnyArray] = {name: stored[name] for name in stored.files}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UNREADABLE as error:
+        raise InputError(f"{path}: is no flight record, or a damaged one") from error
+    try:
+        description = json.loads(str(arrays.pop(DESCRIPTION)))
+    except (LookupError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is no flight record: it has no description") from error
+    if not isinstance(description, dict):
+        raise InputError(f"{path}: is no flight record: its description is no JSON object")
+    return description, arrays

@@ -1,0 +1,211 @@
+"""What happened on a flight: the true states of every vehicle and the setpoints it was sent.
+
+Frame: local, metres north and east of the mission's origin; angles in radians clockwise from north; wind is
+the vector the air moves toward. All arrays of a record have one entry for each sample of its `time_s`.
+"""
+
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+from vfguide.errors import InputError
+from vfguide.record.archive import AnyArray, read_archive, write_archive
+from vfguide.record.vehicle import (
+    SERIES,
+    IntegerArray,
+    Role,
+    VehicleRecord,
+    compose_vehicle,
+    describe_vehicle,
+    floats,
+)
+
+__all__ = ["Acceptance", "FlightMode", "FlightRecord", "IntegerArray", "Role", "VehicleRecord"]
+
+FlightMode = Literal["lockstep", "live"]
+
+FORMAT = "vfguide-flight-record"
+"""Says in each file what it is."""
+
+VERSION = 1
+"""Of the layout of the file; a reader refuses what is newer than itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptance:
+    """What the flight had to reach. None: not asked for."""
+
+    mean_error_m: float | None = None
+    """Highest mean formation error in the window, m."""
+    max_error_m: float | None = None
+    """Highest formation error in the window, m."""
+    settle_10m_s: float | None = None
+    """Time from which every follower has to be within 10 m of its slot, s."""
+    settle_1m_s: float | None = None
+    """Time from which every follower has to be within 1 m of its slot, s."""
+    min_separation_m: float = 0.0
+    """Least distance between any two vehicles at any time, m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightRecord:
+    """A whole flight.
+
+    Raises:
+        ValueError: the arrays do not fit together, or there is no leader first.
+    """
+
+    time_s: FloatArray
+    """N sample times from the beginning of the flight, ascending."""
+    vehicles: tuple[VehicleRecord, ...]
+    """The leader, then its followers."""
+    mode_names: tuple[str, ...]
+    """Names of the supervisor's modes, by number."""
+    path_north_m: FloatArray
+    """M points along the planned path, for drawing."""
+    path_east_m: FloatArray
+    """M points along the planned path, for drawing."""
+    mission: str
+    """Name of the mission."""
+    controller: str
+    """`slot`, `article`, `pid` or `mpc`."""
+    plant: str
+    """`course-hold` or `heading-hold`."""
+    wind: str
+    """Type of the wind that blew, such as `calm` or `article`."""
+    mode: FlightMode
+    """`lockstep` in virtual time, `live` over real sockets."""
+    rate_hz: float
+    """Position reports per second, 1/s."""
+    seed: int
+    """Of everything random."""
+    duration_s: float
+    """How long the flight lasted, as flown, s."""
+    wall_s: float
+    """How long that took, s."""
+    acceptance: Acceptance
+    """What the flight had to reach."""
+
+    def __post_init__(self) -> None:
+        if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
+            raise ValueError("a flight has exactly one leader")
+        if self.leader.role != "leader":
+            raise ValueError("the leader comes first")
+        if len({vehicle.name for vehicle in self.vehicles}) != len(self.vehicles):
+            raise ValueError("two vehicles have the same name")
+        if self.time_s.ndim != 1 or not bool(np.all(np.diff(self.time_s) >= 0.0)):
+            raise ValueError("times are not ascending")
+        if self.path_north_m.ndim != 1 or self.path_north_m.shape != self.path_east_m.shape:
+            raise ValueError("the drawn path has not as many norths as easts")
+        for vehicle in self.vehicles:
+            for name in (*SERIES, "mode", "limited"):
+                shape = getattr(vehicle, name).shape
+                if shape != self.time_s.shape:
+                    wanted = self.time_s.shape
+                    raise ValueError(f"{vehicle.name}: {name} has shape {shape}, not {wanted}")
+
+    @property
+    def leader(self) -> VehicleRecord:
+        """The leader."""
+        return self.vehicles[0]
+
+    @property
+    def followers(self) -> tuple[VehicleRecord, ...]:
+        """All but the leader, in the order of the mission file."""
+        return self.vehicles[1:]
+
+    def save(self, path: Path) -> None:
+        """Write the record to one `.npz` file, whole or not at all.
+
+        Raises:
+            InputError: the place cannot be written to.
+        """
+        arrays: dict[str, AnyArray] = {
+            "time_s": self.time_s,
+            "path_north_m": self.path_north_m,
+            "path_east_m": self.path_east_m,
+        }
+        for number, vehicle in enumerate(self.vehicles):
+            for name in (*SERIES, "mode", "limited"):
+                arrays[f"vehicle_{number}_{name}"] = getattr(vehicle, name)
+        write_archive(path, _describe(self), arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> "FlightRecord":
+        """Read a record.
+
+        Raises:
+            InputError: the file is missing, damaged, or something else; one line.
+        """
+        description, arrays = read_archive(path)
+        if description.get("format") != FORMAT:
+            raise InputError(f"{path}: is no flight record: its format is not {FORMAT}")
+        if description.get("version") != VERSION:
+            version = description.get("version")
+            raise InputError(
+                f"{path}: is a flight record of version {version!r:.20}, this program reads {VERSION}"
+            )
+        try:
+            return _compose(description, arrays)
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(f"{path}: is a damaged flight record: {reason}") from error
+
+
+TEXTS = ("mission", "controller", "plant", "wind", "mode")
+NUMBERS = ("rate_hz", "duration_s", "wall_s")
+
+
+def _describe(record: FlightRecord) -> dict[str, object]:
+    """All of a record that is no array, ready for JSON."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        **{name: getattr(record, name) for name in (*TEXTS, *NUMBERS)},
+        "seed": record.seed,
+        "mode_names": list(record.mode_names),
+        "acceptance": asdict(record.acceptance),
+        "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
+    }
+
+
+def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> FlightRecord:
+    """A record from its parts; LookupError, TypeError or ValueError where one is missing or misshapen."""
+    mode = description["mode"]
+    if mode not in get_args(FlightMode):
+        raise ValueError("mode is neither lockstep nor live")
+    return FlightRecord(
+        time_s=floats(arrays, "time_s"),
+        vehicles=tuple(
+            compose_vehicle(entry, arrays, f"vehicle_{number}_")
+            for number, entry in enumerate(description["vehicles"])
+        ),
+        mode_names=tuple(str(name) for name in description["mode_names"]),
+        path_north_m=floats(arrays, "path_north_m"),
+        path_east_m=floats(arrays, "path_east_m"),
+        mission=str(description["mission"]),
+        controller=str(description["controller"]),
+        plant=str(description["plant"]),
+        wind=str(description["wind"]),
+        mode=mode,
+        rate_hz=float(description["rate_hz"]),
+        seed=int(description["seed"]),
+        duration_s=float(description["duration_s"]),
+        wall_s=float(description["wall_s"]),
+        acceptance=_compose_acceptance(description["acceptance"]),
+    )
+
+
+def _compose_acceptance(entry: dict[str, Any]) -> Acceptance:
+    """The acceptance, every limit a number or, where it may be, nothing."""
+    limits = {
+        field.name: None if entry[field.name] is None else float(entry[field.name])
+        for field in fields(Acceptance)
+    }
+    separation = limits.pop("min_separation_m")
+    if separation is None:
+        raise ValueError("min_separation_m is missing")
+    return Acceptance(min_separation_m=separation, **limits)

@@ -1,0 +1,128 @@
+"""What one vehicle did on a flight: its true states and the setpoints it was sent.
+
+Frame: local, metres north and east of the mission's origin; angles in radians clockwise from north; wind is
+the vector the air moves toward.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.record.archive import AnyArray
+
+Role = Literal["leader", "follower"]
+IntegerArray = NDArray[np.integer[Any]]
+
+SERIES = (
+    "north_m",
+    "east_m",
+    "altitude_amsl_m",
+    "course_rad",
+    "ground_speed_m_s",
+    "heading_rad",
+    "airspeed_m_s",
+    "bank_rad",
+    "wind_north_m_s",
+    "wind_east_m_s",
+    "path_cross_track_error_m",
+    "course_setpoint_rad",
+    "airspeed_setpoint_m_s",
+    "ground_speed_setpoint_m_s",
+    "lyapunov",
+)
+"""The arrays of floats in a `VehicleRecord`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VehicleRecord:
+    """One vehicle on one flight: N samples of where it truly was, and what it was asked for."""
+
+    name: str
+    """As in the mission file."""
+    role: Role
+    """`leader` or `follower`."""
+    system_id: int
+    """MAVLink system."""
+    slot_forward_m: float
+    """Slot ahead of the leader, m; 0 for the leader."""
+    slot_right_m: float
+    """Slot right of the leader, m; 0 for the leader."""
+    north_m: FloatArray
+    """True position, m."""
+    east_m: FloatArray
+    """True position, m."""
+    altitude_amsl_m: FloatArray
+    """True altitude above mean sea level, m."""
+    course_rad: FloatArray
+    """True course chi; wrapped or not."""
+    ground_speed_m_s: FloatArray
+    """True ground speed V_g."""
+    heading_rad: FloatArray
+    """True heading psi; wrapped or not."""
+    airspeed_m_s: FloatArray
+    """True airspeed V_a."""
+    bank_rad: FloatArray
+    """True bank angle, positive with the right wing down."""
+    wind_north_m_s: FloatArray
+    """True wind at the vehicle, toward."""
+    wind_east_m_s: FloatArray
+    """True wind at the vehicle, toward."""
+    path_cross_track_error_m: FloatArray
+    """True signed distance of the leader from its path, positive right of track; NaN for followers."""
+    course_setpoint_rad: FloatArray
+    """Last course setpoint sent; NaN before the first."""
+    airspeed_setpoint_m_s: FloatArray
+    """Last airspeed setpoint sent; NaN where none was sent."""
+    ground_speed_setpoint_m_s: FloatArray
+    """Last ground speed setpoint sent; NaN where none was sent."""
+    mode: IntegerArray
+    """Mode of the supervisor, an index into the record's `mode_names`."""
+    limited: BoolArray
+    """Whether a limit of the vehicle cut the setpoint."""
+    lyapunov: FloatArray
+    """The follower's Lyapunov function W, m²; NaN for the leader."""
+
+
+def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
+    """All of a vehicle's record that is no array, ready for JSON."""
+    return {
+        "name": vehicle.name,
+        "role": vehicle.role,
+        "system_id": vehicle.system_id,
+        "slot_forward_m": vehicle.slot_forward_m,
+        "slot_right_m": vehicle.slot_right_m,
+    }
+
+
+def compose_vehicle(
+    entry: dict[str, Any], arrays: dict[str, AnyArray], prefix: str
+) -> VehicleRecord:
+    """One vehicle from its description and the arrays whose names begin with the prefix."""
+    role = entry["role"]
+    if role not in get_args(Role):
+        raise ValueError("role is neither leader nor follower")
+    limited = arrays[prefix + "limited"]
+    mode = arrays[prefix + "mode"]
+    if limited.dtype != np.bool_ or not np.issubdtype(mode.dtype, np.integer):
+        raise ValueError("limited or mode has the wrong type")
+    return VehicleRecord(
+        name=str(entry["name"]),
+        role=role,
+        system_id=int(entry["system_id"]),
+        slot_forward_m=float(entry["slot_forward_m"]),
+        slot_right_m=float(entry["slot_right_m"]),
+        mode=mode.astype(np.int64),
+        limited=limited.astype(np.bool_),
+        **{name: floats(arrays, prefix + name) for name in SERIES},
+    )
+
+
+def floats(arrays: dict[str, AnyArray], name: str) -> FloatArray:
+    """One array of floats."""
+    array = arrays[name]
+    if not np.issubdtype(array.dtype, np.floating):
+        raise ValueError(f"{name} holds no numbers")
+    return array.astype(np.float64)

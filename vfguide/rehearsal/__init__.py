@@ -1,0 +1,1 @@
+"""A whole formation on one computer: emulators and companions, joined by MAVLink bytes."""

@@ -1,0 +1,58 @@
+"""The emulated aircraft of a mission."""
+
+import math
+
+import sitl_stub
+from vfguide.companion.plan import local_frame
+from vfguide.mission.model import Mission
+from vfguide.mission.rehearsal import ArticleWind, SteadyWind
+from vfguide.mission.starts import StartState, follower_start, leader_start
+
+
+def wind_of(mission: Mission) -> sitl_stub.Wind:
+    """The wind that a mission declares."""
+    wind = mission.wind
+    if isinstance(wind, ArticleWind):
+        return sitl_stub.ArticleWind()
+    if isinstance(wind, SteadyWind):
+        return sitl_stub.SteadyWind(wind.speed_m_s, math.radians(wind.toward_deg))
+    return sitl_stub.CalmWind()
+
+
+def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
+    """The aircraft of this name, in the air at its start."""
+    vehicle = mission.vehicles[name]
+    start = start_of(mission, name)
+    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
+    ground = mission.origin.altitude_amsl_m
+    lowest, highest = vehicle.airspeed_range_m_s
+    plant = sitl_stub.PlantParameters(
+        kind=vehicle.plant,
+        alpha_1_s=vehicle.alpha_1_s,
+        beta_1_s=vehicle.beta_1_s,
+        airspeed_min_m_s=lowest,
+        airspeed_max_m_s=highest,
+        max_bank_rad=math.radians(vehicle.max_bank_deg),
+        max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
+    )
+    config = sitl_stub.AutopilotConfig(
+        system_id=vehicle.system_id,
+        autopilot=vehicle.autopilot,
+        plant=plant,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=ground + mission.height_above_origin_m + start.up_m,
+        home_altitude_amsl_m=ground,
+        course_rad=math.radians(start.course_deg),
+        airspeed_m_s=min(max(mission.leader.airspeed_m_s, lowest), highest),
+        position_noise_m=mission.rehearsal.position_noise_m,
+        seed=mission.rehearsal.seed,
+    )
+    return sitl_stub.Autopilot(config, wind_of(mission))
+
+
+def start_of(mission: Mission, name: str) -> StartState:
+    """Where a vehicle begins."""
+    if name == mission.leader.vehicle:
+        return leader_start(mission)
+    return follower_start(mission, name)

@@ -1,0 +1,160 @@
+"""Collects what happens on a rehearsal, and makes a flight record of it."""
+
+import math
+from collections.abc import Sequence
+from operator import attrgetter
+
+import numpy as np
+import pymap3d
+
+import sitl_stub
+from vfguide.companion.core import Snapshot
+from vfguide.companion.plan import path_of
+from vfguide.companion.supervisor import Mode
+from vfguide.elementwise import FloatArray
+from vfguide.mission.flight_path import LinePath, RacetrackPath
+from vfguide.mission.model import Mission
+from vfguide.record.flight import Acceptance, FlightMode, FlightRecord
+from vfguide.record.vehicle import VehicleRecord
+from vfguide.state import Setpoint
+
+TRUTHS = (
+    "altitude_amsl_m",
+    "course_rad",
+    "ground_speed_m_s",
+    "heading_rad",
+    "airspeed_m_s",
+    "bank_rad",
+    "wind_north_m_s",
+    "wind_east_m_s",
+)
+"""What a vehicle's record takes as it is from the emulator's true state."""
+
+MODES = tuple(Mode)
+
+DRAWN_POINTS = 361
+"""Points of a drawn path."""
+
+
+class Recorder:
+    """True states and companions' doings, sample by sample."""
+
+    def __init__(self, mission: Mission, emulators: Sequence[sitl_stub.Autopilot]) -> None:
+        """Record a mission flown by these emulators, leader first."""
+        self._mission = mission
+        self._emulators = emulators
+        self._times: list[float] = []
+        self._truths: list[list[sitl_stub.Truth]] = [[] for _ in emulators]
+        self._snapshots: list[list[Snapshot]] = [[] for _ in emulators]
+
+    def sample(self, now: float, snapshots: Sequence[Snapshot]) -> None:
+        """Note where everyone is and what every companion did."""
+        self._times.append(now)
+        for number, emulator in enumerate(self._emulators):
+            self._truths[number].append(emulator.truth())
+            self._snapshots[number].append(snapshots[number])
+
+    def record(self, *, wall_s: float, mode: FlightMode = "lockstep") -> FlightRecord:
+        """The flight so far."""
+        mission = self._mission
+        names = [mission.leader.vehicle, *mission.followers_by_name]
+        vehicles = tuple(
+            self._vehicle(name, self._truths[number], self._snapshots[number])
+            for number, name in enumerate(names)
+        )
+        path_north, path_east = drawn_path(mission, vehicles[0])
+        return FlightRecord(
+            time_s=np.array(self._times),
+            vehicles=vehicles,
+            mode_names=tuple(mode.value for mode in MODES),
+            path_north_m=path_north,
+            path_east_m=path_east,
+            mission=mission.name,
+            controller=mission.controller.type,
+            plant=mission.leader_vehicle.plant,
+            wind=mission.wind.type,
+            mode=mode,
+            rate_hz=mission.rehearsal.rate_hz,
+            seed=mission.rehearsal.seed,
+            duration_s=self._times[-1],
+            wall_s=wall_s,
+            acceptance=Acceptance(**mission.acceptance.model_dump()),
+        )
+
+    def _vehicle(
+        self, name: str, truths: list[sitl_stub.Truth], snapshots: list[Snapshot]
+    ) -> VehicleRecord:
+        mission = self._mission
+        north, east = local_positions(mission, truths)
+        setpoints = [snapshot.setpoint for snapshot in snapshots]
+        speeds = column(setpoints, "speed")
+        unsent = np.full_like(speeds, math.nan)
+        vehicle = mission.vehicles[name]
+        by_airspeed = vehicle.plant == "heading-hold"
+        leads = name == mission.leader.vehicle
+        slot = None if leads else mission.followers_by_name[name].slot
+        error = path_of(mission.path).nearest(north, east).cross_track_error
+        return VehicleRecord(
+            name=name,
+            role="leader" if leads else "follower",
+            system_id=vehicle.system_id,
+            slot_forward_m=slot.forward_m if slot else 0.0,
+            slot_right_m=slot.right_m if slot else 0.0,
+            north_m=north,
+            east_m=east,
+            **{field: column(truths, field) for field in TRUTHS},
+            path_cross_track_error_m=error if leads else np.full_like(error, math.nan),
+            course_setpoint_rad=column(setpoints, "course"),
+            airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
+            ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
+            mode=np.array([MODES.index(snapshot.mode) for snapshot in snapshots]),
+            limited=np.array([bool(one and one.limited) for one in setpoints]),
+            lyapunov=column(snapshots, "lyapunov"),
+        )
+
+
+def column(
+    rows: Sequence[sitl_stub.Truth] | Sequence[Setpoint[float] | None] | Sequence[Snapshot],
+    field: str,
+) -> FloatArray:
+    """One field of all rows; NaN where a row is None."""
+    read = attrgetter(field)
+    return np.array([math.nan if row is None else read(row) for row in rows], dtype=np.float64)
+
+
+def local_positions(
+    mission: Mission, truths: Sequence[sitl_stub.Truth]
+) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of true positions, m, by the frame that companions use but all at once."""
+    origin = mission.origin
+    north, east, _ = pymap3d.geodetic2ned(
+        column(truths, "latitude_deg"),
+        column(truths, "longitude_deg"),
+        origin.altitude_amsl_m,
+        origin.latitude_deg,
+        origin.longitude_deg,
+        origin.altitude_amsl_m,
+    )
+    return np.asarray(north, dtype=np.float64), np.asarray(east, dtype=np.float64)
+
+
+def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
+    """Points along the path: round it once, or along a line from its point to where the leader ended."""
+    path = mission.path
+    if isinstance(path, LinePath):
+        course = math.radians(path.course_deg)
+        north, east = leader.north_m - path.point.north_m, leader.east_m - path.point.east_m
+        along = north * math.cos(course) + east * math.sin(course)
+        stretch = np.linspace(min(0.0, float(along.min())), float(along.max()), DRAWN_POINTS)
+        return (
+            path.point.north_m + stretch * math.cos(course),
+            path.point.east_m + stretch * math.sin(course),
+        )
+    bearing = np.linspace(0.0, 2.0 * math.pi, DRAWN_POINTS)
+    north, east = path.radius_m * np.cos(bearing), path.radius_m * np.sin(bearing)
+    if isinstance(path, RacetrackPath):
+        course = math.radians(path.course_deg)
+        # Points ahead of the centre belong to the far half circle, points behind it to the near one.
+        ahead = np.sign(np.cos(bearing - course)) * path.leg_m / 2.0
+        north, east = north + ahead * math.cos(course), east + ahead * math.sin(course)
+    return path.centre.north_m + north, path.centre.east_m + east

@@ -1,0 +1,115 @@
+"""The figures of a flight, from its record: pure functions of arrays.
+
+A figure that cannot be had, such as a formation error without followers, is None. Errors are measured on
+true states, in the window that is the last half of the flight.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.record.flight import FlightRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How large a figure was: of its absolute values, over the window."""
+
+    mean: float
+    """Mean."""
+    p95: float
+    """95th percentile."""
+    max: float
+    """Greatest."""
+
+
+def spread(values: FloatArray) -> Spread | None:
+    """Mean, 95th percentile and greatest of absolute values; None without a single one, or with a NaN."""
+    if values.size == 0 or not bool(np.all(np.isfinite(values))):
+        return None
+    sizes = np.abs(values)
+    return Spread(
+        mean=float(np.mean(sizes)), p95=float(np.percentile(sizes, 95)), max=float(np.max(sizes))
+    )
+
+
+def window_s(record: FlightRecord) -> tuple[float, float]:
+    """Beginning and end of the last half of the flight, s: where errors count."""
+    return record.duration_s / 2.0, record.duration_s
+
+
+def in_window(record: FlightRecord) -> BoolArray:
+    """Which samples are in the window."""
+    begin, end = window_s(record)
+    # Times are sums of steps: a sample may be a rounding error outside the edge that it is on.
+    slack = 1e-6
+    return (record.time_s >= begin - slack) & (record.time_s <= end + slack)
+
+
+def settling_time(time_s: FloatArray, errors_m: FloatArray, limit_m: float) -> float | None:
+    """The last time any follower was `limit_m` or more from its slot, s.
+
+    Args:
+        time_s: N sample times.
+        errors_m: Formation errors, followers by samples; a NaN counts as out.
+        limit_m: Distance, m.
+
+    Returns:
+        0 if none ever was; None if one still is at the end, or nothing was measured.
+    """
+    if errors_m.size == 0:
+        return None
+    out = np.flatnonzero(np.any(~(errors_m < limit_m), axis=0))
+    if out.size == 0:
+        return 0.0
+    if out[-1] == time_s.size - 1:
+        return None
+    return float(time_s[out[-1]])
+
+
+def turning(angles_rad: FloatArray) -> FloatArray:
+    """Steps from each angle to the next, the short way round; samples that are NaN are left out."""
+    known = angles_rad[np.isfinite(angles_rad)]
+    return wrap_angle(np.diff(known))
+
+
+def variation_rate(time_s: FloatArray, angles_rad: FloatArray) -> float | None:
+    """Total variation of an angle per second, rad/s; None with fewer than two samples."""
+    seconds = _span(time_s, angles_rad)
+    return None if seconds is None else float(np.sum(np.abs(turning(angles_rad)))) / seconds
+
+
+def excess_variation_rate(time_s: FloatArray, angles_rad: FloatArray) -> float | None:
+    """What of the variation is back and forth: total variation less net turning, per second, rad/s.
+
+    A steady turn has none, whatever its rate. Chatter is all excess.
+    """
+    seconds = _span(time_s, angles_rad)
+    if seconds is None:
+        return None
+    steps = turning(angles_rad)
+    # The difference of two equal sums may come out a rounding error below zero.
+    return max(float(np.sum(np.abs(steps)) - abs(np.sum(steps))), 0.0) / seconds
+
+
+def _span(time_s: FloatArray, values: FloatArray) -> float | None:
+    """Seconds from the first to the last sample that is a number; None if there is no such span."""
+    known = time_s[np.isfinite(values)]
+    if known.size < 2 or known[-1] <= known[0]:
+        return None
+    return float(known[-1] - known[0])
+
+
+def share(flags: BoolArray) -> float | None:
+    """Share of the samples for which something holds, 0 to 1; None without samples."""
+    return float(np.mean(flags)) if flags.size else None
+
+
+def least_separation(distances_m: list[FloatArray]) -> float | None:
+    """Least distance of all pairs at all times, m; None without a pair, or where one is unknown."""
+    if not distances_m or distances_m[0].size == 0:
+        return None
+    least = float(np.min(np.stack(distances_m)))
+    return least if np.isfinite(least) else None

@@ -1,0 +1,93 @@
+"""Where slots and vehicles truly were: the geometry behind every figure of a report.
+
+Written apart from the guidance laws on purpose: what measures a flight must not share a sign error with
+what flew it. Frame: metres north and east; courses in radians clockwise from north.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+from vfguide.record.flight import FlightRecord, VehicleRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotError:
+    """Where a follower's slot was, seen from the follower, in the leader's course frame; m."""
+
+    along_track_m: FloatArray
+    """Positive where the slot was ahead."""
+    cross_track_m: FloatArray
+    """Positive where the slot was to the right."""
+    distance_m: FloatArray
+    """The formation error: distance of the follower from its slot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PairSeparation:
+    """How far two vehicles were from each other; m."""
+
+    first: str
+    """Name of one vehicle."""
+    second: str
+    """Name of the other."""
+    distance_m: FloatArray
+    """At each sample."""
+
+
+def in_course_frame(
+    north_m: FloatArray, east_m: FloatArray, course_rad: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(forward, right) components of a horizontal vector in the frame of a course."""
+    forward = north_m * np.cos(course_rad) + east_m * np.sin(course_rad)
+    right = -north_m * np.sin(course_rad) + east_m * np.cos(course_rad)
+    return forward, right
+
+
+def slot_track(
+    leader: VehicleRecord, forward_m: float, right_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of a slot: p_l + R(chi_l) (forward, right), from the leader's true state."""
+    cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
+    return (
+        leader.north_m + forward_m * cosine - right_m * sine,
+        leader.east_m + forward_m * sine + right_m * cosine,
+    )
+
+
+def seen_from_leader(
+    leader: VehicleRecord, vehicle: VehicleRecord
+) -> tuple[FloatArray, FloatArray]:
+    """(forward, right) of a vehicle in the leader's course frame, m."""
+    return in_course_frame(
+        vehicle.north_m - leader.north_m, vehicle.east_m - leader.east_m, leader.course_rad
+    )
+
+
+def slot_error(leader: VehicleRecord, follower: VehicleRecord) -> SlotError:
+    """The slot as the follower had it before it: slot minus follower, along and right of the leader's course.
+
+    The altitude plays no part: a formation error is horizontal.
+    """
+    north, east = slot_track(leader, follower.slot_forward_m, follower.slot_right_m)
+    north, east = north - follower.north_m, east - follower.east_m
+    along, cross = in_course_frame(north, east, leader.course_rad)
+    return SlotError(along_track_m=along, cross_track_m=cross, distance_m=np.hypot(north, east))
+
+
+def pair_separations(record: FlightRecord) -> tuple[PairSeparation, ...]:
+    """Distance of every two vehicles, in three dimensions."""
+    return tuple(
+        PairSeparation(
+            first=first.name,
+            second=second.name,
+            distance_m=np.sqrt(
+                (first.north_m - second.north_m) ** 2
+                + (first.east_m - second.east_m) ** 2
+                + (first.altitude_amsl_m - second.altitude_amsl_m) ** 2
+            ),
+        )
+        for first, second in combinations(record.vehicles, 2)
+    )

@@ -1,0 +1,121 @@
+"""From a flight record to its summary, and from that to `summary.json`.
+
+Errors are measured on true states, in the window that is the last half of the flight.
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vfguide.elementwise import BoolArray
+from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.report.figures import (
+    excess_variation_rate,
+    in_window,
+    least_separation,
+    settling_time,
+    share,
+    spread,
+    variation_rate,
+    window_s,
+)
+from vfguide.report.geometry import pair_separations, slot_error
+from vfguide.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
+from vfguide.report.verdict import find_rejections
+
+__all__ = ["Summary", "summarise", "summary_json"]
+
+
+def summarise(record: FlightRecord) -> Summary:
+    """All figures of a flight, and the verdict."""
+    window = in_window(record)
+    formation = _summarise_formation(record, window)
+    # Without followers there is no formation to ask anything of.
+    rejections = find_rejections(record.acceptance, formation) if record.followers else ()
+    vehicles: dict[str, LeaderSummary | FollowerSummary] = {
+        record.leader.name: _summarise_leader(record, window)
+    }
+    for follower in record.followers:
+        vehicles[follower.name] = _summarise_follower(record, follower, window)
+    return Summary(
+        mission=record.mission,
+        controller=record.controller,
+        plant=record.plant,
+        wind=record.wind,
+        mode=record.mode,
+        rate_hz=record.rate_hz,
+        seed=record.seed,
+        duration_s=record.duration_s,
+        wall_s=record.wall_s,
+        real_time_factor=record.duration_s / record.wall_s if record.wall_s > 0.0 else None,
+        accepted=not rejections,
+        rejections=rejections,
+        acceptance=record.acceptance,
+        formation=formation,
+        vehicles=vehicles,
+    )
+
+
+def summary_json(summary: Summary) -> dict[str, Any]:
+    """The summary as plain data for `summary.json`; null for what is not known or not finite."""
+    return {name: _plain(value) for name, value in asdict(summary).items()}
+
+
+def _plain(value: object) -> object:
+    """The same with lists for tuples, and None for NaN and infinities, which JSON has no words for."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
+    """All followers together."""
+    errors = np.array(
+        [slot_error(record.leader, follower).distance_m for follower in record.followers]
+    ).reshape(len(record.followers), record.time_s.size)
+    sizes = spread(errors[:, window])
+    return FormationSummary(
+        window_s=window_s(record),
+        mean_error_m=sizes.mean if sizes else None,
+        p95_error_m=sizes.p95 if sizes else None,
+        max_error_m=sizes.max if sizes else None,
+        settle_10m_s=settling_time(record.time_s, errors, 10.0),
+        settle_1m_s=settling_time(record.time_s, errors, 1.0),
+        min_separation_m=least_separation([pair.distance_m for pair in pair_separations(record)]),
+    )
+
+
+def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
+    """The leader against its path."""
+    leader = record.leader
+    time_s, setpoint = record.time_s[window], leader.course_setpoint_rad[window]
+    return LeaderSummary(
+        role="leader",
+        cross_track_error_m=spread(leader.path_cross_track_error_m[window]),
+        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
+        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
+        limited_fraction=share(leader.limited[window]),
+    )
+
+
+def _summarise_follower(
+    record: FlightRecord, follower: VehicleRecord, window: BoolArray
+) -> FollowerSummary:
+    """A follower against its slot."""
+    error = slot_error(record.leader, follower)
+    time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
+    return FollowerSummary(
+        role="follower",
+        formation_error_m=spread(error.distance_m[window]),
+        along_track_error_m=spread(error.along_track_m[window]),
+        cross_track_error_m=spread(error.cross_track_m[window]),
+        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
+        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
+        limited_fraction=share(follower.limited[window]),
+    )

@@ -1,0 +1,91 @@
+"""What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
+
+from dataclasses import dataclass
+from typing import Generic, Literal
+
+from vfguide.elementwise import BoolArray, Number
+
+Hold = Literal["heading-hold", "course-hold"]
+"""What an autopilot's two first-order loops act on: heading and airspeed, or course and ground speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleState(Generic[Number]):
+    """Navigated state of a vehicle, in the formation's local frame."""
+
+    time_s: float
+    """When it was true, s, on the clock that the formation shares."""
+    north: Number
+    """m from the mission's origin."""
+    east: Number
+    """m from the mission's origin."""
+    course: Number
+    """chi, rad, direction of the ground velocity."""
+    ground_speed: Number
+    """V_g, m/s."""
+    heading: Number
+    """psi, rad, where the nose points."""
+    airspeed: Number
+    """V_a, true airspeed, m/s."""
+    wind_north: Number
+    """m/s, toward."""
+    wind_east: Number
+    """m/s, toward."""
+    wind_rate_north: Number
+    """m/s²."""
+    wind_rate_east: Number
+    """m/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderState(Generic[Number]):
+    """What followers need of their leader: where it is, and how its motion changes."""
+
+    time_s: float
+    """When it was true, s, on the clock that the formation shares."""
+    north: Number
+    """m from the mission's origin."""
+    east: Number
+    """m from the mission's origin."""
+    course: Number
+    """chi_l, rad."""
+    ground_speed: Number
+    """V_l, m/s."""
+    acceleration: Number
+    """dV_l/dt, m/s²."""
+    turn_rate: Number
+    """omega = dchi_l/dt, rad/s."""
+    turn_acceleration: Number
+    """domega/dt, rad/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setpoint(Generic[Number]):
+    """What an autopilot is asked to hold."""
+
+    course: Number
+    """chi^c, course over ground, rad, not wrapped."""
+    speed: Number
+    """V_a^c for a vehicle that holds airspeed, V_g^c for one that holds ground speed, m/s."""
+    limited: bool | BoolArray
+    """Whether a limit of the vehicle cut what the law asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airframe:
+    """A vehicle's response and limits, as its mission file declares them."""
+
+    hold: Hold = "heading-hold"
+    """What the autopilot's loops act on."""
+    alpha: float = 1.2
+    """Course (or heading) response, 1/s."""
+    beta: float = 0.8
+    """Speed response, 1/s."""
+    airspeed_min: float = 12.0
+    """m/s."""
+    airspeed_max: float = 32.0
+    """m/s."""
+    max_bank: float = 0.7853981633974483
+    """rad."""
+    max_acceleration: float = 3.0
+    """Along the flight path, m/s²."""
