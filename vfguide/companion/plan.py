@@ -142,6 +142,7 @@ def path_of(path: FlightPath) -> Path:
         leg=path.leg_m,
         radius=path.radius_m,
         direction=direction,
+        easement=path.easement_m,
     )
 
 

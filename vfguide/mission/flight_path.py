@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vfguide.mission.quantity import Course, Gain, Number, Position, Positive, Section
+from vfguide.mission.quantity import Course, Gain, NotNegative, Number, Position, Positive, Section
 
 FieldGain = Annotated[Gain, Field(le=10.0)]
 Radius = Annotated[Positive, Field(le=100e3)]
@@ -123,8 +123,19 @@ class RacetrackPath(Section):
     direction: Literal["clockwise", "counterclockwise"] = "clockwise"
     """Sense of rotation seen from above."""
 
+    easement_m: Annotated[NotNegative, Field(le=100e3)] = 100.0
+    """Length over which the curvature changes between leg and half circle, m; 0 for none."""
+
     gain: FieldGain = 0.03
     """k of the article: how sharply the field turns onto the path, 1/m."""
+
+    @model_validator(mode="after")
+    def _easement_fits(self) -> Self:
+        if self.easement_m > min(self.leg_m, self.radius_m):
+            kind = "easement_m"
+            message = "the easement is longer than the leg or the radius"
+            raise PydanticCustomError(kind, message)
+        return self
 
 
 FlightPath = Annotated[LinePath | CirclePath | RacetrackPath, Field(discriminator="type")]

@@ -33,7 +33,7 @@ def effective_layer(controller: Controller, period: float) -> float:
 
 
 def layer_crossing(kappa: float, layer: float, *, period: float, delay: float) -> float:
-    """Share of the boundary layer that the law crosses before it sees the result: kappa (dt + delay) / epsilon.
+    """Boundary layers that the law crosses before it sees the result: kappa (dt + delay) / epsilon.
 
     Above 2 the error changes sign by more than its size at every step: a limit cycle.
 
@@ -64,15 +64,15 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
         yield Finding("error" if crossing > LIMIT_CYCLE else "warning", location, message, remedy)
     if layer > WIDEST_LAYER:
         message = (
-            f"at {rate:g} Hz kappa {controller.kappa:g} takes a boundary layer of {layer:.2f} rad, wider than "
-            f"{WIDEST_LAYER:.2f}: the formation is kept softly"
+            f"at {rate:g} Hz kappa {controller.kappa:g} takes a boundary layer of {layer:.2f} rad, "
+            f"wider than {WIDEST_LAYER:.2f}: the formation is kept softly"
         )
         remedy = "raise rehearsal.rate_hz, or lower controller.kappa or boundary_layer_factor"
         yield Finding("warning", ("controller", "kappa"), message, remedy)
 
 
 def mean_leader_age(mission: Mission) -> float:
-    """Mean age (s) of the newest leader state: delay, half the jitter, and the wait for the next that arrives.
+    """Mean age (s) of the newest leader state: delay, half the jitter, and what losses add.
 
     Of states sent every dt with a share p lost, the newest is older by dt p / (1 - p) on average.
     """
@@ -93,7 +93,10 @@ def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
         )
     behind = age * mission.leader.airspeed_m_s
     if not mission.controller.predict_leader and behind > 0.1:
-        message = f"leader states are {age:.2f} s old on average: followers fly {behind:.1f} m behind their slots"
+        message = (
+            f"leader states are {age:.2f} s old on average: "
+            f"followers fly {behind:.1f} m behind their slots"
+        )
         remedy = "set predict_leader: true"
         yield Finding("warning", ("controller", "predict_leader"), message, remedy)
 
@@ -109,7 +112,8 @@ def observer_out_of_tune(mission: Mission) -> Iterator[Finding]:
         message = "without sigma nothing holds the estimate to the measured ground speed: it drifts"
         yield Finding("warning", location, message, "set sigma to 0.5 or so")
     elif pull / mission.rehearsal.rate_hz > LIMIT_CYCLE:
-        message = f"gamma * sigma = {pull:g} 1/s is too fast for {mission.rehearsal.rate_hz:g} Hz: it diverges"
+        rate = mission.rehearsal.rate_hz
+        message = f"gamma * sigma = {pull:g} 1/s is too fast for {rate:g} Hz: it diverges"
         yield Finding(
             "error", location, message, "lower gamma or sigma, or raise rehearsal.rate_hz"
         )

@@ -52,22 +52,31 @@ def article_turn_error(mission: Mission, conditions: Conditions, slot: Slot[floa
     return float(np.hypot(lateral, ahead)[turning].mean())
 
 
-def wind_left_over(mission: Mission) -> float:
+def wind_left_over(mission: Mission, vehicle: str) -> float:
     """Mean acceleration (m/s²) that changes of the declared wind cause and feed-forward does not remove.
 
-    Without feed-forward that is |dw/dt|. With it, the change of dw/dt while the estimate lags behind: one
-    filter time constant and one loop period.
+    They reach a follower twice. The leader's ground speed changes with dw/dt; its estimate is fed forward
+    and lags by its filter and one loop period. A heading-hold follower is moved by dw/dt itself, which is
+    fed forward with the lag of the wind filter, or not at all.
     """
     if not isinstance(mission.wind, ArticleWind):
         return 0.0
+    controller, period = mission.controller, 1.0 / mission.rehearsal.rate_hz
+    rate, jerk = article_wind_rates()
+    left = (controller.rate_filter_s + period) * jerk
+    if mission.vehicles[vehicle].plant == "heading-hold":
+        lagging = (controller.wind_filter_s + period) * jerk
+        left += lagging if controller.wind_feedforward else rate
+    return left
+
+
+def article_wind_rates() -> tuple[float, float]:
+    """Mean |dw/dt| (m/s²) and mean |d²w/dt²| (m/s³) of the article's wind over its period."""
     time = np.linspace(0.0, ARTICLE_WIND_PERIOD_S, 1000)
     step = float(time[1])
-    north, east = article_wind(time)
-    north_rate, east_rate = np.gradient(north, step), np.gradient(east, step)
-    if not mission.controller.wind_feedforward:
-        return float(np.hypot(north_rate, east_rate).mean())
-    lag = mission.controller.wind_filter_s + 1.0 / mission.rehearsal.rate_hz
-    return lag * float(np.hypot(np.gradient(north_rate, step), np.gradient(east_rate, step)).mean())
+    rates = [np.gradient(component, step) for component in article_wind(time)]
+    jerks = [np.gradient(rate, step) for rate in rates]
+    return float(np.hypot(*rates).mean()), float(np.hypot(*jerks).mean())
 
 
 def wind_error(controller: Controller, acceleration: float, *, speed: float, layer: float) -> float:
@@ -97,13 +106,11 @@ def predicted_mean_error(mission: Mission, conditions: Conditions) -> float:
     """Estimate of the mean formation error (m) over all followers in steady flight."""
     controller = mission.controller
     layer = effective_layer(controller, 1.0 / mission.rehearsal.rate_hz)
-    acceleration = wind_left_over(mission)
     airspeed = mission.leader.airspeed_m_s
     errors = []
     for follower in mission.followers:
-        error = 0.0
-        if mission.vehicles[follower.vehicle].plant == "heading-hold":
-            error += wind_error(controller, acceleration, speed=airspeed, layer=layer)
+        acceleration = wind_left_over(mission, follower.vehicle)
+        error = wind_error(controller, acceleration, speed=airspeed, layer=layer)
         if controller.type == "article":
             slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
             error += article_turn_error(mission, conditions, slot)

@@ -88,7 +88,7 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
     flyable = [_flyable(conditions, airspeeds, need) for need in needs]
     hopeless = [need for need in misfits if not flyable[need.index].any(axis=0).all()]
     for need in hopeless:
-        remedy = "move the slot nearer to the leader, widen the turn or the airspeed range, or fly in less wind"
+        remedy = "move the slot nearer to the leader, widen the turn or the airspeed range"
         message = f"{need.text}, and no airspeed of the leader changes that"
         yield Finding("error", need.location, message, remedy)
     if hopeless:
@@ -96,7 +96,7 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
     together = np.logical_and.reduce(flyable)
     if not together.any(axis=0).all():
         names = ", ".join(f"'{need.follower.vehicle}'" for need in misfits)
-        message = f"no airspeed of the leader suits all slots at once; out of range at its {mission.leader.airspeed_m_s:g} m/s: {names}"
+        message = f"no airspeed of the leader suits all slots at once; out of range now: {names}"
         remedy = "bring the slots closer together, widen the turn or the airspeed ranges"
         yield Finding("error", ("followers",), message, remedy)
         return

@@ -7,7 +7,6 @@ from itertools import combinations
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
-from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 from vfguide.mission.starts import StartState, follower_start, leader_start
 
@@ -52,24 +51,26 @@ def crowded_starts(mission: Mission) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 ("rehearsal", "start", name),
-                f"begins {distance:.1f} m from {other}, closer than acceptance.min_separation_m = {allowed:g} m",
-                "move one of the two starts",
+                f"begins {distance:.1f} m from {other}",
+                f"keep starts acceptance.min_separation_m = {allowed:g} m apart",
             )
 
 
 def distant_starts(mission: Mission) -> Iterator[Finding]:
     """Vehicles that begin so far away that the rehearsal is mostly their way in."""
     away = distance_from_path(mission.path, leader_start(mission))
-    distances: list[tuple[Location, float, str]] = [
-        (("rehearsal", "start", LEADER), away, "the path")
-    ]
+    if away > FAR_M:
+        yield _distant(LEADER, away, "the path")
     for name, start in mission.rehearsal.start.followers.items():
         displacement = math.hypot(start.forward_m, start.right_m)
-        distances.append((("rehearsal", "start", name), displacement, "its slot"))
-    for location, distance, target in distances:
-        if distance > FAR_M:
-            message = f"begins {distance:.0f} m from {target}"
-            yield Finding("warning", location, message, f"begin within {FAR_M:.0f} m of it")
+        if displacement > FAR_M:
+            yield _distant(name, displacement, "its slot")
+
+
+def _distant(name: str, distance: float, target: str) -> Finding:
+    location = ("rehearsal", "start", name)
+    message = f"begins {distance:.0f} m from {target}"
+    return Finding("warning", location, message, f"begin within {FAR_M:.0f} m of it")
 
 
 def below_ground(mission: Mission) -> Iterator[Finding]:

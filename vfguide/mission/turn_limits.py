@@ -17,11 +17,11 @@ from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
-"""0.385: the greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
+"""0.385: greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
 
 
 def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
-    """Greatest turn rate (rad/s) of the field around a straight path, on the field: 0.385 k V_g (2/pi) chi_inf.
+    """Greatest turn rate (rad/s) of the field around a straight path: 0.385 k V_g (2/pi) chi_inf.
 
     On the field the course is chi_inf (2/pi) atan(k e) off the path, the error shrinks at V_g times the sine
     of that, and the field's course changes by chi_inf (2/pi) k / (1 + (k e)^2) for each metre. Exact for
@@ -44,13 +44,7 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
     """Arcs of the path that the leader or a slot's vehicle cannot fly."""
     airspeed = mission.leader.airspeed_m_s
     turn_rate = conditions.turn_rate(airspeed)
-    offsets: list[tuple[Location, str, Slot[float]]] = [
-        (("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0))
-    ]
-    for index, follower in enumerate(mission.followers):
-        slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
-        offsets.append((("followers", index, "slot"), follower.vehicle, slot))
-    for location, name, slot in offsets:
+    for location, name, slot in _everyone(mission):
         speed = np.hypot(*conditions.slot_velocity(airspeed, slot))
         worst = int(np.argmax(speed * np.abs(turn_rate)))
         bank = math.degrees(bank_for(float(speed[worst]), float(turn_rate[worst])))
@@ -62,6 +56,14 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
             )
             remedy = "widen radius_m, fly slower, or move the slot to the inside of the turn"
             yield Finding("error", location, message, remedy)
+
+
+def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot[float]]]:
+    """(where the mission places it, vehicle, offset from the leader) of the leader and each follower."""
+    yield ("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0)
+    for index, follower in enumerate(mission.followers):
+        slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
+        yield ("followers", index, "slot"), follower.vehicle, slot
 
 
 def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
@@ -78,7 +80,7 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
         return
     message = (
         f"joining the path, the field turns at up to {needed:.2f} rad/s at {speed:.1f} m/s over ground, "
-        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: the leader overshoots there"
+        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: the leader cannot keep to it there"
     )
     room = allowed - speed * curvature
     if room > 0.0:

@@ -1,0 +1,139 @@
+"""How plots look: one colour for each vehicle in all of them, units on all axes, room for all text.
+
+Figures are made and drawn without pyplot, so that a report leaves no state behind and needs no display.
+"""
+
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
+from PIL import Image
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.record.flight import FlightRecord
+from vfguide.report.figures import window_s
+
+DOTS_PER_INCH = 120
+
+LEADER_COLOUR = "#1a1a1a"
+
+FOLLOWER_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of Okabe and Ito: told apart by colour-blind readers too."""
+
+LIMIT_COLOUR = "#c1121f"
+"""Of what a flight is held against."""
+
+QUIET_COLOUR = "#767676"
+"""Of what is there for comparison."""
+
+WIND_COLOUR = "#5b7fa6"
+
+WINDOW_COLOUR = "#eef3e6"
+"""Behind the window in which errors count."""
+
+TEXT_SIZE = 9.0
+TITLE_SIZE = 10.5
+SMALL_SIZE = 8.0
+
+
+def vehicle_colours(record: FlightRecord) -> dict[str, str]:
+    """A colour for each vehicle, by name: near-black for the leader."""
+    colours = {record.leader.name: LEADER_COLOUR}
+    for number, follower in enumerate(record.followers):
+        colours[follower.name] = FOLLOWER_COLOURS[number % len(FOLLOWER_COLOURS)]
+    return colours
+
+
+def plain_text(text: str) -> str:
+    """A name as matplotlib is to draw it: a dollar sign is one, and does not begin a formula."""
+    return text.replace("$", r"\$")
+
+
+def new_figure(width_inch: float, height_inch: float) -> Figure:
+    """An empty figure, laid out so that no text is cut or overlapped by axes."""
+    return Figure(
+        figsize=(width_inch, height_inch),
+        dpi=DOTS_PER_INCH,
+        layout="constrained",
+        facecolor="white",
+    )
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, in a palette of 256 colours: a third of the size, and no difference to see."""
+    drawn = BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(drawn, format="png", pil_kwargs={"compress_level": 1})
+    picture = Image.open(drawn).convert("RGB")
+    picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+        path, format="PNG", optimize=True, dpi=(DOTS_PER_INCH, DOTS_PER_INCH)
+    )
+    return path
+
+
+def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:
+    """Titles, labels with units, light grid, no box."""
+    axes.set_title(title, fontsize=TITLE_SIZE, loc="left")
+    axes.set_xlabel(across, fontsize=TEXT_SIZE)
+    axes.set_ylabel(up, fontsize=TEXT_SIZE)
+    axes.tick_params(labelsize=TEXT_SIZE, color="#b0b0b0")
+    axes.grid(visible=True, color="#e2e2e2", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("bottom", "left"):
+        axes.spines[side].set_color("#b0b0b0")
+
+
+def halo() -> list[AbstractPathEffect]:
+    """A white rim that keeps text readable on lines."""
+    return [withStroke(linewidth=2.5, foreground="white")]
+
+
+def shade_window(axes: Axes, record: FlightRecord) -> None:
+    """Colour the background of the window in which errors count."""
+    begin, end = window_s(record)
+    axes.axvspan(begin, end, color=WINDOW_COLOUR, zorder=0, linewidth=0)
+
+
+def show_whole_flight(axes: Axes, record: FlightRecord) -> None:
+    """Let the time axis run from the first to the last sample."""
+    axes.set_xlim(float(record.time_s[0]), float(record.time_s[-1]))
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
+    """One legend for the whole figure, above all of it."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        fontsize=TEXT_SIZE,
+    )
+
+
+def mark_samples(axes: Axes, time_s: FloatArray, flags: BoolArray, colour: str) -> None:
+    """A strip along the bottom of the axes where something holds."""
+    axes.fill_between(
+        time_s,
+        0.0,
+        0.035,
+        where=[bool(flag) for flag in flags],
+        transform=axes.get_xaxis_transform(),
+        color=colour,
+        linewidth=0,
+        step="mid",
+    )
+
+
+def extent(arrays: Sequence[FloatArray]) -> tuple[float, float]:
+    """Least and greatest finite value of some arrays; (0, 0) without any."""
+    values = np.concatenate([array[np.isfinite(array)] for array in arrays])
+    return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
