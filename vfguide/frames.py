@@ -8,6 +8,9 @@ from pymap3d import rcurve
 EARTH_RADIUS = 6371008.8
 """Mean radius, m."""
 
+WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
+"""The ellipsoid of satellite navigation."""
+
 
 class LocalFrame:
     """North-east plane tangent to the ellipsoid at the origin.
@@ -16,32 +19,28 @@ class LocalFrame:
     does not move a vehicle sideways in the plane.
     """
 
-    __slots__ = (
-        "_altitude_m",
-        "_east_radius_m",
-        "_latitude_deg",
-        "_longitude_deg",
-        "_north_radius_m",
-    )
-
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
+        self._altitude_m = altitude_m
         self._latitude_deg = latitude_deg
         self._longitude_deg = longitude_deg
-        self._altitude_m = altitude_m
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m
         self._east_radius_m = float(rcurve.transverse(latitude_deg)) + altitude_m
+        # The origin and the directions from it, once: the library would work them out at each call.
+        self._origin = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, altitude_m, WGS84)
+        latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+        self._north_axis = (
+            -math.sin(latitude) * math.cos(longitude),
+            -math.sin(latitude) * math.sin(longitude),
+            math.cos(latitude),
+        )
+        self._east_axis = (-math.sin(longitude), math.cos(longitude))
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """(north, east) in metres of a geodetic position in degrees."""
-        north, east, _ = pymap3d.geodetic2ned(
-            latitude_deg,
-            longitude_deg,
-            self._altitude_m,
-            self._latitude_deg,
-            self._longitude_deg,
-            self._altitude_m,
-        )
-        return float(north), float(east)
+        x, y, z = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, self._altitude_m, WGS84)
+        x, y, z = x - self._origin[0], y - self._origin[1], z - self._origin[2]
+        north, east = self._north_axis, self._east_axis
+        return float(north[0] * x + north[1] * y + north[2] * z), float(east[0] * x + east[1] * y)
 
     def to_geodetic(self, north: float, east: float) -> tuple[float, float]:
         """(latitude, longitude) in degrees of a position in metres.

@@ -45,6 +45,8 @@ class Event:
     """When."""
     text: str
     """What, in one line."""
+    warning: bool = False
+    """Whether it is something to worry about."""
 
 
 @dataclass(slots=True)
@@ -117,7 +119,7 @@ class Companion:
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
-        return self._codec.counters
+        return self._codec.counters + self._role.counters
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take one message from the link."""
@@ -149,14 +151,21 @@ class Companion:
             case AirspeedReport():
                 self._own.note_airspeed(report.airspeed, now)
             case HeartbeatReport():
-                self._connected = True
-                self._engaged = self._adapter.is_engaged(report.custom_mode)
+                self._note_mode(report.custom_mode)
                 return self._change_mode(now, out)
             case CommandReport():
                 self._note_result(report, now, out)
             case TextReport():
                 out.events.append(Event(time_s=now, text=f"autopilot: {report.text}"))
         return []
+
+    def _note_mode(self, custom_mode: int) -> None:
+        """Whether the autopilot obeys; a guided mode that was left comes back by the pilot's hand alone."""
+        self._connected = True
+        engaged = self._adapter.is_engaged(custom_mode)
+        if self._engaged and not engaged:
+            self._may_engage = False
+        self._engaged = engaged
 
     def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
@@ -196,9 +205,6 @@ class Companion:
         if self._mode is before:
             return []
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
-        if self._mode is Mode.PILOT:
-            # What the pilot has taken over is given back by the pilot alone.
-            self._may_engage = False
         if not before.steers:
             self._altitude_time = -math.inf
         return self._adapter.hand_back() if self._mode is Mode.LOST else []
@@ -209,13 +215,17 @@ class Companion:
             return []
         self._housekeeping_time = now
         messages = [heartbeat()]
-        if self._connected and self._interval * self._plan.rate_hz * RATE_SHARE > 1.0:
+        silent = now - self._telemetry_time > self._patience.telemetry_s
+        slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
+        if self._connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         ready = self._setpoint is not None or not self._adapter.streams_before_engaging
         informed = math.isfinite(self._role.leader_age(now)) and math.isfinite(self._interval)
         waiting = self._mode is Mode.WAITING and not self._engaged
         if self._may_engage and waiting and ready and informed:
             messages += self._adapter.engage()
+        if self._mode is Mode.LOST:
+            messages += self._adapter.hand_back()
         return messages
 
     def _note_result(self, report: CommandReport, now: float, out: Outgoing) -> None:
@@ -226,7 +236,8 @@ class Companion:
         if self._refusals[report.command, report.result] == 1:
             command = name_of("MAV_CMD", report.command)
             result = name_of("MAV_RESULT", report.result).removeprefix("MAV_RESULT_")
-            out.events.append(Event(time_s=now, text=f"autopilot answers {command}: {result}"))
+            text = f"autopilot answers {command}: {result}"
+            out.events.append(Event(time_s=now, text=text, warning=True))
 
 
 def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:

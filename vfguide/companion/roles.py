@@ -18,6 +18,9 @@ from vfguide.state import LeaderState, Setpoint
 FUTURE_S = 0.25
 """A leader state from farther in the future than this is not believed."""
 
+PAST_S = 60.0
+"""A leader state that is older than this when it arrives is not believed either."""
+
 GAP_S = 1.0
 """After a silence longer than this the leader's rates start anew."""
 
@@ -39,6 +42,9 @@ class RoleStep:
 class Role(Protocol):
     """A part in the formation."""
 
+    counters: Counter[str]
+    """What came over the link and was not used, by reason."""
+
     def step(self, fix: Fix) -> RoleStep:
         """Guidance for a navigated report."""
 
@@ -58,6 +64,8 @@ class LeaderRole:
         self._motion: LeaderState[float] | None = None
         self._speed_estimate: float | None = None
         self._sequence = 0
+        self.counters: Counter[str] = Counter()
+        """Nothing: the leader listens to nobody."""
 
     def step(self, fix: Fix) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
@@ -130,6 +138,8 @@ class FollowerRole:
             return
         if message.time_s > now + FUTURE_S:
             self.counters["from the future"] += 1
+        elif message.time_s < now - PAST_S:
+            self.counters["too old"] += 1
         elif self.leader is not None and message.time_s <= self.leader.time_s:
             self.counters["not newer"] += 1
         else:

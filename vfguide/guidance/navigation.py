@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Generic
 
 from vfguide.elementwise import Number, atan2, hypot
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.wind_triangle import polar
 from vfguide.state import VehicleState
 
 
@@ -73,9 +73,10 @@ def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, 
 
 def first_state(sample: Sample[Number]) -> VehicleState[Number]:
     """State from one report alone."""
-    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
+    air_north, air_east = air = polar(sample.airspeed, sample.heading)
     return _state(
         sample,
+        air,
         position=(sample.north, sample.east),
         wind=(sample.velocity_north - air_north, sample.velocity_east - air_east),
         wind_rate=(sample.north * 0.0, sample.east * 0.0),
@@ -95,12 +96,13 @@ def navigate(
     period = sample.time_s - previous.time_s
     lean = period / (times.position_s + period)
     gain, rate_gain = fading_memory_2(period, times.wind_s)
-    north, east, wind_north, wind_east = _predict(previous, sample, period)
-    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
+    air_north, air_east = air = polar(sample.airspeed, sample.heading)
+    north, east, wind_north, wind_east = _predict(previous, air, period)
     surprise_north = sample.velocity_north - air_north - wind_north
     surprise_east = sample.velocity_east - air_east - wind_east
     return _state(
         sample,
+        air,
         position=(north + lean * (sample.north - north), east + lean * (sample.east - east)),
         wind=(wind_north + gain * surprise_north, wind_east + gain * surprise_east),
         wind_rate=(
@@ -119,10 +121,12 @@ def navigate_blind(
     """
     period = sample.time_s - previous.time_s
     gain, rate_gain, second_gain = fading_memory_3(period, times.blind_s)
-    north, east, wind_north, wind_east = _predict(previous, sample, period)
+    air = polar(sample.airspeed, sample.heading)
+    north, east, wind_north, wind_east = _predict(previous, air, period)
     surprise_north, surprise_east = sample.north - north, sample.east - east
     return _state(
         sample,
+        air,
         position=(north + gain * surprise_north, east + gain * surprise_east),
         wind=(
             wind_north + rate_gain / period * surprise_north,
@@ -137,12 +141,11 @@ def navigate_blind(
 
 
 def _predict(
-    previous: VehicleState[Number], sample: Sample[Number], period: float
+    previous: VehicleState[Number], air: tuple[Number, Number], period: float
 ) -> tuple[Number, Number, Number, Number]:
-    """(north, east, wind north, wind east) at the sample's time, by the mean air velocity between."""
-    zero = sample.airspeed * 0.0
-    before_north, before_east = compose(previous.airspeed, zero, previous.heading)
-    after_north, after_east = compose(sample.airspeed, zero, sample.heading)
+    """(north, east, wind north, wind east) a period later, by the mean of the air velocities then and now."""
+    before_north, before_east = polar(previous.airspeed, previous.heading)
+    after_north, after_east = air
     change_north = previous.wind_rate_north * period
     change_east = previous.wind_rate_east * period
     mean_north = (before_north + after_north + change_north) / 2.0 + previous.wind_north
@@ -157,6 +160,7 @@ def _predict(
 
 def _state(
     sample: Sample[Number],
+    air: tuple[Number, Number],
     *,
     position: tuple[Number, Number],
     wind: tuple[Number, Number],
@@ -164,8 +168,7 @@ def _state(
     course: Number | None = None,
 ) -> VehicleState[Number]:
     """The state that position and wind make of a sample: ground velocity = air velocity + wind."""
-    air_north, air_east = compose(sample.airspeed, sample.airspeed * 0.0, sample.heading)
-    velocity_north, velocity_east = air_north + wind[0], air_east + wind[1]
+    velocity_north, velocity_east = air[0] + wind[0], air[1] + wind[1]
     return VehicleState(
         time_s=sample.time_s,
         north=position[0],

@@ -1,11 +1,14 @@
 """From the wanted change of the ground velocity to what an autopilot's holds must be told, within limits."""
 
-from vfguide.elementwise import Number, clip
+from vfguide.elementwise import Number, clip, greater_of
 from vfguide.guidance.course_law import course_command
 from vfguide.guidance.limits import bank_limited_turn_rate
 from vfguide.guidance.speed_law import speed_command
 from vfguide.guidance.wind_triangle import air_relative_rates, ground_speed_on_course
 from vfguide.state import Airframe, Setpoint, VehicleState
+
+LEAST_GROUND_SPEED = 1.0
+"""m/s: an aircraft that stands still turns at no rate that can be worked out."""
 
 
 def setpoint_for(
@@ -68,7 +71,9 @@ def _course_hold(
 
     The airspeed range bounds the ground speed through the wind triangle on the present course.
     """
-    turn_limit = bank_limited_turn_rate(airframe.max_bank, state.ground_speed)
+    turn_limit = bank_limited_turn_rate(
+        airframe.max_bank, greater_of(state.ground_speed, LEAST_GROUND_SPEED)
+    )
     turn = clip(course_rate, -turn_limit, turn_limit)
     rate = clip(acceleration, -airframe.max_acceleration, airframe.max_acceleration)
     wanted = speed_command(state.ground_speed, rate, airframe.beta)

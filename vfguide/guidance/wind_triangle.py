@@ -8,16 +8,19 @@ from vfguide.elementwise import Number, cos, greater_of, hypot, sin, square_root
 
 def resolve(north: Number, east: Number, direction: Number) -> tuple[Number, Number]:
     """Components of a horizontal vector (along, right of) a direction in radians."""
-    along = north * cos(direction) + east * sin(direction)
-    right = east * cos(direction) - north * sin(direction)
-    return along, right
+    ahead, aside = cos(direction), sin(direction)
+    return north * ahead + east * aside, east * ahead - north * aside
 
 
 def compose(along: Number, right: Number, direction: Number) -> tuple[Number, Number]:
     """(north, east) of a vector given by its components along and right of a direction."""
-    north = along * cos(direction) - right * sin(direction)
-    east = along * sin(direction) + right * cos(direction)
-    return north, east
+    ahead, aside = cos(direction), sin(direction)
+    return along * ahead - right * aside, along * aside + right * ahead
+
+
+def polar(length: Number, direction: Number) -> tuple[Number, Number]:
+    """(north, east) of a vector given by its length and direction."""
+    return length * cos(direction), length * sin(direction)
 
 
 def ground_speed_on_course(

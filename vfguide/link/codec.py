@@ -9,7 +9,7 @@ all that (u32). 88 bytes. Position is geodetic, so that no two vehicles have to 
 import math
 import struct
 import zlib
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 MAGIC = b"VFLS"
 VERSION = 1
@@ -53,7 +53,20 @@ class LeaderMessage:
 
 def encode(message: LeaderMessage) -> bytes:
     """Bytes of a leader state."""
-    body = LAYOUT.pack(MAGIC, VERSION, *astuple(message))
+    body = LAYOUT.pack(
+        MAGIC,
+        VERSION,
+        message.sequence,
+        message.time_s,
+        message.latitude_deg,
+        message.longitude_deg,
+        message.altitude_amsl,
+        message.course,
+        message.ground_speed,
+        message.acceleration,
+        message.turn_rate,
+        message.turn_acceleration,
+    )
     return body + CHECKSUM.pack(zlib.crc32(body))
 
 

@@ -19,6 +19,9 @@ from vfguide.mavlink.reports import (
 UNKNOWN_HEADING = 65535
 """hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
 
+GREATEST_AIRSPEED = 500.0
+"""m/s: what is faster is no aircraft that is guided here."""
+
 COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
 
@@ -42,7 +45,7 @@ def position_report(message: MAVLink_message) -> PositionReport | None:
 def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
     """VFR_HUD, or None where the airspeed is no speed."""
     airspeed = message.airspeed
-    return AirspeedReport(airspeed=airspeed) if 0.0 <= airspeed < math.inf else None
+    return AirspeedReport(airspeed=airspeed) if 0.0 <= airspeed <= GREATEST_AIRSPEED else None
 
 
 def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:

@@ -14,6 +14,9 @@ from vfguide.mission.location import Location, dotted
 DEFAULT_MIN_SEPARATION_M = 5.0
 """Least distance between two vehicles (m) where a mission does not say."""
 
+MAX_FOLLOWERS = 254
+"""MAVLink has 255 system ids, and the leader has one of them."""
+
 LEADER = "leader"
 """Key of the leader under `rehearsal.start`, whatever its vehicle is called."""
 
@@ -80,7 +83,9 @@ def _number(value: object) -> float | None:
 def _followers(data: Mapping[str, object]) -> list[Mapping[str, object]]:
     """The followers in order, with an empty group for whatever is none."""
     followers = data.get("followers")
-    return [_group(one) for one in followers] if isinstance(followers, list | tuple) else []
+    if not isinstance(followers, list | tuple):
+        return []
+    return [_group(one) for one in followers[:MAX_FOLLOWERS]]
 
 
 def _roles(data: Mapping[str, object]) -> list[_Role]:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vfguide.mission.quantity import Duration, Gain, NotNegative, Positive, Section, Switch
+from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section, Switch
 
 
 class Observer(Section):
@@ -32,16 +32,16 @@ class Controller(Section):
     k_y: Annotated[Gain, Field(le=10.0)] = 0.2
     """How sharply course answers the error across track, 1/m."""
 
-    chi_inf_deg: Annotated[Positive, Field(le=90.0)] = 45.0
+    chi_inf_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
     """chi_inf of the article: largest course correction of a follower, degrees."""
 
-    v_inf_m_s: Annotated[Positive, Field(le=100.0)] = 8.0
+    v_inf_m_s: Annotated[Number, Field(ge=0.1, le=100.0)] = 8.0
     """V_inf of the article: largest speed correction of a follower, m/s."""
 
     kappa: Annotated[Gain, Field(le=100.0)] = 3.0
     """kappa of the article: rate at which course and speed errors are driven out, per hold bandwidth."""
 
-    epsilon: Annotated[Positive, Field(le=10.0)] = 0.01
+    epsilon: Annotated[Gain, Field(le=10.0)] = 0.01
     """epsilon of the article: the least width of the boundary layer in which the switching term is linear."""
 
     boundary_layer_factor: Annotated[NotNegative, Field(le=100.0)] = 5.0

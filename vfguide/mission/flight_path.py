@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from vfguide.mission.quantity import Course, Gain, NotNegative, Number, Position, Positive, Section
 
 FieldGain = Annotated[Gain, Field(le=10.0)]
-Radius = Annotated[Positive, Field(le=100e3)]
+Radius = Annotated[Number, Field(ge=1.0, le=100e3)]
 
 SLOPE_FIELDS = ("slope", "intercept_m", "direction")
 
@@ -59,7 +59,7 @@ class LinePath(Section):
     gain: FieldGain = 0.03
     """k of the article: how sharply the field turns onto the line, 1/m."""
 
-    approach_deg: Annotated[Positive, Field(le=90.0)] = 90.0
+    approach_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 90.0
     """chi_inf of the article: angle to the line at which the field approaches it from far away, degrees."""
 
     @model_validator(mode="after")

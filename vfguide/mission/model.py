@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vfguide.mission.consistency import inconsistencies
+from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller
 from vfguide.mission.flight_path import FlightPath
 from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
@@ -80,7 +80,7 @@ class Mission(Section):
     leader: Leader
     """Who leads, and how fast."""
 
-    followers: tuple[Follower, ...] = ()
+    followers: Annotated[tuple[Follower, ...], Field(max_length=MAX_FOLLOWERS)] = ()
     """Who follows, and where; a leader alone is a mission too."""
 
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]

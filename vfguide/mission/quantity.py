@@ -29,11 +29,11 @@ Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100e3,
 Course = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)]
 """A direction (degrees), clockwise from north."""
 
-Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=300.0)]
+Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=300.0)]
 """A speed of flight (m/s)."""
 
-Gain = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)]
-"""A feedback gain: positive, so that the loop it closes is stable."""
+Gain = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-6, le=1000.0)]
+"""A feedback gain: positive, so that the loop it closes is stable; less than 1e-6 closes none."""
 
 Duration = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=60.0)]
 """A delay or time constant (s); none of vfguide's is anywhere near a minute."""

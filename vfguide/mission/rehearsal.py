@@ -9,6 +9,7 @@ from vfguide.mission.quantity import (
     Course,
     Duration,
     NotNegative,
+    Number,
     Positive,
     Section,
     WholeNumber,
@@ -90,10 +91,10 @@ class Start(Section):
 class Rehearsal(Section):
     """The flight on the computer."""
 
-    duration_s: Annotated[Positive, Field(le=86400.0)] = 300.0
+    duration_s: Annotated[Number, Field(ge=1.0, le=86400.0)] = 300.0
     """How long it lasts, s."""
 
-    rate_hz: Annotated[Positive, Field(ge=1.0, le=200.0)] = 20.0
+    rate_hz: Annotated[Number, Field(ge=1.0, le=200.0)] = 20.0
     """Position reports per second, and with them guidance steps."""
 
     start: Start = Start()
@@ -103,7 +104,7 @@ class Rehearsal(Section):
     """Time a leader state takes to arrive, s."""
 
     link_jitter_s: Duration = 0.0
-    """Random extra delay, s: uniform between 0 and this."""
+    """Each leader state takes `link_delay_s` plus or minus up to this, evenly spread, s."""
 
     link_loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
     """Share of leader states that never arrive, 0 to below 1."""

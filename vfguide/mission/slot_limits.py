@@ -84,7 +84,9 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
     if not misfits:
         return
     lowest, highest = mission.leader_vehicle.airspeed_range_m_s
-    airspeeds = np.linspace(lowest, highest, AIRSPEED_STEPS)[:, np.newaxis]
+    cruise = mission.leader.airspeed_m_s
+    searched = np.linspace(lowest, highest, AIRSPEED_STEPS)
+    airspeeds = np.union1d(searched, [cruise])[:, np.newaxis]
     flyable = [_flyable(conditions, airspeeds, need) for need in needs]
     hopeless = [need for need in misfits if not flyable[need.index].any(axis=0).all()]
     for need in hopeless:
@@ -100,7 +102,7 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
         remedy = "bring the slots closer together, widen the turn or the airspeed ranges"
         yield Finding("error", ("followers",), message, remedy)
         return
-    given = giving_way(together, airspeeds, mission.leader.airspeed_m_s)
+    given = giving_way(together, airspeeds, cruise)
     yield from (_misfit(mission, need, given) for need in misfits)
 
 

@@ -80,7 +80,8 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
         return
     message = (
         f"joining the path, the field turns at up to {needed:.2f} rad/s at {speed:.1f} m/s over ground, "
-        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: the leader cannot keep to it there"
+        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: "
+        "the leader cannot keep to it there"
     )
     room = allowed - speed * curvature
     if room > 0.0:

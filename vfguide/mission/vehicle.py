@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from vfguide.mission.quantity import Gain, Positive, Section, Speed
+from vfguide.mission.quantity import Gain, Number, Section, Speed
 
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
@@ -44,8 +44,8 @@ class Vehicle(Section):
     airspeed_range_m_s: AirspeedRange = (12.0, 32.0)
     """Lowest and highest airspeed it may be asked for, m/s."""
 
-    max_bank_deg: Annotated[Positive, Field(le=80.0)] = 45.0
+    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = 45.0
     """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
 
-    max_acceleration_m_s2: Annotated[Positive, Field(le=50.0)] = 3.0
+    max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""

@@ -17,7 +17,7 @@ Tap = Callable[[str, float, bytes], None]
 """Called with a vehicle's name, the time and each datagram that crosses its MAVLink connection."""
 
 Progress = Callable[[float], None]
-"""Called with the virtual time now and then."""
+"""Called with the virtual time."""
 
 
 @dataclass(slots=True)
@@ -36,6 +36,18 @@ class Aircraft:
     """What the emulator has answered since its last telemetry."""
     events: list[Event] = field(default_factory=list)
     """What the companion reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A flight that was flown, to its end or to where it was stopped."""
+
+    record: FlightRecord
+    """What happened."""
+    events: dict[str, list[Event]]
+    """What each companion reported, by vehicle."""
+    interrupted: bool
+    """Whether it was stopped before its end."""
 
 
 def formation_of(mission: Mission) -> list[Aircraft]:
@@ -69,27 +81,31 @@ def instants(mission: Mission) -> Iterator[float]:
 
 def fly_lockstep(
     mission: Mission, *, tap: Tap | None = None, progress: Progress | None = None
-) -> tuple[FlightRecord, dict[str, list[Event]]]:
-    """Fly a mission to its end.
+) -> Flight:
+    """Fly a mission to its end, or until KeyboardInterrupt.
 
     Args:
         mission: the mission.
         tap: hears every datagram.
-        progress: hears the virtual time ten times in a flight second.
-
-    Returns:
-        (what happened, what each companion reported).
+        progress: hears the virtual time at each step.
     """
     began = time.perf_counter()
     formation = formation_of(mission)
     recorder = Recorder(mission, [aircraft.emulator for aircraft in formation])
-    for now in instants(mission):
-        snapshots = [step(aircraft, formation, now, tap) for aircraft in formation]
-        recorder.sample(now, snapshots)
-        if progress is not None:
-            progress(now)
-    record = recorder.record(wall_s=time.perf_counter() - began)
-    return record, {aircraft.name: aircraft.events for aircraft in formation}
+    interrupted = False
+    try:
+        for now in instants(mission):
+            snapshots = [step(aircraft, formation, now, tap) for aircraft in formation]
+            recorder.sample(now, snapshots)
+            if progress is not None:
+                progress(now)
+    except KeyboardInterrupt:
+        interrupted = True
+    return Flight(
+        record=recorder.record(wall_s=time.perf_counter() - began),
+        events={aircraft.name: aircraft.events for aircraft in formation},
+        interrupted=interrupted,
+    )
 
 
 def step(aircraft: Aircraft, formation: list[Aircraft], now: float, tap: Tap | None) -> Snapshot:

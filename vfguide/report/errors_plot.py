@@ -18,6 +18,7 @@ from vfguide.report.style import (
     legend_above,
     new_figure,
     plain_text,
+    set_log_scale,
     shade_window,
     show_whole_flight,
     vehicle_colours,
@@ -46,7 +47,8 @@ def errors_figure(record: FlightRecord) -> Figure:
         draw_component(zoomed, record, values)
         dress(zoomed, title=f"{name}, window only", across="time, s", up="error, m")
         zoom_to_window(zoomed, record, values)
-    legend_above(figure, distance, columns=len(record.followers) + 1)
+    figure.align_ylabels()
+    legend_above(figure, [distance], columns=len(record.followers) + 1)
     return figure
 
 
@@ -62,9 +64,8 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
             linewidth=1.1,
             label=plain_text(follower.name),
         )
-    axes.set_yscale("log")
     low, high = extent([np.maximum(errors, LEAST_DRAWN_M)])
-    axes.set_ylim(max(low / 1.5, LEAST_DRAWN_M), max(high * 2.0, 20.0))
+    set_log_scale(axes, max(low / 1.5, LEAST_DRAWN_M), max(high * 2.0, 20.0))
     show_whole_flight(axes, record)
     shade_window(axes, record)
     for limit in (10.0, 1.0):
@@ -88,7 +89,12 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
                 color=LIMIT_COLOUR,
                 path_effects=halo(),
             )
-    dress(axes, title="Distance from the slot", across="time, s", up="formation error, m")
+    dress(
+        axes,
+        title="Distance from the slot (shaded: the window that counts)",
+        across="time, s",
+        up="formation error, m",
+    )
 
 
 def mark_settling(axes: Axes, record: FlightRecord, errors: FloatArray, limit_m: float) -> None:

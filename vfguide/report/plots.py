@@ -78,7 +78,7 @@ PLOTS = (
 
 def plots_for(record: FlightRecord) -> tuple[Plot, ...]:
     """The plots that a record has something to show in; none for a flight that broke at once."""
-    if record.time_s.size < 2:
+    if record.time_s.size < 2 or record.time_s[-1] <= record.time_s[0]:
         return ()
     return tuple(plot for plot in PLOTS if record.followers or not plot.needs_followers)
 

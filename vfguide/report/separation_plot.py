@@ -15,6 +15,7 @@ from vfguide.report.style import (
     halo,
     new_figure,
     plain_text,
+    set_log_scale,
     show_whole_flight,
     vehicle_colours,
 )
@@ -71,9 +72,8 @@ def scale_distances(axes: Axes, record: FlightRecord, pairs: list[PairSeparation
     low, high = extent([pair.distance_m for pair in pairs]) if pairs else (0.0, 0.0)
     required = record.acceptance.min_separation_m
     if low > 0.0 and high > WIDE_RANGE * low:
-        axes.set_yscale("log")
         low = min(low, required) if required > 0.0 else low
-        axes.set_ylim(low / 1.5, high * 1.3)
+        set_log_scale(axes, low / 1.5, high * 1.3)
         axes.grid(visible=True, which="minor", color="#f0f0f0", linewidth=0.5)
     else:
         axes.set_ylim(0.0, max(1.08 * high, 1.3 * required, 1.0))

@@ -44,30 +44,23 @@ def setpoints_figure(record: FlightRecord) -> Figure:
         for axes in (course, speed):
             show_whole_flight(axes, record)
             mark_samples(axes, record.time_s, vehicle.limited, LIMIT_COLOUR)
-        course.annotate(
-            plain_text(vehicle.name),
-            xy=(-0.34, 0.5),
-            xycoords="axes fraction",
-            rotation=90,
-            ha="center",
-            va="center",
-            fontsize=TITLE_SIZE,
-            weight="bold",
-            color=colour,
+        course.set_ylabel(
+            plain_text(vehicle.name), fontsize=TITLE_SIZE, weight="bold", color=colour
         )
     seconds = f"last {CLOSE_UP_S:g} s"
     titles = (
-        "Course setpoint less course",
-        "Speed",
-        f"Course, {seconds}",
-        f"Speed, {seconds}",
+        "Course setpoint less course, degrees",
+        "Speed, m/s",
+        f"Course, degrees, {seconds}",
+        f"Speed, m/s, {seconds}",
     )
     for axes, title in zip(grid[0], titles, strict=True):
         axes.set_title(title, fontsize=TITLE_SIZE, loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time, s", fontsize=TITLE_SIZE - 1)
+    figure.align_ylabels()
     explain_lines(grid[0][1])
-    legend_above(figure, grid[0][1], columns=6)
+    legend_above(figure, [grid[0][1]], columns=6)
     return figure
 
 
@@ -76,7 +69,7 @@ def draw_course_lead(axes: Axes, record: FlightRecord, vehicle: VehicleRecord, c
     lead = np.degrees(wrap_angle(vehicle.course_setpoint_rad - vehicle.course_rad))
     axes.axhline(0.0, color="#b0b0b0", linewidth=0.8)
     axes.plot(record.time_s, lead, color=colour, linewidth=0.9)
-    dress(axes, up="degrees")
+    dress(axes)
 
 
 def draw_courses(
@@ -89,7 +82,7 @@ def draw_courses(
     setpoint = course + wrap_angle(vehicle.course_setpoint_rad[shown] - course)
     axes.plot(time_s, np.degrees(course), color=colour, linewidth=1.8)
     axes.plot(time_s, np.degrees(setpoint), color=SETPOINT_COLOUR, linewidth=0.9)
-    dress(axes, up="degrees")
+    dress(axes)
     give_room(axes, np.degrees(np.concatenate([course, setpoint])), 4.0)
 
 
@@ -106,7 +99,7 @@ def draw_speeds(
     )
     for values, line_colour, width, style in lines:
         axes.plot(time_s, values[shown], color=line_colour, linewidth=width, linestyle=style)
-    dress(axes, up="m/s")
+    dress(axes)
     give_room(axes, np.concatenate([values[shown] for values, *_ in lines]), 2.0)
 
 

@@ -3,7 +3,7 @@
 Figures are made and drawn without pyplot, so that a report leaves no state behind and needs no display.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, withStroke
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from PIL import Image
 
 from vfguide.elementwise import BoolArray, FloatArray
@@ -30,6 +31,9 @@ LIMIT_COLOUR = "#c1121f"
 
 QUIET_COLOUR = "#767676"
 """Of what is there for comparison."""
+
+STILL_AIR_M_S = 0.05
+"""Wind below this has no direction worth drawing."""
 
 WIND_COLOUR = "#5b7fa6"
 
@@ -90,6 +94,15 @@ def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> Non
         axes.spines[side].set_color("#b0b0b0")
 
 
+def set_log_scale(axes: Axes, low: float, high: float) -> None:
+    """A logarithmic scale with plain figures: 0.1, 1, 10."""
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", color="#d0d0d0")
+
+
 def halo() -> list[AbstractPathEffect]:
     """A white rim that keeps text readable on lines."""
     return [withStroke(linewidth=2.5, foreground="white")]
@@ -106,9 +119,11 @@ def show_whole_flight(axes: Axes, record: FlightRecord) -> None:
     axes.set_xlim(float(record.time_s[0]), float(record.time_s[-1]))
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
-    """One legend for the whole figure, above all of it."""
-    handles, labels = axes.get_legend_handles_labels()
+def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
+    """One legend for the whole figure, above all of it, with the labelled lines of some panels."""
+    lines = [axes.get_legend_handles_labels() for axes in panels]
+    handles = [handle for found, _ in lines for handle in found]
+    labels = [label for _, found in lines for label in found]
     figure.legend(
         handles,
         labels,

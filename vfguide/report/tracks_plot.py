@@ -7,14 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vfguide.elementwise import FloatArray
 from vfguide.record.flight import FlightRecord
-from vfguide.report.figures import in_window
 from vfguide.report.formation_drawing import Point, draw_aircraft, draw_links, formation_links
-from vfguide.report.geometry import seen_from_leader
+from vfguide.report.leader_view import draw_leader_view
 from vfguide.report.style import (
     QUIET_COLOUR,
     SMALL_SIZE,
+    STILL_AIR_M_S,
     TEXT_SIZE,
     WIND_COLOUR,
     dress,
@@ -29,8 +28,11 @@ from vfguide.report.style import (
 SNAPSHOTS = 7
 """How many formations are drawn at most."""
 
-LEAST_SHARE = 0.09
-"""Of the view that a formation is to span: smaller ones are drawn larger than they are."""
+LEAST_SHARE = 0.05
+"""Of the view that a formation spans if it is drawn to scale."""
+
+DRAWN_SHARE = 0.09
+"""Of the view that a smaller formation is made to span."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,11 +54,11 @@ def tracks_figure(record: FlightRecord) -> Figure:
         above = figure.subplots(1, 1)
         draw_top_view(above, record)
     else:
-        figure = new_figure(13.0, 7.2)
-        above, relative = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
+        figure = new_figure(13.0, 6.9)
+        above, relative = figure.subplots(1, 2)
         draw_top_view(above, record)
         draw_leader_view(relative, record)
-    legend_above(figure, above, columns=len(record.vehicles) + 4)
+    legend_above(figure, [above], columns=len(record.vehicles) + 4)
     return figure
 
 
@@ -69,9 +71,9 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
     axes.plot(
         record.path_east_m,
         record.path_north_m,
-        color=QUIET_COLOUR,
-        linestyle=(0, (5, 4)),
-        linewidth=1.2,
+        color="#bdbdbd",
+        linestyle=(0, (2, 1)),
+        linewidth=2.8,
         label="path",
     )
     for vehicle in reversed(record.vehicles):
@@ -90,9 +92,11 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
     for vehicle in record.vehicles:
         axes.plot([], [], color=colours[vehicle.name], linewidth=2, label=plain_text(vehicle.name))
     axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=QUIET_COLOUR, label="start")
+    side = choose_side(record, samples, view)
     for sample in samples:
         draw_formation(axes, record, sample, magnification)
-    draw_wind(axes, record, samples, view)
+        draw_time(axes, record, sample, -side)
+    draw_wind(axes, record, samples, view, side)
     title = "From above"
     if magnification > 1.0:
         title += f" (formations drawn {magnification:.0f} times their size)"
@@ -107,7 +111,7 @@ def choose_view(record: FlightRecord) -> View:
     west, east = extent([record.path_east_m, *(v.east_m for v in record.vehicles)])
     south, north = extent([record.path_north_m, *(v.north_m for v in record.vehicles)])
     side = max(east - west, north - south, 50.0)
-    return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.16 * side)
+    return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
 
 
 def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
@@ -131,14 +135,13 @@ def choose_magnification(record: FlightRecord, view: View) -> float:
     """How many times its size a formation is drawn: 1 if it can be seen as it is."""
     places = [(0.0, 0.0), *((v.slot_forward_m, v.slot_right_m) for v in record.followers)]
     size = max(math.dist(first, second) for first in places for second in places)
-    if size == 0.0:
+    if size == 0.0 or size >= LEAST_SHARE * view.side_m:
         return 1.0
-    wanted = LEAST_SHARE * view.side_m / size
-    return float(math.ceil(wanted)) if wanted > 1.0 else 1.0
+    return float(math.ceil(DRAWN_SHARE * view.side_m / size))
 
 
 def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification: float) -> None:
-    """All vehicles at one sample, spread about the leader by the magnification, with the time beside them."""
+    """All vehicles at one sample, spread about the leader by the magnification."""
     leader = record.leader
     colours = vehicle_colours(record)
     origin = np.array([leader.east_m[sample], leader.north_m[sample]])
@@ -152,11 +155,16 @@ def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification:
         draw_aircraft(
             axes, east, north, float(vehicle.course_rad[sample]), colour=colours[vehicle.name]
         )
+
+
+def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> None:
+    """The time beside the leader: to its right for a side of 1, to its left for -1."""
+    leader = record.leader
     course = float(leader.course_rad[sample])
     axes.annotate(
         f"{record.time_s[sample]:.0f} s",
-        xy=places[0],
-        xytext=(16.0 * math.sin(course), 14.0 * math.cos(course)),
+        xy=(float(leader.east_m[sample]), float(leader.north_m[sample])),
+        xytext=(side * 24.0 * math.cos(course), -side * 17.0 * math.sin(course)),
         textcoords="offset points",
         ha="center",
         va="center",
@@ -167,15 +175,17 @@ def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification:
     )
 
 
-def draw_wind(axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View) -> None:
-    """At each formation an arrow beside the path: where the air moves to, and how fast."""
+def draw_wind(
+    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, side: float
+) -> None:
+    """At each formation an arrow on one side of it: where the air moves to, and how fast."""
     leader = record.leader
     chosen = list(samples)
     speeds = np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)
     strongest = float(np.max(speeds, initial=0.0))
-    if strongest < 0.1:
+    if strongest < STILL_AIR_M_S or not chosen:
         return
-    places = [clear_side(record, sample, 0.14 * view.side_m) for sample in chosen]
+    places = [abreast(record, sample, side * 0.12 * view.side_m) for sample in chosen]
     arrows = axes.quiver(
         [place[0] for place in places],
         [place[1] for place in places],
@@ -187,12 +197,13 @@ def draw_wind(axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: 
         width=0.0045,
         color=WIND_COLOUR,
         pivot="middle",
+        clip_on=False,
         zorder=3,
     )
     unit = max(1.0, float(round(strongest)))
     axes.quiverkey(
         arrows,
-        0.86,
+        0.8,
         0.03,
         unit,
         f"wind {unit:.0f} m/s",
@@ -202,82 +213,27 @@ def draw_wind(axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: 
     )
 
 
-def clear_side(record: FlightRecord, sample: int, away_m: float) -> Point:
-    """(east, north) of a place abreast of the leader, on the side that is farther from the path."""
+def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
+    """(east, north) of a place to the right of the leader."""
     leader = record.leader
     course = float(leader.course_rad[sample])
-    sides = [
-        (
-            float(leader.east_m[sample]) + side * away_m * math.cos(course),
-            float(leader.north_m[sample]) - side * away_m * math.sin(course),
+    return (
+        float(leader.east_m[sample]) + right_m * math.cos(course),
+        float(leader.north_m[sample]) - right_m * math.sin(course),
+    )
+
+
+def choose_side(record: FlightRecord, samples: tuple[int, ...], view: View) -> float:
+    """The side of the track with more room in the view: 1 for the right, -1 for the left.
+
+    Of a circle it is the inside. A straight track has none, and gets the right.
+    """
+    middle = (view.east_m, view.north_m)
+    outward = {
+        side: sum(
+            math.dist(abreast(record, sample, side * 0.12 * view.side_m), middle)
+            for sample in samples
         )
         for side in (1.0, -1.0)
-    ]
-    return max(sides, key=lambda side: round(distance_from_path(record, side), 1))
-
-
-def distance_from_path(record: FlightRecord, place: Point) -> float:
-    """Distance of (east, north) from the nearest drawn point of the path, m."""
-    if record.path_east_m.size == 0:
-        return 0.0
-    return float(np.min(np.hypot(record.path_east_m - place[0], record.path_north_m - place[1])))
-
-
-def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
-    """Each follower's way to its slot in the leader's course frame: forward is up."""
-    colours = vehicle_colours(record)
-    window = in_window(record)
-    slots: list[Point] = [(0.0, 0.0)]
-    drawn: list[tuple[FloatArray, FloatArray]] = []
-    for follower in record.followers:
-        forward, right = seen_from_leader(record.leader, follower)
-        drawn.append((forward, right))
-        colour = colours[follower.name]
-        axes.plot(right, forward, color=colour, linewidth=1.0, alpha=0.6)
-        axes.plot(right[window], forward[window], color=colour, linewidth=2.4)
-        axes.plot(
-            right[:1], forward[:1], "o", markerfacecolor="white", markeredgecolor=colour, zorder=4
-        )
-        slots.append((follower.slot_right_m, follower.slot_forward_m))
-        axes.plot(
-            [follower.slot_right_m],
-            [follower.slot_forward_m],
-            marker="x",
-            markersize=11,
-            markeredgewidth=1.2,
-            color="#333333",
-            linestyle="none",
-            zorder=6,
-        )
-        axes.annotate(
-            plain_text(follower.name),
-            xy=(follower.slot_right_m, follower.slot_forward_m),
-            xytext=(9.0, 7.0),
-            textcoords="offset points",
-            fontsize=TEXT_SIZE,
-            color=colour,
-            weight="bold",
-            path_effects=halo(),
-            zorder=7,
-        )
-    draw_links(axes, slots, formation_links(slots))
-    draw_aircraft(axes, 0.0, 0.0, 0.0, colour=colours[record.leader.name], size=17.0)
-    dress(
-        axes,
-        title="Seen from the leader (slots crossed, window thick)",
-        across="right of the leader, m",
-        up="ahead of the leader, m",
-    )
-    frame_leader_view(axes, drawn, slots)
-
-
-def frame_leader_view(
-    axes: Axes, drawn: list[tuple[FloatArray, FloatArray]], slots: list[Point]
-) -> None:
-    """A square that holds every follower's way and the leader, with a margin."""
-    left, right = extent([*(way[1] for way in drawn), np.array([slot[0] for slot in slots])])
-    rear, front = extent([*(way[0] for way in drawn), np.array([slot[1] for slot in slots])])
-    half = 0.58 * max(right - left, front - rear, 10.0)
-    axes.set_xlim((left + right) / 2 - half, (left + right) / 2 + half)
-    axes.set_ylim((rear + front) / 2 - half, (rear + front) / 2 + half)
-    axes.set_aspect("equal")
+    }
+    return 1.0 if outward[1.0] <= 1.02 * outward[-1.0] else -1.0

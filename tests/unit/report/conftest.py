@@ -8,8 +8,9 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.vehicle import SERIES
 
 SLOTS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
 STARTS = {"f1": (-60.0, -50.0), "f2": (-35.0, 70.0), "f3": (-90.0, 10.0)}
@@ -151,11 +152,18 @@ def leader_on_circle(
     return 150.0 + distance * np.cos(bearing), distance * np.sin(bearing), -outside
 
 
+def cut_out(vehicle: VehicleRecord, kept: BoolArray) -> VehicleRecord:
+    """The same vehicle with only some of its samples."""
+    arrays = {name: getattr(vehicle, name)[kept] for name in (*SERIES, "mode", "limited")}
+    return replace(vehicle, **arrays)
+
+
 def made_up_flight(
     shape: Literal["line", "circle"], *, duration_s: float = 300.0, rate_hz: float = 20.0
 ) -> FlightRecord:
     """A leader joins its path in the article's wind; three followers close in on their slots."""
-    time_s = np.arange(0.0, duration_s + 0.5 / rate_hz, 1.0 / rate_hz)
+    # Slopes are off at both ends: the flight is cut out of a longer one.
+    time_s = np.arange(-20, (duration_s + 1.0) * rate_hz + 0.5) / rate_hz
     wind = article_wind(time_s)
     fly = leader_on_line if shape == "line" else leader_on_circle
     north, east, cross = fly(time_s, wind)
@@ -188,9 +196,10 @@ def made_up_flight(
         )
     angle = np.linspace(0.0, 2.0 * math.pi, 181)
     reach = np.array([0.0, 1.03 * float(np.hypot(north[-1], east[-1])) / math.sqrt(2.0)])
+    kept = (time_s >= 0.0) & (time_s <= duration_s)
     return still_flight(
-        time_s,
-        *vehicles,
+        time_s[kept],
+        *(cut_out(vehicle, kept) for vehicle in vehicles),
         mission=f"{shape}-wind",
         wind="article",
         rate_hz=rate_hz,

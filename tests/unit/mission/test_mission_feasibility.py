@@ -1,0 +1,235 @@
+"""What is known about a mission before take-off, against numbers worked out by hand."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vfguide.guidance.formation import Slot
+from vfguide.mission import Finding, Mission, check_mission, parse_mission, read_mission, report_on
+from vfguide.mission.conditions import conditions_of, wind_samples
+from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
+from vfguide.mission.predicted_error import error_for_correction, predicted_mean_error
+from vfguide.mission.rehearsal import ArticleWind
+from vfguide.mission.slot_limits import giving_way
+from vfguide.mission.turn_limits import bank_for, field_turn_rate
+
+FOLDER = Path(__file__).parents[3] / "missions"
+MISSIONS = sorted(FOLDER.glob("*.yaml"))
+
+
+def mission(name: str, *changes: tuple[str, str]) -> Mission:
+    text = (FOLDER / f"{name}.yaml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return parse_mission(text.encode(), file="m.yaml").mission
+
+
+def found(name: str, *changes: tuple[str, str]) -> list[tuple[str, str]]:
+    """(severity, field) of everything but notes."""
+    findings = check_mission(mission(name, *changes))
+    return [(one.severity, one.field) for one in findings if one.severity != "note"]
+
+
+@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+def test_no_shipped_mission_has_an_error(file: Path) -> None:
+    loaded = read_mission(file)
+    assert report_on(loaded.mission, loaded.source).errors == ()
+
+
+@pytest.mark.parametrize("name", ["line-calm", "line-wind", "circle-calm", "transit-abreast"])
+def test_the_easy_missions_give_no_warning(name: str) -> None:
+    assert found(name) == []
+
+
+def test_the_wind_of_the_article_blows_between_two_and_eight_metres_a_second() -> None:
+    speed = np.hypot(*wind_samples(ArticleWind(type="article")))
+    assert speed.max() == pytest.approx(8.0)
+    assert speed.min() == pytest.approx(2.0, abs=0.01)
+
+
+def test_an_inner_slot_flies_slower_and_an_outer_one_faster() -> None:
+    circle = mission("circle-calm")
+    conditions = conditions_of(circle.path, circle.wind)
+    # 20 m/s on 150 m: 0.1333 rad/s; 30 m right (inside): 20 - 4, 30 m left: 20 + 4
+    assert conditions.slot_airspeed(20.0, Slot(forward=0.0, right=30.0)) == pytest.approx(16.0)
+    assert conditions.slot_airspeed(20.0, Slot(forward=0.0, right=-30.0)) == pytest.approx(24.0)
+
+
+def test_ground_speed_on_the_path_follows_the_wind() -> None:
+    line = mission("line-calm", ("type: calm", "type: steady, speed_m_s: 5, toward_deg: 45"))
+    assert conditions_of(line.path, line.wind).ground_speed(20.0) == pytest.approx(25.0)
+
+
+def test_a_slot_too_far_inside_makes_the_leader_give_way() -> None:
+    # 75 m inside and 20 m behind on 150 m: hypot(1/2, 2/15) of the leader's speed, 12 m/s from 23.2 on
+    findings = check_mission(mission("circle-calm", ("right_m: 20,", "right_m: 75,")))
+    (warning,) = [one for one in findings if one.severity == "warning"]
+    assert warning.field == "followers[1].slot"
+    assert "the leader gives way by up to 3.5 m/s faster" in warning.message
+
+
+def test_a_slot_that_no_airspeed_of_the_leader_can_serve_is_an_error() -> None:
+    # 120 m inside: a fifth of the leader's speed, 6.4 m/s at most
+    assert found("circle-calm", ("right_m: 20,", "right_m: 120,")) == [
+        ("error", "followers[1].slot")
+    ]
+
+
+def test_a_slot_beyond_the_centre_is_an_error() -> None:
+    assert found("circle-calm", ("right_m: 20,", "right_m: 150,")) == [
+        ("error", "followers[1].slot.right_m")
+    ]
+
+
+def test_slots_that_exclude_each_other_are_an_error() -> None:
+    # 75 m inside needs a leader of 24 m/s and more, 75 m outside one of 21.3 m/s and less
+    findings = found(
+        "circle-calm", ("right_m: 20,", "right_m: 75,"), ("right_m: -20,", "right_m: -75,")
+    )
+    assert ("error", "followers") in findings
+
+
+def test_wind_as_fast_as_the_leader_is_the_only_thing_said_about_its_track() -> None:
+    findings = found("circle-calm", ("type: calm", "type: steady, speed_m_s: 20, toward_deg: 0"))
+    assert findings == [("error", "wind")]
+
+
+def test_a_circle_tighter_than_the_bank_allows_is_an_error() -> None:
+    # 20 m/s on 40 m: 10 m/s², a bank of 45.6 degrees; the outer slot needs more
+    findings = found(
+        "circle-calm", ("radius_m: 150", "radius_m: 40"), ("right_m: 20,", "right_m: 15,")
+    )
+    assert ("error", "path") in findings
+    assert ("error", "followers[0].slot") in findings
+    assert math.degrees(bank_for(20.0, 0.5)) == pytest.approx(45.56, abs=0.01)
+
+
+def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not() -> None:
+    findings = check_mission(mission("line-calm", ("gain: 0.03", "gain: 0.1")))
+    (warning,) = [one for one in findings if one.severity == "warning"]
+    assert warning.field == "path.gain"
+    # g / 20 m/s = 0.490 rad/s; 0.385 * 20 * k stays below for k <= 0.0637
+    assert warning.remedy == "lower gain to 0.063 1/m or less"
+    assert found("line-calm", ("gain: 0.03", "gain: 0.063")) == []
+
+
+def test_the_field_of_a_line_turns_fastest_at_one_over_root_two_of_its_width() -> None:
+    scaled = np.linspace(0.0, 10.0, 100_001)
+    rate = np.sin(np.arctan(scaled)) / (1.0 + scaled**2)
+    assert field_turn_rate(1.0, 1.0, math.pi / 2.0) == pytest.approx(rate.max(), rel=1e-6)
+
+
+def test_the_default_gains_fit_a_loop_of_twenty_hertz() -> None:
+    controller = mission("line-calm").controller
+    layer = effective_layer(controller, 0.05)
+    assert layer == pytest.approx(0.75)
+    assert layer_crossing(3.0, layer, period=0.05, delay=0.0) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected"),
+    [
+        (0.4, [("error", "controller.boundary_layer_factor")]),
+        (1.0, [("warning", "controller.boundary_layer_factor")]),
+        (3.0, []),
+        (6.0, [("warning", "controller.kappa")]),
+    ],
+)
+def test_the_boundary_layer_must_suit_the_loop(
+    factor: float, expected: list[tuple[str, str]]
+) -> None:
+    change = ("epsilon: 0.01", f"epsilon: 0.01, boundary_layer_factor: {factor}")
+    assert found("line-calm", change) == expected
+
+
+def test_a_slow_loop_makes_the_formation_soft() -> None:
+    assert found("line-calm", ("rate_hz: 20", "rate_hz: 5")) == [("warning", "controller.kappa")]
+
+
+def test_the_field_of_the_article_has_three_metres_of_error_on_the_circle_and_none_on_the_line() -> (
+    None
+):
+    article = ("type: slot", "type: article")
+    circle, line = mission("circle-calm", article), mission("line-calm", article)
+    assert predicted_mean_error(circle, conditions_of(circle.path, circle.wind)) == pytest.approx(
+        3.1, abs=0.05
+    )
+    assert predicted_mean_error(line, conditions_of(line.path, line.wind)) == 0.0
+    assert found("circle-calm", article) == [("warning", "acceptance.mean_error_m")]
+    assert found("line-calm", article) == []
+
+
+def test_wind_that_is_not_fed_forward_costs_precision() -> None:
+    with_it = mission("line-wind")
+    without = mission("line-wind", ("epsilon: 0.01", "epsilon: 0.01, wind_feedforward: false"))
+    conditions = conditions_of(with_it.path, with_it.wind)
+    assert (
+        predicted_mean_error(without, conditions)
+        > 2.0 * predicted_mean_error(with_it, conditions)
+        > 0.0
+    )
+
+
+def test_a_correction_beyond_the_reach_of_the_field_has_no_error_that_gives_it() -> None:
+    errors = error_for_correction(np.array([0.0, 4.0, -4.0, 8.0, 9.0]), 8.0, 0.2)
+    assert errors.tolist() == pytest.approx([0.0, 5.0, 5.0, math.inf, math.inf])
+
+
+def test_an_old_leader_state_without_prediction_is_a_warning() -> None:
+    change = ("epsilon: 0.01", "epsilon: 0.01, predict_leader: false")
+    assert ("warning", "controller.predict_leader") in found("line-calm", change)
+    # 0.1 s and, with half of the states lost, one more period of 0.05 s
+    lossy = mission("line-calm", ("rate_hz: 20", "rate_hz: 20\n  link_loss: 0.5"))
+    assert mean_leader_age(lossy) == pytest.approx(0.15)
+
+
+def test_starts_close_together_far_away_or_judged_too_late_are_warnings() -> None:
+    assert found("line-calm", ("{forward_m: -80, right_m: 10}", "{forward_m: 43, right_m: 0}")) == [
+        ("warning", "rehearsal.start.f3")
+    ]
+    assert found("line-calm", ("north_m: -21.2", "north_m: -2121")) == [
+        ("warning", "rehearsal.start.leader")
+    ]
+    assert found("line-calm", ("settle_1m_s: 60", "settle_1m_s: 300")) == [
+        ("warning", "acceptance.settle_1m_s")
+    ]
+
+
+def test_a_slot_below_the_ground_is_an_error() -> None:
+    assert found("line-calm", ("right_m: 0, up_m: 0", "right_m: 0, up_m: -100")) == [
+        ("error", "followers[2].slot.up_m")
+    ]
+
+
+def test_an_observer_can_be_too_fast_for_its_loop_or_adrift() -> None:
+    observer = "epsilon: 0.01, leader_speed_source: observer, observer: {%s}"
+    for gains, severity in (("gamma: 100, sigma: 1", "error"), ("sigma: 0", "warning")):
+        change = ("epsilon: 0.01", observer % gains)
+        assert found("line-calm", change) == [(severity, "controller.observer.sigma")]
+
+
+def test_giving_way_takes_the_nearest_airspeed_that_suits_everyone() -> None:
+    flyable = np.array([[True, False], [False, False], [False, True]])
+    airspeeds = np.array([[18.0], [20.0], [23.0]])
+    assert giving_way(flyable, airspeeds, 20.0) == (2.0, 3.0)
+
+
+def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line() -> None:
+    text = (FOLDER / "line-calm.yaml").read_text().replace("gain: 0.03", "gain: 0.1")
+    loaded = parse_mission(text.encode(), file="m.yaml")
+    report = report_on(loaded.mission, loaded.source)
+    line = text[: text.index("gain: 0.1")].count("\n") + 1
+    (warning,) = report.warnings
+    assert str(warning).startswith(f"m.yaml:{line}: warning: path.gain: joining the path")
+    assert report.as_json()[0]["line"] == line
+    assert [one.severity for one in report.findings] == ["warning", "note"]
+
+
+def test_errors_come_first_in_a_report() -> None:
+    change = ("right_m: 0, up_m: 0", "right_m: 0, up_m: -100")
+    findings = check_mission(mission("line-calm", change, ("gain: 0.03", "gain: 0.1")))
+    assert isinstance(findings[0], Finding)
+    assert [one.severity for one in findings] == ["error", "warning", "note"]

@@ -1,0 +1,232 @@
+"""What a reader of a wrong mission file is told: the line, the field, the fault and the remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from vfguide.mission import MissionError, load_mission, parse_mission
+from vfguide.mission.model import Mission
+
+CIRCLE_WIND = (Path(__file__).parents[3] / "missions" / "circle-wind.yaml").read_text()
+
+AIRSPEED_RANGE_DESCENDS = (
+    "vehicles.leader.airspeed_range_m_s: the lowest airspeed comes first and must be below the highest; "
+    "write [lowest, highest]"
+)
+
+
+def faults_of(content: str | bytes) -> list[str]:
+    data = content.encode() if isinstance(content, str) else content
+    with pytest.raises(MissionError) as caught:
+        parse_mission(data, file="m.yaml")
+    lines = str(caught.value).split("\n")
+    assert len(lines) == len(caught.value.faults)
+    return lines
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    text = CIRCLE_WIND
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text
+
+
+def line_of(text: str) -> int:
+    return CIRCLE_WIND[: CIRCLE_WIND.index(text)].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "system_id: 2",
+            "system_id: 1",
+            "vehicles.f1.system_id: 1 is also leader's; give each vehicle its own number from 1 to 255",
+        ),
+        ("gain: 0.03", "gian: 0.03", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
+        (
+            "kappa: 3",
+            "kappa: '3'",
+            "controller.kappa: '3' is not a number; write a number without quotes",
+        ),
+        (
+            "kappa: 3",
+            "kappa: yes",
+            "controller.kappa: 'yes' is not a number; write a number without quotes",
+        ),
+        (
+            "kappa: 3",
+            "kappa: true",
+            "controller.kappa: true is not a number; write a number without quotes",
+        ),
+        (
+            "kappa: 3",
+            "kappa: .nan",
+            "controller.kappa: nan is not a finite number; write a finite number",
+        ),
+        (
+            "kappa: 3",
+            "kappa: -.inf",
+            "controller.kappa: -inf is not a finite number; write a finite number",
+        ),
+        ("kappa: 3", "kappa: -3", "controller.kappa: -3 is too small; choose 1e-06 or more"),
+        (
+            "rate_hz: 20",
+            "rate_hz: 2026-01-01",
+            "rehearsal.rate_hz: '2026-01-01' is not a number; write a number without quotes",
+        ),
+        (
+            "type: circle",
+            "type: cirle",
+            "path.type: 'cirle' is not known; did you mean 'circle'? use one of: line, circle, racetrack",
+        ),
+        (
+            "type: circle, ",
+            "",
+            "path.type: is missing; add one of: line, circle, racetrack",
+        ),
+        (
+            "type: slot",
+            "type: solt",
+            "controller.type: 'solt' is not known; did you mean 'slot'? use one of: slot, article",
+        ),
+        (
+            "[12, 32]",
+            "[32, 12]",
+            AIRSPEED_RANGE_DESCENDS,
+        ),
+        (
+            "[12, 32]",
+            "[12]",
+            "vehicles.leader.airspeed_range_m_s: has too few values; write [lowest, highest]",
+        ),
+        (
+            "airspeed_m_s: 20",
+            "airspeed_m_s: 40",
+            "leader.airspeed_m_s: 40 m/s is outside the airspeed_range_m_s of 'leader'; choose 12 to 32 m/s",
+        ),
+        (
+            "name: circle-wind",
+            "name: Circle wind",
+            "name: 'Circle wind' cannot be a name; use up to 64 lower-case letters, digits and hyphens",
+        ),
+        (
+            "name: circle-wind",
+            "name: !!python/object:os.system x",
+            "name: tag !!python/object:os.system is not supported; write the plain value",
+        ),
+    ],
+)
+def test_one_wrong_field_gives_one_line(old: str, new: str, expected: str) -> None:
+    assert faults_of(changed((old, new))) == [f"m.yaml:{line_of(old)}: {expected}"]
+
+
+def test_all_faults_are_reported_at_once_in_the_order_of_the_file() -> None:
+    text = changed(
+        ("kappa: 3", "kappa: fast"), ("radius_m", "radius"), ("system_id: 2", "system_id: 1")
+    )
+    found = faults_of(text)
+    assert [one.split(": ")[1] for one in found] == [
+        "path.radius_m",
+        "path.radius",
+        "vehicles.f1.system_id",
+        "controller.kappa",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("vehicle: f3", "vehicle: f4", "there is no vehicle 'f4'"),
+        ("vehicle: f3", "vehicle: f4", "vehicles.f3: this vehicle has no role"),
+        ("vehicle: f3", "vehicle: f2", "'f2' already flies as followers[1]"),
+        ("vehicle: f3", "vehicle: leader", "'leader' already flies as the leader"),
+        (
+            "forward_m: -40, right_m: 0",
+            "forward_m: -20, right_m: 22",
+            "only 2.0 m from followers[1]'s slot",
+        ),
+        ("forward_m: -40, right_m: 0", "forward_m: -1, right_m: 0", "only 1.0 m from the leader"),
+        ("    f3: {forward", "    f9: {forward", "'f9' is neither 'leader' nor a follower"),
+    ],
+)
+def test_contradictions_between_fields_are_faults(old: str, new: str, expected: str) -> None:
+    assert any(expected in one for one in faults_of(changed((old, new))))
+
+
+def test_a_field_given_twice_names_both_lines() -> None:
+    assert "m.yaml:2: name: given twice, first in line 1; remove one" in faults_of(
+        "name: a\nname: b\n"
+    )
+
+
+def test_an_empty_section_says_what_belongs_there() -> None:
+    found = faults_of(changed(("wind: {type: article}", "wind:")))
+    assert found[0].startswith(f"m.yaml:{line_of('wind: {type')}: wind: is left empty")
+
+
+def test_a_line_needs_a_course_and_only_one() -> None:
+    circle = CIRCLE_WIND[CIRCLE_WIND.index("path: {") :].split("\n")[0]
+    for path, expected in [
+        ("path: {type: line}", "the line has no course"),
+        ("path: {type: line, slope: 1, course_deg: 3}", "not both"),
+        ("path: {type: line, course_deg: 3, direction: forward}", "say nothing without slope"),
+    ]:
+        (found,) = faults_of(changed((circle, path)))
+        assert expected in found
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"", "m.yaml: the file is empty"),
+        (b"# nothing but a comment\n", "m.yaml: the file is empty"),
+        (b"- 1\n- 2\n", "m.yaml: the file holds no group of fields"),
+        (b"just text", "m.yaml: the file holds no group of fields"),
+        (b"name: a\n\xff\xfe", "m.yaml:2: not UTF-8 text"),
+        (b"name: a\n\x00", "m.yaml:2: character U+0000 cannot stand"),
+        (b"name: a\n  path: b", "m.yaml:2: not valid YAML"),
+        (b"name: [1", "m.yaml:1: not valid YAML"),
+        (b"a: &a [1]\nb: *a\n", "m.yaml:2: alias *a is not supported"),
+        (b"[" * 100_000, "m.yaml:1: nested too deeply"),
+        (b"- 1\n" * 30_000, "more than 20000 entries"),
+        (b"? [a]\n: 1\n", "a list or group cannot be the name of a field"),
+        (b"name: a\n---\nname: b\n", "m.yaml:2: a second document begins"),
+        (b'name: "\\UFFFFFFFF"', "m.yaml:1: not valid YAML"),
+        (b'name: "\\ud800"', "half of a surrogate pair"),
+        (b"name: " + b"9" * 5000, "name: inf is not text"),
+        (b"%YAML " + b"9" * 5000 + b".1\n---\nname: a", "not valid YAML"),
+    ],
+    ids=range(17),
+)
+def test_what_is_no_mission_at_all_is_refused_in_one_line(content: bytes, expected: str) -> None:
+    assert any(expected in one for one in faults_of(content))
+
+
+def test_a_missing_file_a_directory_and_an_endless_file_are_refused(tmp_path: Path) -> None:
+    large = tmp_path / "large.yaml"
+    large.write_bytes(b"#" * (1024 * 1024 + 1))
+    for path, expected in [
+        (tmp_path / "none.yaml", "there is no such file"),
+        (tmp_path, "this is a directory"),
+        (large, "larger than 1 MiB"),
+        (tmp_path / "a\0b", "cannot be read"),
+        (tmp_path / ("long" * 100), "cannot be read"),
+        (large / "inside.yaml", "cannot be read"),
+    ]:
+        with pytest.raises(MissionError, match=expected):
+            load_mission(path)
+
+
+def test_control_characters_never_reach_the_terminal() -> None:
+    (found,) = [one for one in faults_of('"\\e[31m\\nred": 1\n') if "unknown" in one]
+    assert "\\u001b[31m\\u000ared" in found
+
+
+def test_contradictions_are_also_found_without_a_file() -> None:
+    mission = parse_mission(CIRCLE_WIND.encode(), file="m.yaml").mission
+    data = mission.model_dump(exclude_unset=True)
+    data["vehicles"]["f1"]["system_id"] = 1
+    with pytest.raises(ValueError, match="is also leader's"):
+        Mission.model_validate(data)

@@ -1,0 +1,5 @@
+"""`python -m vfguide`."""
+
+from vfguide.cli import main
+
+main()

@@ -1,0 +1,51 @@
+"""A mission with what the command line says in the place of what the file says."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from vfguide.mission.model import Mission
+
+ControllerName = Literal["slot", "article"]
+PlantName = Literal["course-hold", "heading-hold"]
+WindName = Literal["calm", "article"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overrides:
+    """What the command line says; None leaves the file's word."""
+
+    controller: ControllerName | None = None
+    """Instead of `controller.type`."""
+    plant: PlantName | None = None
+    """Instead of every vehicle's `plant`."""
+    wind: WindName | None = None
+    """Instead of `wind`."""
+    duration_s: float | None = None
+    """Instead of `rehearsal.duration_s`."""
+    rate_hz: float | None = None
+    """Instead of `rehearsal.rate_hz`."""
+    seed: int | None = None
+    """Instead of `rehearsal.seed`."""
+
+
+def overridden(mission: Mission, overrides: Overrides) -> Mission:
+    """The mission with the overrides, as valid as if its file had said so.
+
+    Raises:
+        pydantic.ValidationError: an override is out of its range.
+    """
+    content: dict[str, Any] = mission.model_dump(exclude_unset=True)
+    if overrides.controller is not None:
+        content.setdefault("controller", {})["type"] = overrides.controller
+    if overrides.plant is not None:
+        for vehicle in content["vehicles"].values():
+            vehicle["plant"] = overrides.plant
+    if overrides.wind is not None:
+        content["wind"] = {"type": overrides.wind}
+    rehearsal = {
+        name: value
+        for name in ("duration_s", "rate_hz", "seed")
+        if (value := getattr(overrides, name)) is not None
+    }
+    content.setdefault("rehearsal", {}).update(rehearsal)
+    return Mission.model_validate(content)

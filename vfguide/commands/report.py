@@ -1,0 +1,35 @@
+"""`vfguide report`: the report of a flight that was recorded before."""
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from vfguide.commands.fly import RECORD_NAME, SUMMARY_NAME
+from vfguide.errors import InputError
+from vfguide.record.flight import FlightRecord
+from vfguide.report.metrics import summarise, summary_json
+from vfguide.report.page import write_report
+from vfguide.report.table import summary_table
+
+
+def write_again(directory: Path) -> None:
+    """Write summary, plots and page of the record in a directory.
+
+    Raises:
+        InputError: there is no record, it is damaged, or the directory cannot be written to.
+    """
+    path = directory / RECORD_NAME
+    if not directory.is_dir():
+        raise InputError(f"{directory}: no such directory; give one that `vfguide fly --out` wrote")
+    record = FlightRecord.load(path)
+    summary = summarise(record)
+    try:
+        text = json.dumps(summary_json(summary), indent=2)
+        (directory / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+        page = write_report(record, directory)
+    except OSError as error:
+        raise InputError(f"{directory}: cannot be written to ({error.strerror})") from error
+    Console().print(summary_table(summary))
+    sys.stdout.write(f"report: {page}\n")

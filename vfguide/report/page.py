@@ -1,0 +1,215 @@
+"""The report as one HTML page that needs nothing else: no network, no scripts, no other file."""
+
+import shlex
+from base64 import b64encode
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from vfguide.errors import InputError
+from vfguide.record.flight import FlightRecord
+from vfguide.report.metrics import summarise
+from vfguide.report.page_style import STYLE
+from vfguide.report.plots import Plot, plots_for, write_plots
+from vfguide.report.summary import LeaderSummary, Summary
+from vfguide.report.wording import (
+    NOT_REQUIRED,
+    ComparedFigure,
+    circumstances,
+    compare,
+    in_digits,
+    in_percent,
+    main_error,
+    mean_in_digits,
+    verdict,
+)
+
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""Forbids a browser to load anything from anywhere."""
+
+VEHICLE_HEADINGS = (
+    "Slot ahead, right, m",
+    "Mean error, m",
+    "95 %, m",
+    "Greatest, m",
+    "Along track, mean, m",
+    "Across, mean, m",
+    "Setpoint variation, rad/s",
+    "of it not net turning, rad/s",
+    "Cut by limits",
+)
+
+
+def write_report(record: FlightRecord, directory: Path) -> Path:
+    """Write the plots and `report.html` into a directory; the path of the page.
+
+    Raises:
+        InputError: the directory cannot be written to.
+    """
+    pictures = write_plots(record, directory)
+    page = directory / "report.html"
+    text = render_page(record, summarise(record), pictures)
+    try:
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{page}: cannot be written: {error.strerror or error}") from error
+    return page
+
+
+def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]) -> str:
+    """The whole page, with the pictures inside it."""
+    plots = "".join(
+        _render_plot(plot, picture)
+        for plot, picture in zip(plots_for(record), pictures, strict=True)
+    )
+    body = "".join(
+        (
+            f"<h1>{escape(summary.mission)}</h1>",
+            f'<p class="quiet">{escape(circumstances(summary))}</p>',
+            _render_verdict(summary),
+            _render_figures(summary),
+            _render_vehicles(record, summary),
+            plots,
+            _render_reproduction(summary),
+        )
+    )
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escape(POLICY)}">\n'
+        f"<title>{escape(summary.mission)}: {verdict(summary).lower()}</title>\n"
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
+    )
+
+
+def _render_verdict(summary: Summary) -> str:
+    """The outcome, first of all, with every reason against it."""
+    if summary.accepted:
+        words = _words_of_praise(summary)
+        return (
+            f'<div class="verdict accepted"><strong>{verdict(summary)}</strong>'
+            f"<p>{escape(words)}</p></div>\n"
+        )
+    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in summary.rejections)
+    return (
+        f'<div class="verdict rejected"><strong>{verdict(summary)}</strong>'
+        f"<ul>{reasons}</ul></div>\n"
+    )
+
+
+def _words_of_praise(summary: Summary) -> str:
+    """What an accepted flight reached."""
+    if len(summary.vehicles) < 2:
+        return "A leader alone: nothing is asked of a formation."
+    error = in_digits(summary.formation.mean_error_m, "m")
+    return f"All that the mission asks for was reached. Mean formation error over the last half: {error}."
+
+
+def _render_figures(summary: Summary) -> str:
+    """The formation's figures beside what is required; nothing without followers."""
+    if len(summary.vehicles) < 2:
+        return ""
+    begin, end = summary.formation.window_s
+    rows = "".join(_render_figure(figure) for figure in compare(summary))
+    return (
+        "<h2>The formation</h2>\n"
+        f'<p class="quiet">Errors are of all followers, on true states, from {begin:g} to {end:g} s.</p>\n'
+        '<div class="wide few"><table><thead><tr><th>Figure</th><th class="number">Measured</th>'
+        '<th class="number">Required</th><th>Met</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>\n"
+    )
+
+
+def _render_figure(figure: ComparedFigure) -> str:
+    """One figure of the formation."""
+    met = {
+        True: '<span class="good">yes</span>',
+        False: '<span class="bad">no</span>',
+        None: "",
+    }[figure.met]
+    quiet = " quiet" if figure.required == NOT_REQUIRED else ""
+    return (
+        f'<tr><th scope="row">{escape(figure.name)}</th>'
+        f'<td class="number">{escape(figure.measured)}</td>'
+        f'<td class="number{quiet}">{escape(figure.required)}</td><td>{met}</td></tr>'
+    )
+
+
+def _render_vehicles(record: FlightRecord, summary: Summary) -> str:
+    """A row of figures for each vehicle."""
+    headings = "".join(f'<th class="number">{escape(name)}</th>' for name in VEHICLE_HEADINGS)
+    rows = "".join(
+        f'<tr><th scope="row">{escape(vehicle.name)}</th>'
+        + "".join(
+            f'<td class="number">{escape(cell)}</td>'
+            for cell in _vehicle_cells(
+                summary, vehicle.name, f"{vehicle.slot_forward_m:g}, {vehicle.slot_right_m:g}"
+            )
+        )
+        + "</tr>"
+        for vehicle in record.vehicles
+    )
+    return (
+        "<h2>Each vehicle</h2>\n"
+        '<p class="quiet">A slot is ahead and to the right of the leader. The leader\'s error is its '
+        "distance from the path, a follower's its distance from the slot.</p>\n"
+        f'<div class="wide"><table><thead><tr><th>Vehicle</th>{headings}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>\n"
+    )
+
+
+def _vehicle_cells(summary: Summary, name: str, slot: str) -> tuple[str, ...]:
+    """The figures of a vehicle in the order of the headings."""
+    vehicle = summary.vehicles[name]
+    if isinstance(vehicle, LeaderSummary):
+        slot, along, across = "leads", "", ""
+    else:
+        along = mean_in_digits(vehicle.along_track_error_m)
+        across = mean_in_digits(vehicle.cross_track_error_m)
+    return (
+        slot,
+        *main_error(vehicle),
+        along,
+        across,
+        in_digits(vehicle.course_setpoint_variation_rad_s),
+        in_digits(vehicle.course_setpoint_excess_variation_rad_s),
+        in_percent(vehicle.limited_fraction),
+    )
+
+
+def _render_plot(plot: Plot, picture: Path) -> str:
+    """A plot inside the page, with what to look for."""
+    data = b64encode(picture.read_bytes()).decode("ascii")
+    return (
+        f"<h2>{escape(plot.title)}</h2>\n<figure>"
+        f'<div class="plot"><img alt="{escape(plot.title)}" src="data:image/png;base64,{data}"></div>'
+        f"<figcaption>{escape(plot.caption)}</figcaption></figure>\n"
+    )
+
+
+def _render_reproduction(summary: Summary) -> str:
+    """The command that flies this again."""
+    again = (
+        "Over real sockets no two flights are alike to the last digit."
+        if summary.mode == "live"
+        else "The same mission file and seed give the same flight to the last digit."
+    )
+    return (
+        "<h2>Fly it again</h2>\n"
+        f"<pre>{escape(reproduction_command(summary))}</pre>\n"
+        f'<p class="quiet">{again}</p>\n'
+    )
+
+
+def reproduction_command(summary: Summary) -> str:
+    """The command line, with the mission in the place where missions are kept."""
+    words = ["vfguide", "fly", f"missions/{summary.mission}.yaml"]
+    if summary.mode == "live":
+        words.append("--live")
+    words += ["--controller", summary.controller, "--plant", summary.plant]
+    # Any other wind is described in the mission file alone.
+    if summary.wind in ("calm", "article"):
+        words += ["--wind", summary.wind]
+    words += ["--duration", f"{summary.duration_s:g}", "--rate", f"{summary.rate_hz:g}"]
+    words += ["--seed", str(summary.seed)]
+    return shlex.join(words)
