@@ -1,7 +1,7 @@
 """One aircraft in the air: its state, what its loops hold, the mode that decides about them."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from sitl_stub.angles import wrap_to_two_pi
@@ -89,6 +89,11 @@ class Flight:
         """The autopilot's own (north, east): it starts knowing nothing."""
         self._wind = wind
         self._cruise_airspeed_m_s = cruise_airspeed_m_s
+        # Straight on at first, so that there is a motion from which the mode is entered.
+        straight = TurnTarget("course", state.direction_rad)
+        hold_speed = SpeedTarget("airspeed", cruise_airspeed_m_s)
+        self.targets = Targets(straight, hold_speed, HeightTarget(state.altitude_amsl_m))
+        self._known = (self.state, self.targets, self._motion_now())
         self.targets = self._targets_at_entry(mode)
 
     @property
@@ -98,6 +103,12 @@ class Flight:
 
     def motion(self) -> Motion:
         """The true motion now."""
+        # Asked for several times at one instant. Both parts are immutable and replaced as they change.
+        if self._known[0] is not self.state or self._known[1] is not self.targets:
+            self._known = (self.state, self.targets, self._motion_now())
+        return self._known[2]
+
+    def _motion_now(self) -> Motion:
         wind_m_s = self.wind_m_s
         state = with_speed_kind(self.state, self.targets.speed.kind, wind_m_s)
         rates = RATES[self.plant.kind](
@@ -155,15 +166,15 @@ class Flight:
 
     def hold_turn(self, target: TurnTarget) -> None:
         """Give the lateral loop a new target."""
-        self.targets = replace(self.targets, turn=target)
+        self.targets = Targets(target, self.targets.speed, self.targets.height)
 
     def hold_speed(self, target: SpeedTarget) -> None:
         """Give the speed loop a new target."""
-        self.targets = replace(self.targets, speed=target)
+        self.targets = Targets(self.targets.turn, target, self.targets.height)
 
     def hold_height(self, target: HeightTarget) -> None:
         """Give the height loop a new target."""
-        self.targets = replace(self.targets, height=target)
+        self.targets = Targets(self.targets.turn, self.targets.speed, target)
 
     def circle(self) -> None:
         """Turn right at the loiter's bank: what guided flight does until it is told a course."""

@@ -1,22 +1,19 @@
 """`vfguide fly`: the whole formation on this computer."""
 
 import json
+import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
 
 from rich.console import Console
 
 from vfguide.commands.terminal import flight_progress
 from vfguide.errors import InputError
 from vfguide.mission.model import Mission
-from vfguide.record.flight import FlightRecord
-from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.lockstep import Flight, fly_lockstep
 from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.page import write_report
@@ -29,22 +26,6 @@ SUMMARY_NAME = "summary.json"
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 
 
-@dataclass(slots=True)
-class LogBook:
-    """The telemetry logs of a flight, one for each vehicle."""
-
-    epoch_s: float
-    """Time 0 of the flight, seconds since 1970."""
-    logs: dict[str, TelemetryLog] = field(default_factory=dict)
-    """By vehicle."""
-
-    def note(self, name: str, now: float, datagram: bytes) -> None:
-        """Note a datagram of a vehicle's connection."""
-        if name not in self.logs:
-            self.logs[name] = TelemetryLog(self.epoch_s)
-        self.logs[name].add(now, datagram)
-
-
 def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
     """Fly a mission, report, and return the exit status.
 
@@ -54,16 +35,21 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
     errors = Console(stderr=True)
     if out is not None:
         prepare(out)
-    book = LogBook(time.time()) if out is not None else None
     title = f"flying {mission.name}"
     with (
-        stopped_by_termination(),
+        stopped_by_signals() as stop,
         flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
     ):
-        flight = fly_lockstep(mission, tap=book.note if book else None, progress=progress)
+        flight = fly_lockstep(
+            mission,
+            processes=os.cpu_count() or 1,
+            epoch_s=None if out is None else time.time(),
+            progress=progress,
+            stop=stop,
+        )
     summary = summarise(flight.record)
-    if out is not None and book is not None:
-        keep(flight.record, summary, book, out)
+    if out is not None:
+        keep(flight, summary, out)
     show(summary, flight, out, as_json=as_json)
     if flight.interrupted:
         errors.print(f"stopped after {flight.record.duration_s:.1f} s of flight", highlight=False)
@@ -84,14 +70,14 @@ def prepare(out: Path) -> None:
         ) from error
 
 
-def keep(record: FlightRecord, summary: Summary, book: LogBook, out: Path) -> None:
+def keep(flight: Flight, summary: Summary, out: Path) -> None:
     """Write everything about a flight into its directory."""
-    record.save(out / RECORD_NAME)
-    for name, log in book.logs.items():
+    flight.record.save(out / RECORD_NAME)
+    for name, log in flight.logs.items():
         log.write(out / f"{name}.tlog")
     text = json.dumps(summary_json(summary), indent=2)
     (out / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
-    write_report(record, out)
+    write_report(flight.record, out)
 
 
 def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -> None:
@@ -110,14 +96,17 @@ def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -
 
 
 @contextmanager
-def stopped_by_termination() -> Iterator[None]:
-    """SIGTERM stops as Ctrl-C does: the flight ends where it is and is kept."""
+def stopped_by_signals() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM has come: the flight ends where it is, between two steps, and is kept."""
+    stopped = False
 
-    def stop(_number: int, _frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        stopped = True
 
-    before = signal.signal(signal.SIGTERM, stop)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield lambda: stopped
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -220,7 +220,8 @@ class Companion:
         if self._connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         ready = self._setpoint is not None or not self._adapter.streams_before_engaging
-        informed = math.isfinite(self._role.leader_age(now)) and math.isfinite(self._interval)
+        followable = self._role.leader_age(now) <= self._patience.prediction_s
+        informed = followable and math.isfinite(self._interval)
         waiting = self._mode is Mode.WAITING and not self._engaged
         if self._may_engage and waiting and ready and informed:
             messages += self._adapter.engage()

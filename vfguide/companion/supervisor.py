@@ -68,7 +68,8 @@ def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
     """The mode that follows from a mode and a situation."""
     if not situation.engaged:
         return Mode.WAITING if mode in {Mode.WAITING, Mode.LOST} else Mode.PILOT
-    if not situation.telemetry_age <= patience.telemetry_s or not math.isfinite(situation.leader_age):
+    fresh = situation.telemetry_age <= patience.telemetry_s
+    if not (fresh and math.isfinite(situation.leader_age)):
         return Mode.WAITING
     if situation.leader_age > patience.prediction_s:
         return Mode.LOST

@@ -78,7 +78,7 @@ class Racetrack:
     Where leg and half circle meet the curvature jumps, and with it the motion of every slot: 40 m behind
     a leader that starts to turn at 0.13 rad/s, a rigid slot moves sideways at 5 m/s from one instant to
     the next. An easement spreads the jump: the curvature grows evenly along it, as on a railway, and
-    the half circle lies inward by the shift that this takes, easement²/(24 radius).
+    the half circle lies inward by the shift that this takes, about easement²/(24 radius).
     """
 
     north: float
@@ -121,7 +121,8 @@ class Racetrack:
         second integrals, less those of the jump that it replaces.
         """
         half = max(self.easement, LEAST_EASEMENT) / 2.0
-        full_shift = half * half / (6.0 * self.radius)
+        # sharpest half² / 6 with sharpest = 1 / (radius - full_shift): else the error jumps midway.
+        full_shift = (self.radius - math.sqrt(self.radius**2 - half * half / 1.5)) / 2.0
         sharpest = 1.0 / (self.radius - full_shift)
         inside = clip(run, -half, half)
         to_edge = half - abs(inside)

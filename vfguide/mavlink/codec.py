@@ -5,8 +5,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
+from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
@@ -70,14 +71,14 @@ def text_report(message: MAVLink_message) -> TextReport:
     return TextReport(severity=message.severity, text=text)
 
 
-REPORTS: dict[str, Callable[[MAVLink_message], Report | None]] = {
-    "GLOBAL_POSITION_INT": position_report,
-    "VFR_HUD": airspeed_report,
-    "HEARTBEAT": heartbeat_report,
-    "COMMAND_ACK": command_report,
-    "STATUSTEXT": text_report,
+REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position_report,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: airspeed_report,
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat_report,
+    mavlink.MAVLINK_MSG_ID_COMMAND_ACK: command_report,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT: text_report,
 }
-"""What is listened to. Everything else that parses is passed over and counted."""
+"""What is listened to. Everything else is passed over and counted."""
 
 
 class Codec:
@@ -94,25 +95,19 @@ class Codec:
         """What was received and passed over, by reason."""
         self._source = (system_id, component_id)
         self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
-        self._parser.robust_parsing = True
 
-    def decode(self, data: bytes) -> list[Report]:
+    def decode(self, datagram: bytes) -> list[Report]:
         """Reports in one datagram; whatever the bytes are, this does not raise."""
-        # A datagram holds whole frames: without the reset, the length byte in a few bytes of garbage
-        # would swallow the good messages that come after.
-        self._parser.buf = bytearray()
-        self._parser.buf_index = 0
-        self._parser.expected_length = mavlink.HEADER_LEN_V1 + 2
         reports: list[Report] = []
-        for message in self._parser.parse_buffer(data) or ():
-            name = message.get_type()
-            reader = REPORTS.get(name)
-            if name == "BAD_DATA":
+        for frame in frames_of(datagram):
+            if frame is None:
                 self.counters["not MAVLink"] += 1
-            elif reader is None:
-                self.counters["not used"] += 1
-            elif (message.get_srcSystem(), message.get_srcComponent()) != self._source:
+            elif (frame.system_id, frame.component_id) != self._source:
                 self.counters["not this vehicle's"] += 1
+            elif (reader := REPORTS.get(frame.message_id)) is None:
+                self.counters["not used"] += 1
+            elif (message := self._message(frame.content)) is None:
+                self.counters["not MAVLink"] += 1
             elif (report := reader(message)) is None:
                 self.counters["out of range"] += 1
             else:
@@ -122,6 +117,13 @@ class Codec:
     def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
         """One datagram of these messages."""
         return b"".join([self._pack(message) for message in messages])
+
+    def _message(self, frame: bytes) -> MAVLink_message | None:
+        """The message in a frame, or None where checksum or length are wrong."""
+        try:
+            return self._parser.decode(bytearray(frame))
+        except MAVError:
+            return None
 
     def _pack(self, message: MAVLink_message) -> bytes:
         packed: bytes = message.pack(self._parser)

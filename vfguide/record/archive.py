@@ -69,10 +69,11 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
         InputError: the file is missing, unreadable, damaged or something else.
     """
     try:
-        stored = np.load(path, allow_pickle=False)
-        if not isinstance(stored, np.lib.npyio.NpzFile):
-            raise InputError(f"{path}: is no flight record, but a single NumPy array")
-        with stored:
+        # Given a path, NumPy leaves the file open when what it holds is no archive.
+        with path.open("rb") as stream:
+            stored = np.load(stream, allow_pickle=False)
+            if not isinstance(stored, np.lib.npyio.NpzFile):
+                raise InputError(f"{path}: is no flight record, but a single NumPy array")
             arrays: dict[str, AnyArray] = {name: stored[name] for name in stored.files}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error

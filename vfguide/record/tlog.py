@@ -6,10 +6,9 @@ Each frame follows the time at which it passed: microseconds since 1970 as eight
 import struct
 from pathlib import Path
 
+from vfguide.mavlink.framing import frames_of
+
 TIMESTAMP = struct.Struct(">Q")
-MAVLINK_2 = 0xFD
-HEADER, CHECKSUM, SIGNATURE = 10, 2, 13
-SIGNED = 0x01
 
 
 class TelemetryLog:
@@ -25,25 +24,12 @@ class TelemetryLog:
         self._content = bytearray()
 
     def add(self, now: float, datagram: bytes) -> None:
-        """Note a datagram of whole MAVLink 2 frames that passed at this time of the flight, s."""
+        """Note a datagram that passed at this time of the flight, s."""
         stamp = TIMESTAMP.pack(round((self._epoch_s + now) * 1e6))
         for frame in frames_of(datagram):
-            self._content += stamp + frame
+            if frame is not None:
+                self._content += stamp + frame.content
 
     def write(self, path: Path) -> None:
         """Write what was collected."""
         path.write_bytes(self._content)
-
-
-def frames_of(datagram: bytes) -> list[bytes]:
-    """The MAVLink 2 frames that a datagram is made of; what is none of them ends the list."""
-    frames = []
-    start = 0
-    while start + HEADER <= len(datagram) and datagram[start] == MAVLINK_2:
-        signature = SIGNATURE if datagram[start + 2] & SIGNED else 0
-        end = start + HEADER + datagram[start + 1] + CHECKSUM + signature
-        if end > len(datagram):
-            break
-        frames.append(datagram[start:end])
-        start = end
-    return frames

@@ -36,55 +36,25 @@ DRAWN_POINTS = 361
 """Points of a drawn path."""
 
 
-class Recorder:
-    """True states and companions' doings, sample by sample."""
+class VehicleRecorder:
+    """True states of one aircraft and its companion's doings, sample by sample."""
 
-    def __init__(self, mission: Mission, emulators: Sequence[sitl_stub.Autopilot]) -> None:
-        """Record a mission flown by these emulators, leader first."""
+    def __init__(self, mission: Mission, name: str) -> None:
+        """Record the vehicle of this name."""
         self._mission = mission
-        self._emulators = emulators
-        self._times: list[float] = []
-        self._truths: list[list[sitl_stub.Truth]] = [[] for _ in emulators]
-        self._snapshots: list[list[Snapshot]] = [[] for _ in emulators]
+        self._name = name
+        self._truths: list[sitl_stub.Truth] = []
+        self._snapshots: list[Snapshot] = []
 
-    def sample(self, now: float, snapshots: Sequence[Snapshot]) -> None:
-        """Note where everyone is and what every companion did."""
-        self._times.append(now)
-        for number, emulator in enumerate(self._emulators):
-            self._truths[number].append(emulator.truth())
-            self._snapshots[number].append(snapshots[number])
+    def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
+        """Note where the aircraft is and what its companion did."""
+        self._truths.append(truth)
+        self._snapshots.append(snapshot)
 
-    def record(self, *, wall_s: float, mode: FlightMode = "lockstep") -> FlightRecord:
-        """The flight so far."""
-        mission = self._mission
-        names = [mission.leader.vehicle, *mission.followers_by_name]
-        vehicles = tuple(
-            self._vehicle(name, self._truths[number], self._snapshots[number])
-            for number, name in enumerate(names)
-        )
-        path_north, path_east = drawn_path(mission, vehicles[0])
-        return FlightRecord(
-            time_s=np.array(self._times),
-            vehicles=vehicles,
-            mode_names=tuple(mode.value for mode in MODES),
-            path_north_m=path_north,
-            path_east_m=path_east,
-            mission=mission.name,
-            controller=mission.controller.type,
-            plant=mission.leader_vehicle.plant,
-            wind=mission.wind.type,
-            mode=mode,
-            rate_hz=mission.rehearsal.rate_hz,
-            seed=mission.rehearsal.seed,
-            duration_s=self._times[-1],
-            wall_s=wall_s,
-            acceptance=Acceptance(**mission.acceptance.model_dump()),
-        )
-
-    def _vehicle(
-        self, name: str, truths: list[sitl_stub.Truth], snapshots: list[Snapshot]
-    ) -> VehicleRecord:
-        mission = self._mission
+    def record(self) -> VehicleRecord:
+        """The samples so far."""
+        mission, name = self._mission, self._name
+        truths, snapshots = self._truths, self._snapshots
         north, east = local_positions(mission, truths)
         setpoints = [snapshot.setpoint for snapshot in snapshots]
         speeds = column(setpoints, "speed")
@@ -107,10 +77,39 @@ class Recorder:
             course_setpoint_rad=column(setpoints, "course"),
             airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
             ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
-            mode=np.array([MODES.index(snapshot.mode) for snapshot in snapshots]),
-            limited=np.array([bool(one and one.limited) for one in setpoints]),
+            mode=np.array([MODES.index(snapshot.mode) for snapshot in snapshots], dtype=np.int64),
+            limited=np.array([bool(one and one.limited) for one in setpoints], dtype=np.bool_),
             lyapunov=column(snapshots, "lyapunov"),
         )
+
+
+def flight_record(
+    mission: Mission,
+    times: Sequence[float],
+    vehicles: Sequence[VehicleRecord],
+    *,
+    wall_s: float,
+    mode: FlightMode = "lockstep",
+) -> FlightRecord:
+    """The record of a whole flight, from those of its vehicles, leader first."""
+    path_north, path_east = drawn_path(mission, vehicles[0])
+    return FlightRecord(
+        time_s=np.array(times, dtype=np.float64),
+        vehicles=tuple(vehicles),
+        mode_names=tuple(mode.value for mode in MODES),
+        path_north_m=path_north,
+        path_east_m=path_east,
+        mission=mission.name,
+        controller=mission.controller.type,
+        plant=mission.leader_vehicle.plant,
+        wind=mission.wind.type,
+        mode=mode,
+        rate_hz=mission.rehearsal.rate_hz,
+        seed=mission.rehearsal.seed,
+        duration_s=times[-1],
+        wall_s=wall_s,
+        acceptance=Acceptance(**mission.acceptance.model_dump()),
+    )
 
 
 def column(

@@ -74,17 +74,20 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
         ("mean", record.acceptance.mean_error_m),
         ("greatest", record.acceptance.max_error_m),
     )
+    # Two limits may be too near each other for two texts between them.
+    both = all(required is not None for _, required in limits)
     for name, required in limits:
         if required is not None:
+            below = both and name == "mean"
             axes.axhline(required, color=LIMIT_COLOUR, linewidth=1.1, linestyle=(0, (6, 3)))
             axes.annotate(
                 f"required {name} {required:g} m",
                 xy=(1.0, required),
                 xycoords=("axes fraction", "data"),
-                xytext=(-4, 3),
+                xytext=(-4, -3 if below else 3),
                 textcoords="offset points",
                 ha="right",
-                va="bottom",
+                va="top" if below else "bottom",
                 fontsize=SMALL_SIZE,
                 color=LIMIT_COLOUR,
                 path_effects=halo(),

@@ -45,7 +45,8 @@ figcaption { margin: .5rem .2rem; color: var(--quiet); }
 .plot img { display: block; width: 100%; min-width: 44rem; height: auto; }
 pre {
   white-space: pre-wrap; overflow-wrap: anywhere;
-  background: var(--card); border: 1px solid var(--rule); border-radius: .6rem; padding: .8rem 1rem; font: .9rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace;
+  background: var(--card); border: 1px solid var(--rule); border-radius: .6rem;
+  padding: .8rem 1rem; font: .9rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace;
 }
 @media (max-width: 40rem) { th, td { padding: .35rem .4rem; } .few td.number { white-space: normal; } }
 @media print { .plot img { min-width: 0; } figure { break-inside: avoid; } }

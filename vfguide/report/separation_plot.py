@@ -19,6 +19,7 @@ from vfguide.report.style import (
     show_whole_flight,
     vehicle_colours,
 )
+from vfguide.report.wording import in_digits
 
 MOST_PAIRS = 12
 """Pairs drawn at most: those that came nearest."""
@@ -73,7 +74,7 @@ def scale_distances(axes: Axes, record: FlightRecord, pairs: list[PairSeparation
     required = record.acceptance.min_separation_m
     if low > 0.0 and high > WIDE_RANGE * low:
         low = min(low, required) if required > 0.0 else low
-        set_log_scale(axes, low / 1.5, high * 1.3)
+        set_log_scale(axes, low / 2.0, high * 1.3)
         axes.grid(visible=True, which="minor", color="#f0f0f0", linewidth=0.5)
     else:
         axes.set_ylim(0.0, max(1.08 * high, 1.3 * required, 1.0))
@@ -105,7 +106,7 @@ def mark_least(axes: Axes, record: FlightRecord, pair: PairSeparation) -> None:
     axes.plot([time_s], [distance_m], "o", color="#333333", markersize=6, zorder=5)
     axes.annotate(
         plain_text(
-            f"nearest: {distance_m:.1f} m at {time_s:.1f} s ({pair.first} to {pair.second})"
+            f"nearest: {in_digits(distance_m, 'm')} at {time_s:.1f} s ({pair.first} to {pair.second})"
         ),
         xy=(time_s, distance_m),
         xytext=(-8 if late else 8, -8),

@@ -28,7 +28,7 @@ SETPOINT_COLOUR = "#e6007e"
 def setpoints_figure(record: FlightRecord) -> Figure:
     """A row for each vehicle: course and speed, whole flight and the last seconds."""
     rows = len(record.vehicles)
-    figure = new_figure(15.0, 1.0 + 2.3 * rows)
+    figure = new_figure(15.0, 1.0 + (2.3 if rows <= 5 else 1.7) * rows)
     grid = figure.subplots(rows, 4, squeeze=False, sharex="col")
     colours = vehicle_colours(record)
     end = record.time_s >= record.time_s[-1] - CLOSE_UP_S

@@ -23,8 +23,18 @@ DOTS_PER_INCH = 120
 
 LEADER_COLOUR = "#1a1a1a"
 
-FOLLOWER_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of Okabe and Ito: told apart by colour-blind readers too."""
+FOLLOWER_COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#6f4fa0",
+    "#8c564b",
+    "#999933",
+)
+"""Of Okabe and Ito, told apart by colour-blind readers too; three more for large formations."""
 
 LIMIT_COLOUR = "#c1121f"
 """Of what a flight is held against."""
@@ -74,10 +84,26 @@ def save_figure(figure: Figure, path: Path) -> Path:
     FigureCanvasAgg(figure)
     figure.savefig(drawn, format="png", pil_kwargs={"compress_level": 1})
     picture = Image.open(drawn).convert("RGB")
-    picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+    picture.quantize(palette=choose_palette(picture), dither=Image.Dither.NONE).save(
         path, format="PNG", optimize=True, dpi=(DOTS_PER_INCH, DOTS_PER_INCH)
     )
     return path
+
+
+def choose_palette(picture: Image.Image) -> Image.Image:
+    """The 128 most frequent colours as they are, and 128 that are nowhere far from the rest.
+
+    The first keep backgrounds true, the others thin lines: each alone would tint what the other keeps.
+    """
+    counted = picture.getcolors(maxcolors=picture.width * picture.height) or []
+    covering = picture.quantize(128, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    frequent: list[int] = []
+    for _, colour in sorted(counted, reverse=True)[:128]:
+        if isinstance(colour, tuple):
+            frequent += colour
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(frequent + covering)
+    return palette
 
 
 def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:
@@ -135,16 +161,17 @@ def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
 
 
 def mark_samples(axes: Axes, time_s: FloatArray, flags: BoolArray, colour: str) -> None:
-    """A strip along the bottom of the axes where something holds."""
-    axes.fill_between(
-        time_s,
-        0.0,
-        0.035,
-        where=[bool(flag) for flag in flags],
-        transform=axes.get_xaxis_transform(),
+    """A strip along the bottom of the axes where something holds, be it for a single sample."""
+    marked = time_s[flags]
+    axes.plot(
+        marked,
+        np.full_like(marked, 0.02),
+        marker="|",
+        markersize=6,
+        markeredgewidth=0.8,
         color=colour,
-        linewidth=0,
-        step="mid",
+        linestyle="none",
+        transform=axes.get_xaxis_transform(),
     )
 
 

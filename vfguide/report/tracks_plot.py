@@ -96,7 +96,9 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
     for sample in samples:
         draw_formation(axes, record, sample, magnification)
         draw_time(axes, record, sample, -side)
-    draw_wind(axes, record, samples, view, side)
+    reach = max(side * vehicle.slot_right_m for vehicle in record.vehicles)
+    away = max(0.12 * view.side_m, magnification * reach + 0.08 * view.side_m)
+    draw_wind(axes, record, samples, view, side * away)
     title = "From above"
     if magnification > 1.0:
         title += f" (formations drawn {magnification:.0f} times their size)"
@@ -176,16 +178,20 @@ def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> Non
 
 
 def draw_wind(
-    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, side: float
+    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, right_m: float
 ) -> None:
-    """At each formation an arrow on one side of it: where the air moves to, and how fast."""
+    """Beside each formation, unless there is one already, an arrow: where the air moves to, how fast."""
     leader = record.leader
-    chosen = list(samples)
-    speeds = np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)
-    strongest = float(np.max(speeds, initial=0.0))
-    if strongest < STILL_AIR_M_S or not chosen:
+    strongest = extent([np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)])[1]
+    if strongest < STILL_AIR_M_S or not samples:
         return
-    places = [abreast(record, sample, side * 0.12 * view.side_m) for sample in chosen]
+    chosen: list[int] = []
+    places: list[Point] = []
+    for sample in samples:
+        place = abreast(record, sample, right_m)
+        if all(math.dist(place, other) > 0.1 * view.side_m for other in places):
+            chosen.append(sample)
+            places.append(place)
     arrows = axes.quiver(
         [place[0] for place in places],
         [place[1] for place in places],
@@ -200,6 +206,8 @@ def draw_wind(
         clip_on=False,
         zorder=3,
     )
+    # An arrow may reach over the edge; the axes need not shrink for it.
+    arrows.set_in_layout(False)
     unit = max(1.0, float(round(strongest)))
     axes.quiverkey(
         arrows,
@@ -226,7 +234,7 @@ def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
 def choose_side(record: FlightRecord, samples: tuple[int, ...], view: View) -> float:
     """The side of the track with more room in the view: 1 for the right, -1 for the left.
 
-    Of a circle it is the inside. A straight track has none, and gets the right.
+    Of a circle it is the inside. A straight track has none, and gets the side with fewer slots.
     """
     middle = (view.east_m, view.north_m)
     outward = {
@@ -236,4 +244,6 @@ def choose_side(record: FlightRecord, samples: tuple[int, ...], view: View) -> f
         )
         for side in (1.0, -1.0)
     }
-    return 1.0 if outward[1.0] <= 1.02 * outward[-1.0] else -1.0
+    if math.isclose(outward[1.0], outward[-1.0], rel_tol=0.02):
+        return 1.0 if sum(vehicle.slot_right_m for vehicle in record.vehicles) <= 0.0 else -1.0
+    return 1.0 if outward[1.0] < outward[-1.0] else -1.0

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pytest
@@ -11,14 +12,22 @@ import pytest
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
 from vfguide.record.vehicle import SERIES
+from vfguide.report.page import write_report
 
 SLOTS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
 STARTS = {"f1": (-60.0, -50.0), "f2": (-35.0, 70.0), "f3": (-90.0, 10.0)}
 TRACKING = 2
 
+Record = TypeVar("Record", VehicleRecord, FlightRecord)
+
+
+def replace_some(record: Record, given: dict[str, Any]) -> Record:
+    """The same with other values for some fields."""
+    return replace(record, **given)
+
 
 def still_vehicle(
-    name: str, role: Literal["leader", "follower"], time_s: FloatArray, **given: Any
+    name: str, role: Literal["leader", "follower"], time_s: FloatArray, **given: object
 ) -> VehicleRecord:
     """A vehicle at the origin, on course north at 20 m/s, except for what is given."""
     zero = np.zeros_like(time_s)
@@ -47,10 +56,10 @@ def still_vehicle(
         limited=np.zeros(time_s.shape, dtype=np.bool_),
         lyapunov=unknown if role == "leader" else zero,
     )
-    return replace(vehicle, **given)
+    return replace_some(vehicle, given)
 
 
-def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: Any) -> FlightRecord:
+def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: object) -> FlightRecord:
     """A calm flight of the vehicles given, or of a lone leader."""
     flight = FlightRecord(
         time_s=time_s,
@@ -69,7 +78,7 @@ def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: Any) -> 
         wall_s=0.5,
         acceptance=Acceptance(mean_error_m=1.0, settle_10m_s=60.0),
     )
-    return replace(flight, **given)
+    return replace_some(flight, given)
 
 
 def article_wind(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +100,7 @@ def moving_vehicle(
     time_s: FloatArray,
     position: tuple[FloatArray, FloatArray],
     wind: tuple[FloatArray, FloatArray],
-    **given: Any,
+    **given: object,
 ) -> VehicleRecord:
     """A vehicle whose speeds, angles and setpoints follow from its positions and the wind."""
     north, east = position
@@ -216,15 +225,21 @@ def circle_flight() -> FlightRecord:
 
 
 @pytest.fixture(scope="session")
+def circle_report(circle_flight: FlightRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of the circle flight; its plots are beside it."""
+    return write_report(circle_flight, tmp_path_factory.mktemp("circle") / "new")
+
+
+@pytest.fixture(scope="session")
 def line_flight() -> FlightRecord:
     return made_up_flight("line")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_vehicle() -> Callable[..., VehicleRecord]:
     return still_vehicle
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_flight() -> Callable[..., FlightRecord]:
     return still_flight

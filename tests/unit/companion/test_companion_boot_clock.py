@@ -1,0 +1,51 @@
+import pytest
+
+from vfguide.companion.boot_clock import BootClock
+
+
+def test_a_report_is_true_when_it_is_read_at_first() -> None:
+    assert BootClock().shared_time(3.0, 100.0) == 100.0
+
+
+def test_the_report_that_travelled_fastest_sets_the_clock() -> None:
+    clock = BootClock()
+    # Booted at 100; delays of 0.3, 0.1, 0.4 s.
+    assert clock.shared_time(1.0, 101.3) == pytest.approx(101.3)
+    assert clock.shared_time(2.0, 102.1) == pytest.approx(102.1)
+    assert clock.shared_time(3.0, 103.4) == pytest.approx(103.1)
+    assert clock.shared_time(4.0, 104.2) == pytest.approx(104.1)
+
+
+def test_a_late_report_does_not_spoil_the_clock() -> None:
+    clock = BootClock()
+    clock.shared_time(10.0, 110.0)
+    assert clock.shared_time(9.5, 119.0) == pytest.approx(109.5)
+    assert clock.shared_time(10.5, 110.7) == pytest.approx(110.5)
+
+
+def test_a_boot_time_that_jumps_back_is_a_reboot() -> None:
+    clock = BootClock()
+    clock.shared_time(100.0, 200.0)
+    assert clock.rebooted(98.9)
+    assert clock.rebooted(0.0)
+
+
+def test_a_late_report_and_one_that_goes_on_are_no_reboot() -> None:
+    clock = BootClock()
+    clock.shared_time(100.0, 200.0)
+    clock.shared_time(99.2, 200.1)
+    assert not clock.rebooted(99.0)
+    assert not clock.rebooted(100.0)
+    assert not clock.rebooted(500.0)
+
+
+def test_the_first_boot_time_is_no_reboot() -> None:
+    assert not BootClock().rebooted(0.0)
+
+
+def test_after_a_reset_the_clock_is_learnt_anew() -> None:
+    clock = BootClock()
+    clock.shared_time(100.0, 200.0)
+    clock.reset()
+    assert not clock.rebooted(0.0)
+    assert clock.shared_time(1.0, 250.0) == 250.0

@@ -1,0 +1,187 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.mavlink.reports import PositionReport
+
+MakePlan = Callable[..., FlightPlan]
+MakeReport = Callable[..., PositionReport]
+
+
+@pytest.fixture
+def own(plan: MakePlan) -> OwnVehicle:
+    return OwnVehicle(plan())
+
+
+@pytest.fixture
+def report(plan: MakePlan) -> MakeReport:
+    """A report by its place north of the origin; 22 m/s north and 3 m/s east over ground, nose north."""
+    frame = plan().frame
+
+    def make(
+        boot_time_s: float, *, north: float = 0.0, heading: float | None = 0.0
+    ) -> PositionReport:
+        latitude, longitude = frame.to_geodetic(north, 0.0)
+        return PositionReport(
+            boot_time_s=boot_time_s,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl=588.0,
+            velocity_north=22.0,
+            velocity_east=3.0,
+            heading=heading,
+        )
+
+    return make
+
+
+def taken(own: OwnVehicle, report: PositionReport, now: float) -> Fix:
+    """The fix that a report leads to, with 20 m/s of airspeed just heard."""
+    own.note_airspeed(20.0, now)
+    fix = own.take(report, now)
+    assert fix is not None
+    return fix
+
+
+def test_the_first_report_is_taken_as_it_is(own: OwnVehicle, report: MakeReport) -> None:
+    fix = taken(own, report(5.0, north=100.0), now=42.0)
+    state = fix.state
+    assert state.time_s == 42.0
+    assert (state.north, state.east) == (
+        pytest.approx(100.0, abs=1e-3),
+        pytest.approx(0.0, abs=1e-3),
+    )
+    # Air velocity (20, 0), ground velocity (22, 3).
+    assert (state.wind_north, state.wind_east) == (pytest.approx(2.0), pytest.approx(3.0))
+    assert (state.wind_rate_north, state.wind_rate_east) == (0.0, 0.0)
+    assert state.course == pytest.approx(math.atan2(3.0, 22.0))
+    assert state.ground_speed == pytest.approx(math.sqrt(493.0))
+    assert (state.heading, state.airspeed) == (0.0, 20.0)
+    assert fix.interval == math.inf
+    assert fix.period == pytest.approx(0.05)
+
+
+def test_the_place_is_the_navigated_one(
+    own: OwnVehicle, report: MakeReport, plan: MakePlan
+) -> None:
+    taken(own, report(5.0), now=42.0)
+    # Predicted at 1.1 m, reported at 11.1 m: the filter leans 0.05 / 2.05 of the 10 m between.
+    fix = taken(own, report(5.05, north=11.1), now=42.05)
+    assert fix.state.north == pytest.approx(1.1 + 10.0 * 0.05 / 2.05, abs=1e-3)
+    north, east = plan().frame.to_local(fix.place.latitude_deg, fix.place.longitude_deg)
+    assert (north, east) == (
+        pytest.approx(fix.state.north, abs=1e-3),
+        pytest.approx(fix.state.east, abs=1e-3),
+    )
+    assert fix.place.altitude_amsl == 588.0
+
+
+def test_intervals_are_those_of_the_autopilots_clock(own: OwnVehicle, report: MakeReport) -> None:
+    taken(own, report(5.0), now=42.0)
+    # Read 0.2 s late: neither the interval nor the time of the state knows.
+    fix = taken(own, report(5.15), now=42.35)
+    assert fix.interval == pytest.approx(0.15)
+    assert fix.state.time_s == pytest.approx(42.15)
+    assert fix.period == pytest.approx(0.05 + 0.1 * (0.15 - 0.05))
+
+
+@pytest.mark.parametrize("boot_time_s", [6.0, 5.95, 5.1])
+def test_a_duplicate_and_a_late_report_are_ignored(
+    own: OwnVehicle, report: MakeReport, boot_time_s: float
+) -> None:
+    taken(own, report(6.0), now=42.0)
+    assert own.take(report(boot_time_s, north=500.0), 42.01) is None
+    fix = taken(own, report(6.05, north=1.1), now=42.05)
+    assert fix.interval == pytest.approx(0.05)
+    assert fix.state.north == pytest.approx(1.1, abs=1e-3)
+
+
+def test_after_a_gap_the_filter_starts_anew(own: OwnVehicle, report: MakeReport) -> None:
+    taken(own, report(5.0), now=42.0)
+    taken(own, report(5.15), now=42.15)
+    fix = taken(own, report(6.16, north=500.0), now=43.16)
+    assert fix.state.north == pytest.approx(500.0, abs=1e-3)
+    assert fix.interval == pytest.approx(1.01)
+    assert fix.period == pytest.approx(0.05)
+
+
+def test_a_second_without_reports_is_no_gap_yet(own: OwnVehicle, report: MakeReport) -> None:
+    taken(own, report(5.0), now=42.0)
+    fix = taken(own, report(5.99, north=500.0), now=42.99)
+    assert fix.state.north < 200.0
+
+
+def test_a_reboot_starts_anew_at_once(own: OwnVehicle, report: MakeReport) -> None:
+    taken(own, report(100.0), now=200.0)
+    fix = taken(own, report(0.2, north=500.0), now=201.0)
+    assert fix.state.north == pytest.approx(500.0, abs=1e-3)
+    assert fix.state.time_s == 201.0
+    assert fix.interval == math.inf
+    assert taken(own, report(0.25), now=201.05).interval == pytest.approx(0.05)
+
+
+def test_without_any_airspeed_there_is_no_wind(own: OwnVehicle, report: MakeReport) -> None:
+    fix = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
+    assert fix is not None
+    assert fix.state.airspeed == pytest.approx(math.sqrt(493.0))
+    assert (fix.state.wind_north, fix.state.wind_east) == (
+        pytest.approx(0.0, abs=1e-9),
+        pytest.approx(0.0, abs=1e-9),
+    )
+
+
+def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(
+    own: OwnVehicle, report: MakeReport
+) -> None:
+    own.note_airspeed(20.0, 42.0)
+    own.take(report(5.0), 42.0)
+    own.note_airspeed(12.0, 42.1)
+    fresh = own.take(report(7.1), 44.1)
+    assert fresh is not None
+    assert fresh.state.airspeed == 12.0
+    # Wind is now (22 - 12, 3) and what is left of (22, 3) is 12 m/s.
+    own.note_airspeed(30.0, 44.1)
+    old = own.take(report(9.2), 46.2)
+    assert old is not None
+    assert old.state.airspeed == pytest.approx(12.0)
+
+
+def test_an_unknown_heading_falls_back_on_the_wind(own: OwnVehicle, report: MakeReport) -> None:
+    taken(own, report(5.0), now=42.0)
+    # Ground velocity (22, 3) without the wind of (2, 3) points north.
+    fix = taken(own, report(5.05, heading=None), now=42.05)
+    assert fix.state.heading == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_heading_that_was_never_known_is_the_course(own: OwnVehicle, report: MakeReport) -> None:
+    fix = taken(own, report(5.0, heading=None), now=42.0)
+    assert fix.state.heading == pytest.approx(math.atan2(3.0, 22.0))
+
+
+def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
+    own: OwnVehicle, report: MakeReport
+) -> None:
+    own.note_airspeed(0.0, 42.0)
+    fix = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
+    assert fix is not None
+    assert fix.state.airspeed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "wind_north"), [("leader", 0.0), ("f1", -20.0 * (1.0 - math.exp(-4.0)))]
+)
+def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
+    plan: MakePlan, report: MakeReport, vehicle: str, wind_north: float
+) -> None:
+    known = plan(vehicle=vehicle)
+    own = OwnVehicle(replace(known, settings=replace(known.settings, speed_source="observer")))
+    own.note_airspeed(20.0, 42.0)
+    own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
+    # The position says 20 m/s, the velocity 0: who believes it sees a head wind, low-passed over 0.2 s.
+    fix = own.take(replace(report(5.4, north=8.0), velocity_north=0.0, velocity_east=0.0), 42.4)
+    assert fix is not None
+    assert fix.state.wind_north == pytest.approx(wind_north, abs=1e-3)

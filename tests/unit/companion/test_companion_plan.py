@@ -1,0 +1,117 @@
+import math
+from collections.abc import Callable
+
+import pytest
+
+from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.leader import LeaderTask
+from vfguide.guidance.path import Circle, Line, Racetrack
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.px4 import Px4
+from vfguide.mission.model import Mission
+
+MakePlan = Callable[..., FlightPlan]
+MakeMission = Callable[[str], Mission]
+
+
+def task_of(plan: FlightPlan) -> LeaderTask:
+    assert isinstance(plan.task, LeaderTask)
+    return plan.task
+
+
+def test_a_follower_is_told_its_slot_and_a_leader_the_path(plan: MakePlan) -> None:
+    assert plan(vehicle="f2").task == Slot(forward=-20.0, right=20.0)
+    assert plan(vehicle="f3").task == Slot(forward=-40.0, right=0.0)
+    assert not plan(vehicle="f2").leads
+    assert plan(vehicle="leader").leads
+    assert task_of(plan(vehicle="leader")).airspeed == 20.0
+
+
+def test_addresses_and_rate_are_the_vehicles(plan: MakePlan) -> None:
+    follower = plan(vehicle="f3")
+    assert (follower.name, follower.system_id, follower.component_id) == ("f3", 4, 1)
+    assert follower.rate_hz == 20.0
+
+
+def test_slots_and_ranges_of_all_followers_go_to_the_leader(plan: MakePlan) -> None:
+    followers = task_of(plan("survey-racetrack", "lead")).followers
+    assert [(one.slot.forward, one.slot.right) for one in followers] == [
+        (-20.0, -40.0),
+        (-20.0, 40.0),
+        (-60.0, 0.0),
+    ]
+    assert [(one.airspeed_min, one.airspeed_max) for one in followers] == [
+        (11.0, 32.0),
+        (11.0, 32.0),
+        (12.0, 32.0),
+    ]
+
+
+def test_a_line_has_its_course_in_radians(plan: MakePlan) -> None:
+    path = task_of(plan("line-calm", "leader")).path
+    assert path == Line(north=0.0, east=0.0, course=pytest.approx(math.pi / 4))
+    gains = task_of(plan("line-calm", "leader")).path_gains
+    assert (gains.gain, gains.approach_angle) == (0.03, pytest.approx(math.pi / 2))
+
+
+@pytest.mark.parametrize(("turning", "direction"), [("clockwise", 1), ("counterclockwise", -1)])
+def test_a_circle_is_positive_clockwise(mission: MakeMission, turning: str, direction: int) -> None:
+    article = mission("circle-wind")
+    path = article.path.model_copy(update={"direction": turning})
+    task = task_of(flight_plan(article.model_copy(update={"path": path}), "leader"))
+    assert task.path == Circle(north=150.0, east=0.0, radius=150.0, direction=direction)
+
+
+def test_a_racetrack_is_taken_over_whole(mission: MakeMission, plan: MakePlan) -> None:
+    path = task_of(plan("survey-racetrack", "lead")).path
+    declared = mission("survey-racetrack").path
+    assert isinstance(path, Racetrack)
+    assert (path.north, path.east, path.course) == (400.0, 150.0, 0.0)
+    assert (path.leg, path.radius, path.direction) == (600.0, declared.radius_m, 1)
+    assert path.easement == declared.easement_m
+
+
+def test_the_altitude_is_that_of_origin_flight_and_slot(plan: MakePlan) -> None:
+    assert plan("survey-racetrack", "lead").altitude_amsl == 488.0 + 120.0
+    assert plan("survey-racetrack", "right").altitude_amsl == 488.0 + 120.0 + 10.0
+
+
+def test_the_frame_is_around_the_origin(plan: MakePlan) -> None:
+    north, east = plan().frame.to_local(47.397742, 8.545594)
+    assert (north, east) == (pytest.approx(0.0, abs=1e-6), pytest.approx(0.0, abs=1e-6))
+
+
+def test_limits_are_in_radians_and_metres_per_second(plan: MakePlan) -> None:
+    airframe = plan("transit-abreast", "wing").airframe
+    assert airframe.max_bank == pytest.approx(0.6981317, abs=1e-7)
+    assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, 30.0)
+    assert (airframe.alpha, airframe.beta, airframe.hold) == (1.2, 0.8, "heading-hold")
+
+
+def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) -> None:
+    settings, chosen = plan().settings, mission("line-calm").controller
+    assert settings.field.chi_inf == pytest.approx(math.pi / 4)
+    assert (settings.field.k_x, settings.field.k_y, settings.field.v_inf) == (0.2, 0.2, 8.0)
+    assert (settings.sliding.kappa, settings.sliding.epsilon) == (3.0, 0.01)
+    assert (settings.sliding.rho, settings.observer.rho) == (chosen.rho, chosen.observer.rho)
+    assert settings.filters.position_s == chosen.position_filter_s
+    assert settings.filters.wind_s == chosen.wind_filter_s
+
+
+@pytest.mark.parametrize("name", ["f9", "", "LEADER"])
+def test_nobody_of_an_unknown_name_flies(mission: MakeMission, name: str) -> None:
+    with pytest.raises(KeyError):
+        flight_plan(mission("line-calm"), name)
+
+
+def test_each_autopilot_gets_its_own_adapter(mission: MakeMission) -> None:
+    assert isinstance(adapter_of(mission("line-calm").vehicles["f1"]), ArduPlane)
+    assert isinstance(adapter_of(mission("survey-racetrack").vehicles["left"]), Px4)
+
+
+def test_the_adapter_takes_the_turn_that_the_bank_allows(mission: MakeMission) -> None:
+    heading, _ = adapter_of(mission("transit-abreast").vehicles["wing"]).fly(0.0, 20.0)
+    # g tan(40 degrees) = 9.80665 * 0.8390996
+    assert heading.param3 == pytest.approx(8.228756, abs=1e-6)
+    assert (heading.target_system, heading.target_component) == (2, 1)

@@ -1,0 +1,173 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
+from vfguide.link.codec import LeaderMessage, decode
+from vfguide.mavlink.reports import PositionReport
+
+MakePlan = Callable[..., FlightPlan]
+Make = Callable[..., Any]
+
+
+@pytest.fixture
+def follower(plan: MakePlan) -> FollowerRole:
+    role = role_of(plan(vehicle="f1"))
+    assert isinstance(role, FollowerRole)
+    return role
+
+
+@pytest.fixture
+def leader(plan: MakePlan) -> LeaderRole:
+    role = role_of(plan(vehicle="leader"))
+    assert isinstance(role, LeaderRole)
+    return role
+
+
+def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Fix]:
+    """Calm air, 20 m/s along a course from the origin, turning right by 0.1 rad/s."""
+    own = OwnVehicle(plan)
+    latitude, longitude = plan.frame.to_geodetic(0.0, 0.0)
+    found = []
+    for time_s in times:
+        angle = course + 0.1 * time_s
+        own.note_airspeed(20.0, time_s)
+        report = PositionReport(
+            boot_time_s=time_s,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl=588.0,
+            velocity_north=20.0 * math.cos(angle),
+            velocity_east=20.0 * math.sin(angle),
+            heading=angle,
+        )
+        fix = own.take(report, time_s)
+        assert fix is not None
+        found.append(fix)
+    return found
+
+
+def published(leader: LeaderRole, fix: Fix) -> LeaderMessage:
+    data = leader.step(fix).publish
+    assert data is not None
+    return decode(data)
+
+
+def test_a_leader_publishes_where_it_is_and_how_it_moves(
+    leader: LeaderRole, plan: MakePlan
+) -> None:
+    first, *_ = fixes(plan(vehicle="leader"), 0.5, [3.0])
+    message = published(leader, first)
+    assert message.time_s == 3.0
+    assert message.latitude_deg == pytest.approx(47.397742, abs=1e-9)
+    assert message.longitude_deg == pytest.approx(8.545594, abs=1e-9)
+    assert message.altitude_amsl == 588.0
+    assert message.course == pytest.approx(0.8)
+    assert message.ground_speed == pytest.approx(20.0)
+    assert (message.acceleration, message.turn_rate, message.turn_acceleration) == (0.0, 0.0, 0.0)
+
+
+def test_a_leader_counts_its_messages_up(leader: LeaderRole, plan: MakePlan) -> None:
+    times = [3.0, 3.05, 3.1]
+    messages = [published(leader, fix) for fix in fixes(plan(vehicle="leader"), 0.5, times)]
+    assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
+    assert [one.time_s for one in messages] == [pytest.approx(time) for time in times]
+
+
+def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(
+    leader: LeaderRole, plan: MakePlan
+) -> None:
+    times = [0.05 * number for number in range(100)]
+    found = fixes(plan(vehicle="leader"), 0.5, [*times, 6.5])
+    messages = [published(leader, fix) for fix in found]
+    assert messages[-2].turn_rate == pytest.approx(0.1, abs=1e-3)
+    assert messages[-1].turn_rate == 0.0
+
+
+def test_a_leader_is_never_without_itself(leader: LeaderRole, leader_bytes: Make) -> None:
+    leader.receive(leader_bytes(5.0), 5.0)
+    assert leader.leader_age(1e6) == 0.0
+
+
+def test_a_leader_state_is_put_into_the_local_frame(
+    follower: FollowerRole, leader_bytes: Make
+) -> None:
+    data = leader_bytes(10.0, course=0.5, ground_speed=21.0, acceleration=0.25, turn_rate=0.125)
+    follower.receive(data, 10.2)
+    state = follower.leader
+    assert state is not None
+    assert (state.north, state.east) == (
+        pytest.approx(200.0, abs=1e-3),
+        pytest.approx(0.0, abs=1e-3),
+    )
+    assert (state.time_s, state.course, state.ground_speed) == (10.0, 0.5, 21.0)
+    assert (state.acceleration, state.turn_rate, state.turn_acceleration) == (0.25, 0.125, 0.0)
+    assert follower.leader_age(10.7) == pytest.approx(0.7)
+    assert not follower.counters
+
+
+def test_before_the_first_leader_state_there_is_nothing_to_steer_by(
+    follower: FollowerRole, plan: MakePlan
+) -> None:
+    assert follower.leader_age(5.0) == math.inf
+    (fix,) = fixes(plan(), 0.0, [3.0])
+    step = follower.step(fix)
+    assert step.setpoint is None
+    assert step.publish is None
+    assert step.distance == math.inf
+
+
+def test_the_distance_is_that_from_the_slot(
+    follower: FollowerRole, plan: MakePlan, leader_bytes: Make
+) -> None:
+    # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
+    follower.receive(leader_bytes(3.0), 3.0)
+    (fix,) = fixes(plan(), -0.3, [3.0])
+    assert follower.step(fix).distance == pytest.approx(math.hypot(40.0, 20.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "now", "reason"),
+    [
+        (10.0, 10.0, "not newer"),
+        (9.95, 10.0, "not newer"),
+        (10.26, 10.0, "from the future"),
+        (1e300, 10.0, "from the future"),
+        (10.5, 71.0, "too old"),
+        (-1e308, 10.0, "too old"),
+    ],
+)
+def test_a_leader_state_of_the_wrong_time_is_counted_and_forgotten(
+    follower: FollowerRole, leader_bytes: Make, time_s: float, now: float, reason: str
+) -> None:
+    follower.receive(leader_bytes(10.0), 10.0)
+    kept = follower.leader
+    follower.receive(leader_bytes(0.0, time_s=time_s, latitude_deg=47.0), now)
+    assert follower.leader == kept
+    assert dict(follower.counters) == {reason: 1}
+
+
+def test_a_leader_whose_clock_is_a_little_ahead_is_believed(
+    follower: FollowerRole, leader_bytes: Make
+) -> None:
+    follower.receive(leader_bytes(10.25), 10.0)
+    assert follower.leader_age(10.0) == -0.25
+
+
+@pytest.mark.parametrize("time_s", [10.26, -1e308, -1e4])
+def test_the_first_leader_state_must_be_of_the_right_time_too(
+    follower: FollowerRole, leader_bytes: Make, time_s: float
+) -> None:
+    follower.receive(leader_bytes(0.0, time_s=time_s), 10.0)
+    assert follower.leader is None
+
+
+@pytest.mark.parametrize("data", [b"", b"VFLS", bytes(88)])
+def test_what_is_no_leader_state_is_counted(follower: FollowerRole, data: bytes) -> None:
+    follower.receive(data, 10.0)
+    assert follower.leader is None
+    assert dict(follower.counters) == {"malformed": 1}

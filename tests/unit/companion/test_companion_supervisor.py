@@ -1,0 +1,113 @@
+import math
+
+import pytest
+
+from vfguide.companion.supervisor import Mode, Patience, Situation, next_mode
+
+WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
+PREDICTING, LOST, PILOT = Mode.PREDICTING, Mode.LOST, Mode.PILOT
+
+
+def following(
+    mode: Mode,
+    *,
+    engaged: bool = True,
+    telemetry_age: float = 0.05,
+    leader_age: float = 0.1,
+    distance: float = 50.0,
+) -> Mode:
+    """The mode after one call, joining unless said otherwise, with the patience that is built in."""
+    situation = Situation(
+        engaged=engaged, telemetry_age=telemetry_age, leader_age=leader_age, distance=distance
+    )
+    return next_mode(mode, situation, Patience())
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (WAITING, WAITING),
+        (JOINING, PILOT),
+        (TRACKING, PILOT),
+        (PREDICTING, PILOT),
+        (LOST, WAITING),
+        (PILOT, PILOT),
+    ],
+)
+@pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
+@pytest.mark.parametrize("leader_age", [0.1, 3.0, 10.0, math.inf])
+def test_what_is_not_engaged_belongs_to_the_pilot(
+    before: Mode, after: Mode, telemetry_age: float, leader_age: float
+) -> None:
+    assert (
+        following(before, engaged=False, telemetry_age=telemetry_age, leader_age=leader_age)
+        is after
+    )
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("leader_age", [0.1, 10.0])
+@pytest.mark.parametrize("telemetry_age", [1.001, math.inf, math.nan])
+def test_without_telemetry_it_waits(before: Mode, telemetry_age: float, leader_age: float) -> None:
+    assert following(before, telemetry_age=telemetry_age, leader_age=leader_age) is WAITING
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("leader_age", [math.inf, math.nan])
+def test_before_the_leader_is_heard_it_waits(before: Mode, leader_age: float) -> None:
+    assert following(before, leader_age=leader_age) is WAITING
+
+
+@pytest.mark.parametrize("before", Mode)
+def test_engaged_and_informed_it_joins_from_anywhere(before: Mode) -> None:
+    assert following(before) is JOINING
+    assert following(before, telemetry_age=1.0, leader_age=0.6) is JOINING
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("distance", [0.0, 50.0, math.inf])
+def test_an_old_leader_state_is_predicted_from(before: Mode, distance: float) -> None:
+    assert following(before, leader_age=0.601, distance=distance) is PREDICTING
+    assert following(before, leader_age=5.0, distance=distance) is PREDICTING
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("leader_age", [5.001, 1e9])
+def test_a_leader_that_stays_silent_is_lost(before: Mode, leader_age: float) -> None:
+    assert following(before, leader_age=leader_age, distance=0.0) is LOST
+
+
+@pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, LOST, PILOT])
+def test_within_ten_metres_it_has_arrived(before: Mode) -> None:
+    assert following(before, distance=10.0) is TRACKING
+    assert following(before, distance=10.001) is JOINING
+
+
+def test_only_beyond_twenty_metres_it_has_strayed() -> None:
+    assert following(TRACKING, distance=10.001) is TRACKING
+    assert following(TRACKING, distance=20.0) is TRACKING
+    assert following(TRACKING, distance=20.001) is JOINING
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("distance", [math.nan, math.inf])
+def test_an_unknown_distance_is_not_in_place(before: Mode, distance: float) -> None:
+    assert following(before, distance=distance) is JOINING
+
+
+@pytest.mark.parametrize("before", Mode)
+def test_a_leader_whose_clock_is_a_little_ahead_is_heard(before: Mode) -> None:
+    assert following(before, leader_age=-0.2) is JOINING
+
+
+def test_patience_is_what_decides() -> None:
+    situation = Situation(engaged=True, telemetry_age=2.0, leader_age=2.0, distance=15.0)
+    patient = Patience(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
+    assert next_mode(JOINING, situation, patient) is TRACKING
+    assert next_mode(JOINING, situation, Patience(telemetry_s=3.0, leader_s=1.0)) is PREDICTING
+    assert next_mode(JOINING, situation, Patience(telemetry_s=3.0, prediction_s=1.9)) is LOST
+    assert next_mode(JOINING, situation, Patience()) is WAITING
+
+
+def test_setpoints_go_out_while_joining_tracking_and_predicting_only() -> None:
+    assert {mode for mode in Mode if mode.steers} == {JOINING, TRACKING, PREDICTING}

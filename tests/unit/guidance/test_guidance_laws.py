@@ -1,0 +1,172 @@
+"""Course law, speed law, their boundary layer and the limits of an aircraft."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Protocol
+
+import pytest
+
+from vfguide.angles import wrap_angle
+from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
+from vfguide.guidance.limits import bank_limited_turn_rate, saturation
+from vfguide.guidance.path import Line
+from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.settings import GuidanceSettings
+from vfguide.guidance.speed_law import sliding_acceleration, speed_command
+
+KAPPA, ALPHA, BETA, SPEED = 3.0, 1.2, 0.8, 20.0
+
+
+class Plant(Protocol):
+    """A vehicle with first-order holds."""
+
+    north: float
+    east: float
+    course: float
+    speed: float
+
+    def fly(self, course: float, speed: float, period: float) -> None: ...
+
+
+def test_saturation_is_the_value_inside_one_and_the_sign_outside() -> None:
+    values = [-7.0, -1.0, -0.25, 0.0, 0.25, 1.0, 7.0]
+    assert [saturation(value) for value in values] == [-1.0, -1.0, -0.25, 0.0, 0.25, 1.0, 1.0]
+
+
+def test_a_bank_of_45_degrees_turns_20_m_s_at_0_49_rad_s() -> None:
+    # 9.80665 tan(45 degrees) / 20 = 0.49033
+    assert bank_limited_turn_rate(math.pi / 4.0, 20.0) == pytest.approx(0.4903, abs=1e-4)
+    # 9.80665 tan(30 degrees) / 30 = 5.66187/30
+    assert bank_limited_turn_rate(math.pi / 6.0, 30.0) == pytest.approx(0.18873, abs=1e-5)
+
+
+def test_on_the_field_the_course_turns_with_it() -> None:
+    assert sliding_course_rate(0.0, 0.13, KAPPA, 0.3) == 0.13
+
+
+@pytest.mark.parametrize(("error", "rate"), [(0.1, -0.9), (-0.1, 1.1), (2.0, -2.9), (-2.0, 3.1)])
+def test_off_the_field_the_law_turns_back_with_kappa_at_most(error: float, rate: float) -> None:
+    # 0.1 - 3 sat(error / 0.3): a third of the layer gives 1 rad/s, beyond it 3 rad/s
+    assert sliding_course_rate(error, 0.1, KAPPA, 0.3) == pytest.approx(rate)
+
+
+def test_the_course_command_leads_by_the_rate_over_alpha(plant: Callable[..., Plant]) -> None:
+    # 0.3 rad/s / 1.2 1/s = 0.25 rad ahead
+    assert course_command(1.0, 0.3, ALPHA) == pytest.approx(1.25)
+    flyer = plant(course=1.0)
+    flyer.fly(course_command(1.0, 0.3, ALPHA), SPEED, 1e-4)
+    assert (flyer.course - 1.0) / 1e-4 == pytest.approx(0.3, rel=1e-3)
+
+
+def test_the_speed_command_leads_by_the_acceleration_over_beta(plant: Callable[..., Plant]) -> None:
+    # 2 m/s² / 0.8 1/s = 2.5 m/s more
+    assert speed_command(20.0, 2.0, BETA) == pytest.approx(22.5)
+    flyer = plant(speed=20.0)
+    flyer.fly(0.0, speed_command(20.0, 2.0, BETA), 1e-4)
+    assert (flyer.speed - 20.0) / 1e-4 == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("speed_error", "along", "expected"),
+    [
+        (0.0, 0.0, 0.5),  # the field's own rate
+        (0.0, 25.0, 1.0),  # + 25/50
+        (0.3, 0.0, -0.7),  # - 3 . 0.3/0.75
+        (-0.3, -25.0, 1.2),  # - 25/50 + 3 . 0.4
+        (5.0, 0.0, -2.5),  # - 3
+        (0.0, 1000.0, 1.5),  # 1000/50 = 20, held at kappa/3 = 1
+        (0.0, -1000.0, -0.5),
+        (0.0, 50.0, 1.5),  # 50/50 is that bound
+    ],
+)
+def test_the_speed_law_adds_field_position_and_sliding(
+    speed_error: float, along: float, expected: float
+) -> None:
+    acceleration = sliding_acceleration(speed_error, along, 0.5, gain=KAPPA, layer=0.75, rho=50.0)
+    assert acceleration == pytest.approx(expected)
+
+
+def test_however_far_behind_the_position_term_never_outweighs_the_sliding_term() -> None:
+    # V~ = +1 is too fast: however far ahead the slot is, the law brakes by kappa - kappa/3 = 2 m/s²
+    rate = sliding_acceleration(1.0, 1e9, 0.0, gain=KAPPA, layer=0.75, rho=50.0)
+    assert rate == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize(
+    ("period", "delay", "factor", "layer"),
+    [
+        (0.001, 0.0, 2.0, 0.01),  # 2 . 3 . 0.001 = 0.006 is less than the article's 0.01
+        (0.05, 0.0, 2.0, 0.3),  # 2 . 3 . 0.05
+        (0.05, 0.05, 2.0, 0.6),
+        (0.05, 0.0, 5.0, 0.75),
+    ],
+)
+def test_the_boundary_layer_follows_period_and_delay(
+    period: float, delay: float, factor: float, layer: float
+) -> None:
+    found = boundary_layer(KAPPA, 0.01, period=period, delay=delay, factor=factor)
+    assert found == pytest.approx(layer)
+
+
+def test_the_settings_give_the_layer_of_their_gains(
+    choices: Callable[..., GuidanceSettings],
+) -> None:
+    # factor 5, kappa 3, no delay, 20 Hz
+    assert choices().sliding.layer(0.05) == pytest.approx(0.75)
+
+
+def fly_line(
+    flyer: Plant, *, layer: float, period: float, delayed_samples: int, seconds: float
+) -> tuple[float, float]:
+    """(mean |chi~| in rad, total variation of the command per second in rad/s), after 30 s on a line."""
+    line = Line(north=0.0, east=0.0, course=0.0)
+    pending = [0.0] * delayed_samples
+    errors, commands = [], []
+    for step in range(round(seconds / period)):
+        point = line.nearest(flyer.north, flyer.east)
+        error = wrap_angle(flyer.course - desired_course(point, 0.03, math.pi / 2.0))
+        rate = SPEED * desired_course_rate_per_speed(point, flyer.course, 0.03, math.pi / 2.0)
+        turn = sliding_course_rate(error, rate, KAPPA, layer)
+        pending.append(course_command(flyer.course, turn, ALPHA))
+        command = pending.pop(0)
+        flyer.fly(command, SPEED, period)
+        if step * period >= 30.0:
+            errors.append(abs(error))
+            commands.append(command)
+    variation = sum(abs(after - before) for before, after in pairwise(commands))
+    return sum(errors) / len(errors), variation / (seconds - 30.0)
+
+
+@pytest.mark.parametrize(
+    ("period", "delayed_samples", "least_error", "least_variation"),
+    [(0.02, 0, 0.02, 200.0), (0.02, 1, 0.04, 60.0), (0.05, 1, 0.1, 25.0)],
+)
+def test_the_literal_layer_limit_cycles_and_the_sampled_one_does_not(
+    plant: Callable[..., Plant],
+    period: float,
+    delayed_samples: int,
+    least_error: float,
+    least_variation: float,
+) -> None:
+    literal = 0.01
+    assert KAPPA * period / literal > 2.0  # beyond it, each sample overshoots the layer
+    run = {"period": period, "delayed_samples": delayed_samples, "seconds": 60.0}
+    error, variation = fly_line(plant(east=20.0), layer=literal, **run)
+    assert error > least_error
+    assert variation > least_variation
+
+    delay = delayed_samples * period
+    layer = boundary_layer(KAPPA, literal, period=period, delay=delay, factor=2.0)
+    error, variation = fly_line(plant(east=20.0), layer=layer, **run)
+    assert error < 0.001
+    assert variation < 0.1
+
+
+def test_just_inside_the_sampling_bound_the_law_settles(plant: Callable[..., Plant]) -> None:
+    # kappa dt / epsilon = 1.9 and 2.1 at 20 ms
+    run = {"period": 0.02, "delayed_samples": 0, "seconds": 120.0}
+    _, inside = fly_line(plant(east=20.0), layer=KAPPA * 0.02 / 1.9, **run)
+    _, outside = fly_line(plant(east=20.0), layer=KAPPA * 0.02 / 2.1, **run)
+    assert inside < 0.1
+    assert outside > 10.0

@@ -1,0 +1,135 @@
+"""What a leader tells of its own motion."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest, low_pass
+from vfguide.state import Airframe, LeaderState, VehicleState
+
+Vehicles = Callable[..., VehicleState[float]]
+PERIOD, FILTER = 0.05, 0.4
+AIRFRAME = Airframe()
+
+
+def estimates(
+    states: list[VehicleState[float]], time_constant: float = FILTER
+) -> LeaderState[float]:
+    motion = leader_at_rest(states[0])
+    for state in states[1:]:
+        motion = estimate_leader(motion, state, AIRFRAME, time_constant)
+    return motion
+
+
+def moving(
+    vehicle: Vehicles, seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
+) -> list[VehicleState[float]]:
+    """States of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
+    times = [index * PERIOD for index in range(round(seconds / PERIOD) + 1)]
+    return [
+        vehicle(
+            course=math.remainder(3.0 + turn_rate * time, 2.0 * math.pi),
+            ground_speed=20.0 + acceleration * time,
+            time_s=time,
+        )
+        for time in times
+    ]
+
+
+def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
+    motion = leader_at_rest(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0))
+    assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
+    assert (motion.course, motion.ground_speed) == (0.5, 22.0)
+    assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("turn_rate", [0.1333, -0.1333])
+def test_on_a_steady_turn_the_turn_rate_is_found_through_south(
+    vehicle: Vehicles, turn_rate: float
+) -> None:
+    # from 3 rad on: the course passes +-pi on its way, 6 s are 15 time constants
+    motion = estimates(moving(vehicle, 6.0, turn_rate=turn_rate))
+    assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-4)
+    assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-4)
+    assert motion.acceleration == 0.0
+
+
+def test_after_one_time_constant_most_of_the_turn_is_seen(vehicle: Vehicles) -> None:
+    # backward Euler over 8 samples: 1 - (0.4/0.45)^8 = 0.610
+    motion = estimates(moving(vehicle, FILTER, turn_rate=0.1))
+    assert motion.turn_rate == pytest.approx(0.0610, abs=1e-4)
+    assert motion.turn_acceleration > 0.0
+
+
+def test_a_steady_acceleration_is_found(vehicle: Vehicles) -> None:
+    motion = estimates(moving(vehicle, 6.0, acceleration=1.5))
+    assert motion.acceleration == pytest.approx(1.5, rel=1e-4)
+    assert motion.ground_speed == pytest.approx(29.0)
+
+
+def test_a_turn_that_tightens_has_a_turn_acceleration(vehicle: Vehicles) -> None:
+    times = [index * PERIOD for index in range(161)]
+    states = [vehicle(course=0.01 * time * time, time_s=time) for time in times]
+    # omega = 0.02 t: 0.02 rad/s², and omega is about the filter's 0.4 s + half a sample late
+    motion = estimates(states)
+    assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-3)
+    assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.425), rel=1e-3)
+
+
+def test_without_a_filter_the_differences_come_through(vehicle: Vehicles) -> None:
+    states = [vehicle(course=0.0), vehicle(course=0.02, ground_speed=20.1, time_s=PERIOD)]
+    motion = estimates(states, 0.0)
+    # 0.02/0.05 rad/s, 0.1/0.05 m/s², 0.4/0.05 rad/s²
+    found = (motion.turn_rate, motion.acceleration, motion.turn_acceleration)
+    assert found == pytest.approx((0.4, 2.0, 8.0))
+
+
+@pytest.mark.parametrize("outlier", [1.0, -2.0, 3.0])
+def test_an_outlier_of_the_course_turns_the_slot_frame_a_little_only(
+    vehicle: Vehicles, outlier: float
+) -> None:
+    states = [vehicle(), vehicle(course=outlier, time_s=PERIOD)]
+    # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, of which 0.05/0.45 is taken
+    motion = estimates(states)
+    assert abs(motion.turn_rate) == pytest.approx(0.81722 / 9.0, abs=1e-5)
+    assert math.copysign(1.0, motion.turn_rate) == math.copysign(1.0, outlier)
+
+
+def test_an_outlier_of_the_speed_is_bounded_too(vehicle: Vehicles) -> None:
+    states = [vehicle(), vehicle(ground_speed=90.0, time_s=PERIOD)]
+    # twice 3 m/s², of which 0.05/0.45 is taken
+    assert estimates(states).acceleration == pytest.approx(6.0 / 9.0)
+
+
+def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
+    vehicle: Vehicles,
+) -> None:
+    random = np.random.default_rng(5)
+    motion = leader_at_rest(vehicle())
+    for index in range(1, 500):
+        wild = vehicle(
+            course=float(random.uniform(-math.pi, math.pi)),
+            ground_speed=float(random.uniform(1.0, 60.0)),
+            time_s=index * PERIOD,
+        )
+        motion = estimate_leader(motion, wild, AIRFRAME, FILTER)
+        assert abs(motion.turn_rate) <= 0.8173
+        assert abs(motion.acceleration) <= 6.0
+
+
+def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
+    steep = replace(AIRFRAME, max_bank=math.radians(60.0))
+    motion = estimate_leader(
+        leader_at_rest(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
+    )
+    # 9.80665 tan(60 degrees)/12
+    assert motion.turn_rate == pytest.approx(1.41547, abs=1e-5)
+
+
+def test_a_low_pass_moves_by_its_share() -> None:
+    # 0.1/(0.3 + 0.1) = a quarter of the way from 1 to 5
+    assert low_pass(1.0, 5.0, 0.1, 0.3) == pytest.approx(2.0)
+    assert low_pass(1.0, 5.0, 0.1, 0.0) == 5.0

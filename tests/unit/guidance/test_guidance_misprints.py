@@ -1,0 +1,293 @@
+"""The article's misprints: what its formulas do as they are printed, and what the corrected ones do."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Protocol
+
+import pytest
+
+from vfguide.angles import wrap_angle
+from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
+from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
+from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
+from vfguide.guidance.path import Circle, Line, Path
+from vfguide.guidance.path_field import (
+    desired_course,
+    desired_course_rate_per_speed,
+    desired_course_slope,
+)
+from vfguide.guidance.speed_law import sliding_acceleration
+
+ALPHA, KAPPA, SPEED, PERIOD = 1.2, 3.0, 20.0, 0.05
+GAIN, APPROACH = 0.03, math.pi / 2.0
+LAYER = boundary_layer(KAPPA, 0.01, period=PERIOD, delay=0.0, factor=2.0)
+
+Field = Callable[[float, float], float]
+
+
+class Plant(Protocol):
+    """A vehicle with first-order holds."""
+
+    north: float
+    east: float
+    course: float
+
+    def fly(self, course: float, speed: float, period: float) -> None: ...
+
+
+Plants = Callable[..., Plant]
+
+
+def fly(plant: Plant, field: Field, seconds: float, layer: float = LAYER) -> None:
+    """Close the course law around any field; its rate is taken by differences along the flight."""
+    for _ in range(round(seconds / PERIOD)):
+        wanted, step = field(plant.north, plant.east), 1e-3
+        ahead = field(
+            plant.north + step * math.cos(plant.course), plant.east + step * math.sin(plant.course)
+        )
+        rate = SPEED * wrap_angle(ahead - wanted) / step
+        turn = sliding_course_rate(wrap_angle(plant.course - wanted), rate, KAPPA, layer)
+        plant.fly(course_command(plant.course, turn, ALPHA), SPEED, PERIOD)
+
+
+def field_of(path: Path) -> Field:
+    def field(north: float, east: float) -> float:
+        return desired_course(path.nearest(north, east), GAIN, APPROACH)
+
+    return field
+
+
+# The line field: i [chi_inf / 2 + (2/pi) atan(k e)] + atan(a) is printed.
+
+
+def printed_line_field(sense: int, slope: float) -> Field:
+    def field(north: float, east: float) -> float:
+        error = east - slope * north
+        bend = APPROACH / 2.0 + 2.0 / math.pi * math.atan(GAIN * error)
+        return sense * bend + math.atan(slope)
+
+    return field
+
+
+def test_on_the_line_the_printed_field_does_not_point_along_it() -> None:
+    # y = 0, flown to growing x: the course of the path is 0; printed i chi_inf / 2 = +-45 degrees
+    assert printed_line_field(1, 0.0)(0.0, 0.0) == pytest.approx(math.pi / 4.0)
+    assert printed_line_field(-1, 0.0)(0.0, 0.0) == pytest.approx(-math.pi / 4.0)
+    assert field_of(Line(north=0.0, east=0.0, course=0.0))(0.0, 0.0) == 0.0
+
+
+def test_the_printed_line_field_flies_off_or_beside_the_line(plant: Plants) -> None:
+    away = plant(east=5.0)
+    fly(away, printed_line_field(1, 0.0), 100.0)
+    # far away its course is chi_inf/2 + 1 = 1.785 rad, 20 m/s . sin = 19.5 m/s outward, for most of 100 s
+    assert away.east > 1000.0
+
+    beside = plant(east=5.0)
+    fly(beside, printed_line_field(-1, 0.0), 300.0)
+    # at rest where (2/pi) atan(k e) = -pi/4: e = -tan(pi²/8)/k = -2.857/0.03 = -95.2 m
+    assert beside.east == pytest.approx(-95.2, abs=0.5)
+
+    onto = plant(east=5.0)
+    fly(onto, field_of(Line(north=0.0, east=0.0, course=0.0)), 100.0)
+    assert onto.east == pytest.approx(0.0, abs=0.01)
+
+
+# The cross-track error: e = y - (a x + b) is printed.
+
+
+def test_the_printed_error_is_not_a_distance() -> None:
+    # 10 m right of a line at 60 degrees: measured along y it is 10/cos(60) = 20 m
+    course = math.radians(60.0)
+    north, east = -10.0 * math.sin(course), 10.0 * math.cos(course)
+    assert east - math.tan(course) * north == pytest.approx(20.0)
+    line = Line(north=0.0, east=0.0, course=course)
+    assert line.nearest(north, east).cross_track_error == pytest.approx(10.0)
+
+
+def test_the_printed_error_has_no_line_across_its_axis(plant: Plants) -> None:
+    # x = 10 has no slope: toward it, the slope and with it the error of one metre grow beyond bounds
+    steep = math.radians(89.99)
+    assert math.cos(steep) - math.tan(steep) * -math.sin(steep) == pytest.approx(5730.0, rel=1e-3)
+    flyer = plant(course=1.0)
+    fly(flyer, field_of(Line(north=10.0, east=0.0, course=math.pi / 2.0)), 60.0)
+    assert flyer.north == pytest.approx(10.0, abs=0.01)
+    assert flyer.course == pytest.approx(math.pi / 2.0, abs=1e-3)
+
+
+def test_the_printed_error_drives_a_line_flown_backward_apart(plant: Plants) -> None:
+    # flown toward falling x, right of the line is on the other side of it, and the printed sign stays
+    backward = math.radians(60.0 + 180.0)
+
+    def with_printed_error(north: float, east: float) -> float:
+        error = east - math.tan(backward) * north
+        return backward - APPROACH * (2.0 / math.pi) * math.atan(GAIN * error)
+
+    line = Line(north=0.0, east=0.0, course=backward)
+    literal, corrected = plant(east=5.0, course=backward), plant(east=5.0, course=backward)
+    fly(literal, with_printed_error, 100.0)
+    fly(corrected, field_of(line), 100.0)
+    assert abs(line.nearest(literal.north, literal.east).cross_track_error) > 500.0
+    error = line.nearest(corrected.north, corrected.east).cross_track_error
+    assert error == pytest.approx(0.0, abs=0.01)
+
+
+# The observer: "d chi^d/d e . d e/d chi" is printed for the regressor phi.
+
+OBSERVER = ObserverGains(gamma=1.0, rho=200.0, sigma=0.5)
+PATHS = [
+    Line(north=0.0, east=0.0, course=0.0),
+    Circle(north=0.0, east=0.0, radius=150.0, direction=1),
+]
+
+
+def printed_regressor(path: Path, north: float, east: float, course: float) -> float:
+    """Slope of the field times d(de/dt)/dchi = V_g cos(chi - chi_p), for de/dchi itself is zero."""
+    point = path.nearest(north, east)
+    slope = desired_course_slope(point.cross_track_error, GAIN, APPROACH)
+    return slope * SPEED * math.cos(course - point.course)
+
+
+def regressor(path: Path, north: float, east: float, course: float) -> float:
+    return desired_course_rate_per_speed(path.nearest(north, east), course, GAIN, APPROACH)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_the_regressor_is_what_a_metre_a_second_more_does_to_the_fields_rate(path: Path) -> None:
+    north, east, course, field = 120.0, 60.0, 0.9, field_of(path)
+
+    def rate(speed: float) -> float:
+        step = 1e-4
+        reach = (speed * step * math.cos(course), speed * step * math.sin(course))
+        ahead = field(north + reach[0], east + reach[1])
+        return wrap_angle(ahead - field(north - reach[0], east - reach[1])) / (2.0 * step)
+
+    difference = (rate(SPEED + 1.0) - rate(SPEED - 1.0)) / 2.0
+    assert regressor(path, north, east, course) == pytest.approx(difference, abs=1e-6)
+    assert abs(printed_regressor(path, north, east, course) - difference) > 0.01
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(
+    ("term", "falls"), [(regressor, True), (printed_regressor, False)], ids=["phi", "printed"]
+)
+def test_the_lyapunov_function_falls_with_the_regressor_alone(
+    path: Path, term: Callable[[Path, float, float, float], float], *, falls: bool
+) -> None:
+    north, east, estimate = 150.0, 0.0, 35.0
+    course = path.nearest(north, east).course + 0.3
+    step, layer = 0.002, 0.5
+    values = []
+    for _ in range(5000):
+        course_error = wrap_angle(course - field_of(path)(north, east))
+        speed_error = estimate - SPEED
+        values.append(0.5 * 200.0 * course_error**2 + 0.5 * speed_error**2)
+        feed_forward = estimate * regressor(path, north, east, course)
+        turn = sliding_course_rate(course_error, feed_forward, KAPPA, layer)
+        change = speed_estimate_rate(
+            estimate, SPEED, course_error, term(path, north, east, course), OBSERVER
+        )
+        course, estimate = course + turn * step, estimate + change * step
+        north += SPEED * math.cos(course) * step
+        east += SPEED * math.sin(course) * step
+    never_rose = all(after <= before + 1e-6 for before, after in pairwise(values))
+    assert never_rose is falls
+    # sigma Gamma = 0.5 1/s over 10 s: W falls at least by e^(-2 . 0.5 . 10)
+    assert not falls or values[-1] < values[0] * math.exp(-10.0)
+
+
+# The formation error: gamma_f is printed without saying from whom to whom.
+
+
+def printed_errors(
+    along: float, right: float, *, from_leader: bool, slot: tuple[float, float]
+) -> tuple[float, float]:
+    """(x_E, y_E) as printed, of a follower at (along, right) of a leader that flies north."""
+    distance = math.hypot(along, right)
+    bearing = math.atan2(right, along) if from_leader else math.atan2(-right, -along)
+    return (
+        slot[0] + distance * math.sin(bearing - math.pi / 2.0),
+        slot[1] + distance * math.cos(bearing - math.pi / 2.0),
+    )
+
+
+def follow(
+    plant: Plants, errors: Callable[[float, float], tuple[float, float]]
+) -> tuple[float, float]:
+    """(along, right) of the leader after 60 s of the printed dual field behind it."""
+    flyer = plant(north=-30.0, east=30.0)
+    for step in range(1200):
+        x_error, y_error = errors(flyer.north - SPEED * PERIOD * step, flyer.east)
+        course, _ = arc_tangent_field(y_error, 0.0, 0.2, math.pi / 4.0)
+        push, _ = arc_tangent_field(x_error, 0.0, 0.2, 8.0)
+        flyer.fly(course, SPEED + push, PERIOD)
+    return flyer.north - SPEED * PERIOD * 1200, flyer.east
+
+
+def test_one_reading_of_the_bearing_diverges_sideways_and_the_other_along(plant: Plants) -> None:
+    slot = (-20.0, 20.0)
+    outward = follow(plant, lambda *place: printed_errors(*place, from_leader=True, slot=slot))
+    # the course stays at pi/4, 20 m/s . sin = 14 m/s for a minute
+    assert outward[1] > 500.0
+    along = follow(plant, lambda *place: printed_errors(*place, from_leader=False, slot=slot))
+    # V_inf = 8 m/s too slow, for a minute
+    assert along[0] < -400.0
+    corrected = follow(plant, lambda along, right: (slot[0] - along, slot[1] - right))
+    assert corrected == pytest.approx(slot, abs=0.05)
+
+
+def test_each_reading_has_one_error_of_the_right_sign() -> None:
+    # the follower 25 m behind and 30 m right, the slot 20 m behind and 20 m right: (5, -10) is true
+    first = printed_errors(-25.0, 30.0, from_leader=True, slot=(-20.0, 20.0))
+    second = printed_errors(-25.0, 30.0, from_leader=False, slot=(-20.0, 20.0))
+    assert first == pytest.approx((5.0, 50.0))
+    assert second == pytest.approx((-45.0, -10.0))
+
+
+# The Lyapunov function: V~^2 / (2 rho) is printed.
+
+
+def change_of_w(along: float, speed_error: float, weight: float) -> float:
+    """dW/dt of a follower straight behind its slot, V~ weighted with weight/2; the law uses rho = 50."""
+    push, slope = arc_tangent_field(along, 1.0, 0.2, 8.0)
+    along_rate = -(push + speed_error)
+    turn_of_field = slope * along_rate
+    acceleration = sliding_acceleration(
+        speed_error, along, turn_of_field, gain=KAPPA, layer=0.75, rho=50.0
+    )
+    step = 1e-6
+
+    def value(time: float) -> float:
+        error = FormationError(
+            along_track=along + along_rate * time,
+            cross_track=0.0,
+            along_track_rate=0.0,
+            cross_track_rate=0.0,
+        )
+        changed = speed_error + (acceleration - turn_of_field) * time
+        return lyapunov(error, 0.0, changed, weight)
+
+    return (value(step) - value(-step)) / (2.0 * step)
+
+
+@pytest.mark.parametrize("along", [-40.0, -1.0, 0.5, 30.0])
+@pytest.mark.parametrize("speed_error", [-3.0, -0.2, 0.5, 4.0])
+def test_with_the_weight_rho_the_cross_terms_cancel(along: float, speed_error: float) -> None:
+    # what is left is -x_E V_inf (2/pi) atan(k x_E) - rho kappa V~ sat(V~/epsilon)
+    field = along * 8.0 * (2.0 / math.pi) * math.atan(0.2 * along)
+    sliding = 50.0 * KAPPA * speed_error * max(-1.0, min(1.0, speed_error / 0.75))
+    change = change_of_w(along, speed_error, 50.0)
+    assert change == pytest.approx(-field - sliding, rel=1e-6, abs=1e-4)
+
+
+def test_with_the_printed_weight_the_function_rises() -> None:
+    # x_E = 1, V~ = -3: -1.005 from the field, +3 (1 - 1/2500) not cancelled, -3 . 3/50 from the law = +1.81
+    assert change_of_w(1.0, -3.0, 1.0 / 50.0) == pytest.approx(1.81, abs=0.01)
+
+
+def test_the_corrected_function_is_half_the_squares() -> None:
+    error = FormationError(
+        along_track=3.0, cross_track=4.0, along_track_rate=0.0, cross_track_rate=0.0
+    )
+    # (9 + 16)/2 + 50 (0.25 + 0.01)/2 = 12.5 + 6.5
+    assert lyapunov(error, 0.1, 0.5, 50.0) == pytest.approx(19.0)

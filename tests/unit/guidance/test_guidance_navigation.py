@@ -1,0 +1,214 @@
+"""The navigation filter: noise down, no lag, wind found, and a ground speed from positions alone."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from vfguide.guidance.navigation import (
+    FilterTimes,
+    Sample,
+    fading_memory_2,
+    fading_memory_3,
+    first_state,
+    memory_of,
+    navigate,
+    navigate_blind,
+)
+from vfguide.state import VehicleState
+
+TIMES = FilterTimes(position_s=2.0, wind_s=0.2)
+PERIOD, AIRSPEED, HEADING = 0.05, 20.0, 0.6
+Track = Callable[[float], Sample[float]]
+Filter = Callable[[VehicleState[float], Sample[float], FilterTimes], VehicleState[float]]
+
+
+def steady_wind(time: float) -> Sample[float]:
+    """Straight flight at 20 m/s through a wind of (5, -3) m/s."""
+    north = AIRSPEED * math.cos(HEADING) + 5.0
+    east = AIRSPEED * math.sin(HEADING) - 3.0
+    return Sample(
+        time_s=time,
+        north=north * time,
+        east=east * time,
+        velocity_north=north,
+        velocity_east=east,
+        heading=HEADING,
+        airspeed=AIRSPEED,
+    )
+
+
+def growing_wind(time: float) -> Sample[float]:
+    """The same with a wind that grows by (0.8, -0.5) m/s every second."""
+    steady = steady_wind(time)
+    return Sample(
+        time_s=time,
+        north=steady.north + 0.4 * time * time,
+        east=steady.east - 0.25 * time * time,
+        velocity_north=steady.velocity_north + 0.8 * time,
+        velocity_east=steady.velocity_east - 0.5 * time,
+        heading=HEADING,
+        airspeed=AIRSPEED,
+    )
+
+
+def run(
+    track: Track, seconds: float, *, times: FilterTimes = TIMES, step: Filter = navigate
+) -> list[VehicleState[float]]:
+    states = [first_state(track(0.0))]
+    for index in range(1, round(seconds / PERIOD) + 1):
+        states.append(step(states[-1], track(index * PERIOD), times))
+    return states
+
+
+def miss(state: VehicleState[float], truth: Sample[float]) -> float:
+    return math.hypot(state.north - truth.north, state.east - truth.east)
+
+
+def test_one_report_alone_gives_position_velocity_and_wind() -> None:
+    state = first_state(steady_wind(2.0))
+    assert miss(state, steady_wind(2.0)) == 0.0
+    assert (state.wind_north, state.wind_east) == pytest.approx((5.0, -3.0))
+    assert (state.wind_rate_north, state.wind_rate_east) == (0.0, 0.0)
+    # 20 cos 0.6 + 5 = 21.5067, 20 sin 0.6 - 3 = 8.2928: 23.0502 m/s
+    assert state.ground_speed == pytest.approx(23.0502, abs=1e-4)
+    assert state.course == pytest.approx(math.atan2(8.2928, 21.5067), abs=1e-5)
+
+
+def test_at_constant_velocity_there_is_no_lag() -> None:
+    for index, state in enumerate(run(steady_wind, 20.0)):
+        assert miss(state, steady_wind(index * PERIOD)) < 1e-9
+        assert state.wind_rate_north == pytest.approx(0.0, abs=1e-9)
+
+
+def test_in_a_steadily_growing_wind_there_is_no_lag_either() -> None:
+    state, truth = run(growing_wind, 30.0)[-1], growing_wind(30.0)
+    # a first-order filter of 0.2 s would be 0.2 . 0.8 = 0.16 m/s behind
+    assert state.wind_north == pytest.approx(5.0 + 0.8 * 30.0, abs=1e-6)
+    assert state.wind_east == pytest.approx(-3.0 - 0.5 * 30.0, abs=1e-6)
+    assert miss(state, truth) < 1e-4
+
+
+def test_the_rate_of_the_wind_is_found_within_two_seconds() -> None:
+    # 40 samples: 40 memory^40 with memory = e^(-0.05/0.2) = 0.7788 leaves 0.2 %
+    state = run(growing_wind, 2.0)[-1]
+    assert (state.wind_rate_north, state.wind_rate_east) == pytest.approx((0.8, -0.5), rel=0.01)
+    early = run(growing_wind, 0.1)[-1]
+    assert early.wind_rate_north < 0.4
+
+
+def noisy(track: Track, spread: float, seed: int) -> Track:
+    random = np.random.default_rng(seed)
+
+    def report(time: float) -> Sample[float]:
+        true = track(time)
+        north, east = random.normal(0.0, spread, 2)
+        return Sample(
+            time_s=time,
+            north=true.north + float(north),
+            east=true.east + float(east),
+            velocity_north=true.velocity_north,
+            velocity_east=true.velocity_east,
+            heading=true.heading,
+            airspeed=true.airspeed,
+        )
+
+    return report
+
+
+@pytest.mark.parametrize("track", [steady_wind, growing_wind])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_position_noise_of_0_3_m_falls_to_centimetres(track: Track, seed: int) -> None:
+    states = run(noisy(track, 0.3, seed), 120.0)
+    settled = list(enumerate(states))[400:]
+    squares = [
+        (state.north - track(index * PERIOD).north) ** 2
+        + (state.east - track(index * PERIOD).east) ** 2
+        for index, state in settled
+    ]
+    rms = math.sqrt(sum(squares) / len(squares) / 2.0)
+    # lean = 0.05/2.05 = 0.0244: 0.3 sqrt(lean / (2 - lean)) = 0.0333 m on each axis
+    assert rms == pytest.approx(0.0333, rel=0.3)
+
+
+def test_without_memory_the_filter_passes_reports_through() -> None:
+    none = FilterTimes(position_s=0.0, wind_s=0.0)
+    report = noisy(growing_wind, 3.0, 4)
+    samples = [report(0.0), report(PERIOD), report(2.0 * PERIOD)]
+    state = first_state(samples[0])
+    for sample in samples[1:]:
+        state = navigate(state, sample, none)
+        assert miss(state, sample) < 1e-9
+        found = (
+            state.ground_speed * math.cos(state.course),
+            state.ground_speed * math.sin(state.course),
+        )
+        assert found == pytest.approx((sample.velocity_north, sample.velocity_east))
+    # the difference of two winds 0.05 s apart
+    assert state.wind_rate_north == pytest.approx(0.8)
+
+
+def test_memory_is_none_at_time_constant_zero_and_fades_over_it() -> None:
+    assert memory_of(0.05, 0.0) == 0.0
+    assert memory_of(0.2, 0.2) == pytest.approx(math.exp(-1.0))
+    assert fading_memory_2(0.05, 0.0) == (1.0, 1.0)
+    # memory 1/2: 1 - 1/4, 1/4; 1 - 1/8, 1.5 . 1/4 . 3/2, 1/2 . 1/8
+    half_life = 0.05 / math.log(2.0)
+    assert fading_memory_2(0.05, half_life) == pytest.approx((0.75, 0.25))
+    assert fading_memory_3(0.05, half_life) == pytest.approx((0.875, 0.5625, 0.0625))
+
+
+def with_wrong_speed(track: Track) -> Track:
+    """The ground velocity twice as fast as it is: its course is right."""
+
+    def report(time: float) -> Sample[float]:
+        true = track(time)
+        return Sample(
+            time_s=true.time_s,
+            north=true.north,
+            east=true.east,
+            velocity_north=2.0 * true.velocity_north,
+            velocity_east=2.0 * true.velocity_east,
+            heading=true.heading,
+            airspeed=true.airspeed,
+        )
+
+    return report
+
+
+@pytest.mark.parametrize("track", [steady_wind, growing_wind])
+def test_blind_the_filter_finds_the_ground_speed_from_positions(track: Track) -> None:
+    state = run(with_wrong_speed(track), 12.0, step=navigate_blind)[-1]
+    truth = track(12.0)
+    speed = math.hypot(truth.velocity_north, truth.velocity_east)
+    assert state.ground_speed == pytest.approx(speed, abs=0.01)
+    assert state.course == pytest.approx(math.atan2(truth.velocity_east, truth.velocity_north))
+    assert miss(state, truth) < 1e-3
+
+
+def test_blind_the_wind_and_its_rate_are_found_too() -> None:
+    state = run(with_wrong_speed(growing_wind), 12.0, step=navigate_blind)[-1]
+    assert state.wind_north == pytest.approx(5.0 + 0.8 * 12.0, abs=0.01)
+    assert state.wind_rate_north == pytest.approx(0.8, abs=0.01)
+    assert state.wind_rate_east == pytest.approx(-0.5, abs=0.01)
+
+
+def test_a_turn_in_steady_wind_is_not_taken_for_wind() -> None:
+    # 20 m/s, heading rate 0.3 rad/s, in wind (4, 2): the exact track
+    def turning(time: float) -> Sample[float]:
+        heading = 0.3 * time
+        return Sample(
+            time_s=time,
+            north=20.0 / 0.3 * math.sin(heading) + 4.0 * time,
+            east=20.0 / 0.3 * (1.0 - math.cos(heading)) + 2.0 * time,
+            velocity_north=20.0 * math.cos(heading) + 4.0,
+            velocity_east=20.0 * math.sin(heading) + 2.0,
+            heading=heading,
+            airspeed=20.0,
+        )
+
+    for index, state in enumerate(run(turning, 30.0)):
+        assert (state.wind_north, state.wind_east) == pytest.approx((4.0, 2.0), abs=1e-9)
+        # the mean of two velocities is the chord but for (0.3 . 0.05)²/12: 0.4 mm/s
+        assert miss(state, turning(index * PERIOD)) < 1e-3

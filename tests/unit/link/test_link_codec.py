@@ -1,0 +1,131 @@
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from vfguide.link.codec import LeaderMessage, LinkDataError, decode, encode
+
+Make = Callable[..., Any]
+
+GREATEST = {
+    "latitude_deg": 90.0,
+    "longitude_deg": 180.0,
+    "altitude_amsl": 50_000.0,
+    "course": 10.0,
+    "ground_speed": 500.0,
+    "acceleration": 100.0,
+    "turn_rate": 10.0,
+    "turn_acceleration": 100.0,
+}
+
+SOUND = st.builds(
+    LeaderMessage,
+    sequence=st.integers(0, 2**32 - 1),
+    time_s=st.floats(allow_nan=False, allow_infinity=False),
+    **{name: st.floats(-bound, bound) for name, bound in GREATEST.items()},
+)
+
+
+def with_checksum(body: bytes) -> bytes:
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(message=SOUND)
+def test_what_goes_in_comes_out(message: LeaderMessage) -> None:
+    assert decode(encode(message)) == message
+
+
+def test_a_leader_state_is_88_bytes_laid_out_as_documented(leader_message: Make) -> None:
+    data = encode(leader_message())
+    assert len(data) == 88
+    assert data[:12] == b"VFLS\x01\x00\x00\x00\x07\x00\x00\x00"
+    assert struct.unpack("<9d", data[12:84]) == (
+        *(123.25, 47.397742, 8.545594, 588.0),
+        *(0.5, 22.0, -0.25, 0.125, 0.0625),
+    )
+    assert data == with_checksum(data[:84])
+
+
+def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
+    good = encode(leader_message())
+    for bit in range(8 * len(good)):
+        data = bytearray(good)
+        data[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(LinkDataError):
+            decode(bytes(data))
+
+
+@pytest.mark.parametrize("size", [0, 1, 84, 87, 89, 176])
+def test_another_size_is_refused_with_both_sizes(leader_message: Make, size: int) -> None:
+    data = (encode(leader_message()) * 2)[:size]
+    with pytest.raises(LinkDataError, match=rf"^{size} bytes where a leader state has 88$"):
+        decode(data)
+
+
+def test_another_mark_is_refused(leader_message: Make) -> None:
+    body = b"VFLX" + encode(leader_message())[4:84]
+    with pytest.raises(LinkDataError, match="not a leader state"):
+        decode(with_checksum(body))
+
+
+@pytest.mark.parametrize("version", [0, 2, 255])
+def test_another_version_is_refused_by_its_number(leader_message: Make, version: int) -> None:
+    body = bytearray(encode(leader_message())[:84])
+    body[4] = version
+    with pytest.raises(LinkDataError, match=f"version {version} .* speaks 1"):
+        decode(with_checksum(bytes(body)))
+
+
+def test_damage_is_named(leader_message: Make) -> None:
+    data = bytearray(encode(leader_message()))
+    data[20] ^= 0x55
+    with pytest.raises(LinkDataError, match="checksum"):
+        decode(bytes(data))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("name", ["time_s", *GREATEST])
+def test_a_value_that_is_not_finite_is_refused(
+    leader_message: Make, name: str, value: float
+) -> None:
+    with pytest.raises(LinkDataError, match="out of range"):
+        decode(encode(leader_message(**{name: value})))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("name", GREATEST)
+def test_a_value_that_no_aircraft_has_is_refused(
+    leader_message: Make, name: str, sign: float
+) -> None:
+    bound = sign * GREATEST[name]
+    assert getattr(decode(encode(leader_message(**{name: bound}))), name) == bound
+    with pytest.raises(LinkDataError, match="out of range"):
+        decode(encode(leader_message(**{name: math.nextafter(bound, sign * math.inf)})))
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@example(data=b"")
+@given(data=st.binary(max_size=120) | st.binary(min_size=88, max_size=88))
+def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
+    with pytest.raises(LinkDataError):
+        decode(data)
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@given(sequence=st.integers(0, 2**32 - 1), values=st.binary(min_size=72, max_size=72))
+def test_any_content_under_a_right_checksum_is_sound_or_refused(
+    sequence: int, values: bytes
+) -> None:
+    data = with_checksum(b"VFLS\x01\x00\x00\x00" + struct.pack("<I", sequence) + values)
+    try:
+        message = decode(data)
+    except LinkDataError:
+        return
+    assert math.isfinite(message.time_s)
+    assert all(abs(getattr(message, name)) <= bound for name, bound in GREATEST.items())

@@ -1,0 +1,121 @@
+from itertools import pairwise
+
+import pytest
+
+from vfguide.link.memory import LinkQuality, MemoryLink
+
+
+def link_of(
+    *, delay_s: float = 0.0, jitter_s: float = 0.0, loss: float = 0.0, seed: str = "seed"
+) -> MemoryLink:
+    return MemoryLink(LinkQuality(delay_s=delay_s, jitter_s=jitter_s, loss=loss), seed)
+
+
+def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int, float]:
+    """Time of flight of each message that arrives, to a thousandth of a second, by its number."""
+    flights = {}
+    for number in range(count):
+        sent_s = number * interval_s
+        link.send(number.to_bytes(4, "big"), sent_s)
+        for millisecond in range(1001):
+            for data in link.receive(sent_s + millisecond * 1e-3):
+                flights[int.from_bytes(data, "big")] = millisecond * 1e-3
+    return flights
+
+
+def test_a_message_arrives_after_the_delay_and_not_before() -> None:
+    link = link_of(delay_s=0.25)
+    link.send(b"state", 1.0)
+    assert link.receive(1.0) == []
+    assert link.receive(1.2499) == []
+    assert link.receive(1.25) == [b"state"]
+    assert link.receive(9.0) == []
+
+
+def test_without_a_delay_a_message_arrives_at_once() -> None:
+    link = link_of()
+    link.send(b"state", 1.0)
+    assert link.receive(1.0) == [b"state"]
+
+
+def test_a_rounding_error_does_not_hold_a_message_back() -> None:
+    # 0.1 + 0.2 is a hair more than 0.3.
+    link = link_of(delay_s=0.2)
+    link.send(b"state", 0.1)
+    assert link.receive(0.3) == [b"state"]
+
+
+def test_messages_sent_at_the_same_time_keep_their_order() -> None:
+    link = link_of(delay_s=0.1)
+    states = [bytes([number]) for number in range(255, 0, -1)]
+    for state in states:
+        link.send(state, 1.0)
+    assert link.receive(2.0) == states
+
+
+def test_jitter_stays_within_its_bounds_and_reaches_them() -> None:
+    flights = list(arrivals(link_of(delay_s=0.3, jitter_s=0.1), 400).values())
+    assert len(flights) == 400
+    # Read to a millisecond, rounded up.
+    assert 0.2 <= min(flights) < 0.205
+    assert 0.396 < max(flights) <= 0.401
+    assert sum(flights) / 400 == pytest.approx(0.3, abs=0.012)
+
+
+def test_no_message_arrives_before_it_was_sent() -> None:
+    link = link_of(delay_s=0.1, jitter_s=0.5)
+    for number in range(200):
+        link.send(bytes([number]), 5.0)
+    assert link.receive(4.999) == []
+    # A flight of -0.4 to 0.6 s: four tenths of them are at their end at once.
+    assert len(link.receive(5.0)) == pytest.approx(80, abs=25)
+    assert len(link.receive(5.6)) > 90
+
+
+def test_the_share_that_is_lost_is_the_one_that_was_asked_for() -> None:
+    link = link_of(loss=0.3)
+    for number in range(10_000):
+        link.send(b"state", float(number))
+    # Five standard deviations: 5 sqrt(0.3 * 0.7 * 10000) = 229.
+    assert len(link.receive(1e5)) == pytest.approx(7000, abs=229)
+
+
+def test_a_link_that_loses_nothing_loses_nothing() -> None:
+    link = link_of(loss=0.0)
+    for number in range(1000):
+        link.send(b"state", float(number))
+    assert len(link.receive(1e5)) == 1000
+
+
+def test_a_link_that_loses_all_delivers_nothing() -> None:
+    link = link_of(loss=1.0)
+    for number in range(1000):
+        link.send(b"state", float(number))
+    assert link.receive(1e5) == []
+
+
+def test_messages_that_overtake_each_other_come_in_the_order_of_arrival() -> None:
+    flights = arrivals(link_of(delay_s=0.5, jitter_s=0.4), 60)
+    link = link_of(delay_s=0.5, jitter_s=0.4)
+    for number in range(60):
+        link.send(number.to_bytes(4, "big"), number * 0.05)
+    received = [int.from_bytes(data, "big") for data in link.receive(100.0)]
+    assert sorted(received) == list(range(60))
+    assert received != sorted(received)
+    times = [number * 0.05 + flights[number] for number in received]
+    assert all(later - earlier > -2e-3 for earlier, later in pairwise(times))
+
+
+def test_losses_do_not_change_the_flight_of_what_gets_through() -> None:
+    lossless = arrivals(link_of(delay_s=0.3, jitter_s=0.2), 100)
+    lossy = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.5), 100)
+    assert 25 < len(lossy) < 75
+    assert all(lossless[number] == flight for number, flight in lossy.items())
+
+
+def test_the_same_seed_repeats_a_link_and_another_does_not() -> None:
+    first = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
+    again = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
+    other = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f2"), 60)
+    assert first == again
+    assert first != other

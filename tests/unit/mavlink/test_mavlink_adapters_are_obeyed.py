@@ -1,0 +1,78 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.px4 import Px4
+
+Make = Callable[..., Any]
+
+
+def test_arduplane_enters_guided_and_goes_back_to_loiter(address: Make, flown: Make) -> None:
+    plane, aircraft = ArduPlane(address(component_id=1)), flown("ardupilot")
+    assert aircraft.autopilot.truth().mode == "LOITER"
+    assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "GUIDED"
+    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "LOITER"
+
+
+def test_arduplane_flies_the_course_airspeed_and_altitude(address: Make, flown: Make) -> None:
+    plane, aircraft = ArduPlane(address(component_id=1)), flown("ardupilot")
+    aircraft.obey(plane.engage())
+    assert aircraft.obey(plane.fly(-1.0, 24.0)) == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
+    assert aircraft.obey(plane.hold_altitude(520.0)) == [(43_001, "ACCEPTED")]
+    aircraft.stream(lambda: plane.fly(-1.0, 24.0), 30.0)
+    truth = aircraft.autopilot.truth()
+    assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
+    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
+
+
+def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one(
+    address: Make, flown: Make
+) -> None:
+    plane = ArduPlane(address("course-hold", component_id=1))
+    aircraft = flown("ardupilot", "course-hold")
+    aircraft.obey(plane.engage())
+    assert aircraft.obey(plane.fly(1.0, 24.0)) == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
+
+
+def test_px4_enters_offboard_once_setpoints_arrive(address: Make, flown: Make) -> None:
+    plane, aircraft = Px4(address(component_id=1)), flown("px4")
+    assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
+    assert aircraft.obey(plane.fly(1.0, 24.0)) == [(178, "ACCEPTED")]
+    assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "OFFBOARD"
+    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
+
+
+def test_px4_flies_the_course_and_airspeed(address: Make, flown: Make) -> None:
+    plane, aircraft = Px4(address(component_id=1)), flown("px4")
+    aircraft.obey(plane.fly(2.5, 24.0))
+    aircraft.obey(plane.engage())
+    aircraft.stream(lambda: plane.fly(2.5, 24.0), 30.0)
+    truth = aircraft.autopilot.truth()
+    assert truth.mode == "OFFBOARD"
+    assert truth.course_rad == pytest.approx(2.5, abs=1e-3)
+    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert dict(aircraft.autopilot.counters) == {}
+
+
+@pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
+def test_telemetry_is_granted(address: Make, flown: Make, kind: str, adapter: Make) -> None:
+    aircraft = flown(kind)
+    requests = adapter(address(component_id=1)).request_telemetry(20.0)
+    assert aircraft.obey(requests) == [(511, "ACCEPTED")] * 2
+
+
+@pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
+def test_a_message_for_another_component_is_not_obeyed(
+    address: Make, flown: Make, kind: str, adapter: Make
+) -> None:
+    aircraft = flown(kind)
+    assert aircraft.obey(adapter(address(component_id=3)).hand_back()) == []
+    assert aircraft.autopilot.counters["for another"] == 1

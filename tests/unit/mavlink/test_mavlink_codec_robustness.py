@@ -1,0 +1,174 @@
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import astuple
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.reports import PositionReport, Report
+
+Make = Callable[..., Any]
+
+
+def is_finite(report: Report) -> bool:
+    return all(math.isfinite(value) for value in astuple(report) if isinstance(value, float))
+
+
+def frame_of(message_id: int, payload: bytes, crc_extra: int, *, system_id: int = 7) -> bytes:
+    """A MAVLink 2 frame made by hand."""
+    header = struct.pack(
+        "<BBBBBBHB",
+        *(len(payload), 0, 0, 0, system_id, 1),
+        message_id & 0xFFFF,
+        message_id >> 16,
+    )
+    checksum = mavlink.x25crc(header + payload)
+    checksum.accumulate(bytes([crc_extra]))
+    return b"\xfd" + header + payload + struct.pack("<H", checksum.crc)
+
+
+def heard_frame(message_id: int, payload: bytes) -> bytes:
+    """A frame of a known message from the vehicle, whatever its payload holds."""
+    return frame_of(message_id, payload, mavlink.mavlink_map[message_id].crc_extra)
+
+
+HEARD = {0: 9, 33: 28, 74: 20, 77: 10, 253: 54}
+"""What is listened to, with the full size of each payload."""
+
+HEARD_FRAMES = st.sampled_from(sorted(HEARD)).flatmap(
+    lambda message_id: st.binary(min_size=1, max_size=HEARD[message_id]).map(
+        lambda payload: heard_frame(message_id, payload)
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("system_id", "component_id"), [(8, 1), (7, 2), (0, 1), (7, 0), (255, 190)]
+)
+def test_what_another_one_says_is_counted_and_not_delivered(
+    codec: Codec, frame: Make, position: Make, system_id: int, component_id: int
+) -> None:
+    data = frame(position(), system_id=system_id, component_id=component_id)
+    assert codec.decode(data) == []
+    assert dict(codec.counters) == {"not this vehicle's": 1}
+
+
+def test_a_known_message_that_is_not_listened_to_is_counted(codec: Codec, frame: Make) -> None:
+    assert codec.decode(frame(mavlink.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0))) == []
+    assert dict(codec.counters) == {"not used": 1}
+
+
+def test_an_unknown_message_id_is_counted_and_not_delivered(codec: Codec) -> None:
+    # Its checksum is never looked at, so neither is anything else in it.
+    assert codec.decode(frame_of(0x01_ABCD, b"\x01\x02\x03", 0)) == []
+    assert dict(codec.counters) == {"not used": 1}
+
+
+def test_mavlink_1_frames_are_understood(codec: Codec, frame: Make, position: Make) -> None:
+    data = frame(position(vx=2000), version_1=True)
+    assert data[0] == 0xFE
+    (report,) = codec.decode(data)
+    assert isinstance(report, PositionReport)
+    assert report.velocity_north == pytest.approx(20.0)
+
+
+def test_a_wrong_checksum_is_counted_and_not_delivered(
+    codec: Codec, frame: Make, position: Make
+) -> None:
+    data = bytearray(frame(position()))
+    data[-1] ^= 0xFF
+    assert codec.decode(bytes(data)) == []
+    assert dict(codec.counters) == {"not MAVLink": 1}
+
+
+def test_no_frame_with_one_bit_flipped_is_delivered(
+    codec: Codec, frame: Make, position: Make
+) -> None:
+    good = frame(position(vx=2000, vy=-300, hdg=4500))
+    for bit in range(8 * len(good)):
+        data = bytearray(good)
+        data[bit // 8] ^= 1 << bit % 8
+        assert codec.decode(bytes(data)) == []
+    assert len(codec.decode(good)) == 1
+
+
+def test_every_truncated_frame_is_counted_and_forgotten(
+    codec: Codec, frame: Make, position: Make
+) -> None:
+    good = frame(position(vx=2000))
+    for length in range(1, len(good)):
+        before = codec.counters["not MAVLink"]
+        assert codec.decode(good[:length]) == []
+        assert codec.counters["not MAVLink"] > before
+        # Neither half swallows, nor completes, what the next datagram holds.
+        assert codec.decode(good[length:]) == []
+        assert len(codec.decode(good)) == 1
+
+
+def test_an_empty_datagram_is_nothing(codec: Codec) -> None:
+    assert codec.decode(b"") == []
+    assert not codec.counters
+
+
+def test_concatenated_frames_are_delivered_in_order(
+    codec: Codec, frame: Make, position: Make
+) -> None:
+    times = [1000, 1050, 1100, 1150]
+    reports = codec.decode(b"".join(frame(position(time_boot_ms=time)) for time in times))
+    assert [one.boot_time_s for one in reports if isinstance(one, PositionReport)] == [
+        pytest.approx(1.0),
+        pytest.approx(1.05),
+        pytest.approx(1.1),
+        pytest.approx(1.15),
+    ]
+
+
+def test_garbage_before_a_frame_in_the_same_datagram_is_skipped(
+    codec: Codec, frame: Make, position: Make
+) -> None:
+    assert len(codec.decode(b"\x00\x01garbage" + frame(position()))) == 1
+    assert dict(codec.counters) == {"not MAVLink": 1}
+
+
+@settings(deadline=None, derandomize=True)
+@given(magic=st.sampled_from([b"\xfd", b"\xfe"]), garbage=st.binary(max_size=40))
+def test_garbage_does_not_swallow_the_next_datagram(
+    frame: Make, position: Make, magic: bytes, garbage: bytes
+) -> None:
+    codec = Codec(7, 1)
+    codec.decode(magic + garbage)
+    assert len(codec.decode(frame(position()))) == 1
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(data=st.binary(max_size=400))
+def test_random_bytes_deliver_nothing_and_never_raise(data: bytes) -> None:
+    assert Codec(7, 1).decode(data) == []
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@given(frames=st.lists(HEARD_FRAMES, min_size=1, max_size=4))
+def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames: list[bytes]) -> None:
+    codec = Codec(7, 1)
+    reports = codec.decode(b"".join(frames))
+    assert all(is_finite(report) for report in reports)
+    assert len(reports) + codec.counters.total() == len(frames)
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@given(
+    frames=st.lists(HEARD_FRAMES, min_size=1, max_size=3),
+    changes=st.lists(st.tuples(st.integers(0, 500), st.integers(1, 255)), min_size=1, max_size=5),
+)
+def test_mutated_frames_never_raise(frames: list[bytes], changes: list[tuple[int, int]]) -> None:
+    data = bytearray(b"".join(frames))
+    for place, change in changes:
+        data[place % len(data)] ^= change
+    reports = Codec(7, 1).decode(bytes(data))
+    assert len(reports) <= len(frames)
+    assert all(is_finite(report) for report in reports)

@@ -1,0 +1,142 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    CommandReport,
+    HeartbeatReport,
+    PositionReport,
+    TextReport,
+)
+
+Make = Callable[..., Any]
+
+
+def test_a_position_is_converted_to_si_units(codec: Codec, frame: Make) -> None:
+    message = mavlink.MAVLink_global_position_int_message(
+        123_456, -339_000_001, 1_511_234_567, 588_123, 100_123, -1234, 567, -89, 9000
+    )
+    (report,) = codec.decode(frame(message))
+    assert isinstance(report, PositionReport)
+    assert report.boot_time_s == pytest.approx(123.456, abs=1e-9)
+    assert report.latitude_deg == pytest.approx(-33.9000001, abs=1e-11)
+    assert report.longitude_deg == pytest.approx(151.1234567, abs=1e-11)
+    assert report.altitude_amsl == pytest.approx(588.123, abs=1e-9)
+    assert report.velocity_north == pytest.approx(-12.34, abs=1e-12)
+    assert report.velocity_east == pytest.approx(5.67, abs=1e-12)
+    assert report.heading == pytest.approx(math.pi / 2, abs=1e-12)
+
+
+def test_hdg_is_the_heading_and_not_the_course(codec: Codec, frame: Make, position: Make) -> None:
+    # Nose west, moving north: hdg must not be made from the velocity, nor the other way round.
+    (report,) = codec.decode(frame(position(vx=2000, vy=0, hdg=27_000)))
+    assert isinstance(report, PositionReport)
+    assert report.heading == pytest.approx(1.5 * math.pi, abs=1e-12)
+    assert (report.velocity_north, report.velocity_east) == (pytest.approx(20.0), 0.0)
+
+
+def test_an_unknown_heading_is_none(codec: Codec, frame: Make, position: Make) -> None:
+    known, unknown = codec.decode(frame(position(hdg=65_534)) + frame(position(hdg=65_535)))
+    assert isinstance(known, PositionReport)
+    assert isinstance(unknown, PositionReport)
+    assert known.heading is not None
+    assert unknown.heading is None
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        {"lat": 900_000_000},
+        {"lat": -900_000_000},
+        {"lon": 1_800_000_000},
+        {"lon": -1_800_000_000},
+        {"lat": 0, "lon": 0},
+    ],
+)
+def test_the_ends_of_the_earth_are_places(
+    codec: Codec, frame: Make, position: Make, place: dict[str, int]
+) -> None:
+    assert len(codec.decode(frame(position(**place)))) == 1
+    assert not codec.counters
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        {"lat": 900_000_001},
+        {"lat": -900_000_001},
+        {"lon": 1_800_000_001},
+        {"lon": -1_800_000_001},
+        {"lat": 2**31 - 1, "lon": 2**31 - 1},
+    ],
+)
+def test_a_position_off_the_earth_is_counted_and_not_delivered(
+    codec: Codec, frame: Make, position: Make, place: dict[str, int]
+) -> None:
+    assert codec.decode(frame(position(**place))) == []
+    assert dict(codec.counters) == {"out of range": 1}
+
+
+def test_the_airspeed_is_that_of_the_hud_and_not_its_ground_speed(
+    codec: Codec, frame: Make
+) -> None:
+    message = mavlink.MAVLink_vfr_hud_message(21.5, 27.0, 90, 50, 588.0, 1.0)
+    assert codec.decode(frame(message)) == [AirspeedReport(airspeed=21.5)]
+
+
+@pytest.mark.parametrize("airspeed", [0.0, 500.0])
+def test_the_ends_of_the_airspeed_range_are_delivered(
+    codec: Codec, frame: Make, airspeed: float
+) -> None:
+    message = mavlink.MAVLink_vfr_hud_message(airspeed, 27.0, 90, 50, 588.0, 1.0)
+    assert codec.decode(frame(message)) == [AirspeedReport(airspeed=airspeed)]
+
+
+@pytest.mark.parametrize("airspeed", [math.nan, math.inf, -math.inf, -0.1, 500.1, 3e38])
+def test_what_is_no_airspeed_is_counted_and_not_delivered(
+    codec: Codec, frame: Make, airspeed: float
+) -> None:
+    message = mavlink.MAVLink_vfr_hud_message(airspeed, 27.0, 90, 50, 588.0, 1.0)
+    assert codec.decode(frame(message)) == []
+    assert dict(codec.counters) == {"out of range": 1}
+
+
+@pytest.mark.parametrize(("base_mode", "armed"), [(0b1000_0001, True), (0b0111_1111, False)])
+def test_a_heartbeat_tells_autopilot_mode_and_arming(
+    codec: Codec, frame: Make, base_mode: int, armed: bool
+) -> None:
+    message = mavlink.MAVLink_heartbeat_message(1, 3, base_mode, 15, 4, 3)
+    assert codec.decode(frame(message)) == [
+        HeartbeatReport(autopilot=3, custom_mode=15, armed=armed)
+    ]
+
+
+def test_the_heartbeat_of_something_that_is_no_autopilot_is_passed_over(
+    codec: Codec, frame: Make
+) -> None:
+    invalid = mavlink.MAV_AUTOPILOT_INVALID
+    assert codec.decode(frame(mavlink.MAVLink_heartbeat_message(26, invalid, 0, 15, 4, 3))) == []
+    assert codec.counters.total() == 1
+
+
+def test_an_acknowledgement_is_delivered(codec: Codec, frame: Make) -> None:
+    message = mavlink.MAVLink_command_ack_message(43_002, mavlink.MAV_RESULT_DENIED)
+    assert codec.decode(frame(message)) == [CommandReport(command=43_002, result=2)]
+
+
+def test_a_status_text_loses_its_control_characters(codec: Codec, frame: Make) -> None:
+    message = mavlink.MAVLink_statustext_message(4, b"low\x1b[31m \x07battery\r\n\t\x7f!")
+    assert codec.decode(frame(message)) == [TextReport(severity=4, text="low[31m battery!")]
+
+
+def test_a_status_text_of_any_bytes_is_printable(codec: Codec, frame: Make) -> None:
+    for start in range(1, 256, 50):
+        text = bytes(range(start, min(start + 50, 256)))
+        (report,) = codec.decode(frame(mavlink.MAVLink_statustext_message(4, text)))
+        assert isinstance(report, TextReport)
+        assert report.text.isprintable()

@@ -1,0 +1,128 @@
+"""Formations are drawn in their shape, plots are written for every kind of flight."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import _pylab_helpers
+
+from vfguide.errors import InputError
+from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.report.formation_drawing import formation_links
+from vfguide.report.plots import plots_for, write_plots
+from vfguide.report.tracks_plot import (
+    choose_magnification,
+    choose_side,
+    choose_snapshots,
+    choose_view,
+)
+from vfguide.report.wind_plot import direction_for_drawing
+
+MakeVehicle = Callable[..., VehicleRecord]
+MakeFlight = Callable[..., FlightRecord]
+
+
+def test_a_diamond_is_drawn_as_four_sides() -> None:
+    diamond = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (0.0, -40.0)]
+    assert set(formation_links(diamond)) == {(0, 1), (0, 2), (1, 3), (2, 3)}
+
+
+def test_a_v_is_drawn_as_two_arms() -> None:
+    arms = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (-40.0, -40.0), (40.0, -40.0)]
+    assert set(formation_links(arms)) == {(0, 1), (0, 2), (1, 3), (2, 4)}
+
+
+def test_wind_toward_the_west_is_drawn_at_270() -> None:
+    assert direction_for_drawing(np.array([0.0]), np.array([-3.0]))[0] == pytest.approx(270.0)
+
+
+def test_still_air_has_no_direction() -> None:
+    assert math.isnan(direction_for_drawing(np.array([0.0]), np.array([0.01]))[0])
+
+
+def test_a_wind_that_passes_north_is_not_drawn_across_the_plot() -> None:
+    toward = np.radians([350.0, 358.0, 2.0, 10.0])
+    drawn = direction_for_drawing(5.0 * np.cos(toward), 5.0 * np.sin(toward))
+    assert np.isnan(drawn).tolist() == [False, True, False, False]
+
+
+def test_a_formation_on_a_long_line_is_magnified(line_flight: FlightRecord) -> None:
+    assert choose_magnification(line_flight, choose_view(line_flight)) > 5.0
+
+
+def test_a_formation_on_a_small_circle_is_drawn_to_scale(circle_flight: FlightRecord) -> None:
+    assert choose_magnification(circle_flight, choose_view(circle_flight)) == 1.0
+
+
+def test_wind_arrows_are_drawn_inside_a_clockwise_circle(circle_flight: FlightRecord) -> None:
+    """Clockwise, the inside is on the right."""
+    samples = choose_snapshots(circle_flight, 80.0)
+    assert choose_side(circle_flight, samples, choose_view(circle_flight)) == 1.0
+
+
+def test_drawn_formations_keep_clear_of_each_other(circle_flight: FlightRecord) -> None:
+    samples = list(choose_snapshots(circle_flight, 80.0))
+    places = list(
+        zip(
+            circle_flight.leader.north_m[samples], circle_flight.leader.east_m[samples], strict=True
+        )
+    )
+    gaps = [math.dist(a, b) for i, a in enumerate(places) for b in places[:i]]
+    assert len(samples) > 3
+    assert min(gaps) >= 80.0
+    assert samples[0] == circle_flight.time_s.size - 1
+
+
+def test_all_plots_of_a_flight_are_small_pictures(
+    circle_flight: FlightRecord, circle_report: Path
+) -> None:
+    pictures = [circle_report.parent / f"{plot.name}.png" for plot in plots_for(circle_flight)]
+    assert len(pictures) == 5
+    for picture in pictures:
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        assert picture.stat().st_size < 300_000
+
+
+def test_a_lone_leader_in_calm_air_is_drawn(make_flight: MakeFlight, tmp_path: Path) -> None:
+    paths = write_plots(make_flight(np.arange(3.0)), tmp_path)
+    assert [path.name for path in paths] == ["tracks.png", "setpoints.png", "wind.png"]
+    assert not _pylab_helpers.Gcf.get_all_fig_managers(), (
+        "a figure is left in pyplot's global state"
+    )
+
+
+def test_a_perfect_flight_with_names_like_formulas_is_drawn(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    """Errors of exactly zero have no logarithm, and dollar signs no meaning."""
+    time_s = np.arange(3.0)
+    leader = make_vehicle("$\\frac$", "leader", time_s)
+    follower = make_vehicle("_f$1", "follower", time_s)
+    assert len(write_plots(make_flight(time_s, leader, follower), tmp_path)) == 5
+
+
+def test_states_that_are_not_known_are_left_out_of_the_drawing(
+    circle_flight: FlightRecord, tmp_path: Path
+) -> None:
+    leader, follower = circle_flight.leader, circle_flight.followers[0]
+    unknown = np.full_like(circle_flight.time_s, math.nan)
+    leader = replace(leader, north_m=unknown, wind_north_m_s=unknown)
+    follower = replace(follower, lyapunov=unknown, course_setpoint_rad=unknown)
+    broken = replace(circle_flight, vehicles=(leader, follower))
+    assert len(write_plots(broken, tmp_path)) == 5
+
+
+@pytest.mark.parametrize("samples", [0, 1])
+def test_a_flight_that_broke_at_once_has_no_plots(make_flight: MakeFlight, samples: int) -> None:
+    assert plots_for(make_flight(np.arange(float(samples)))) == ()
+
+
+def test_a_directory_that_cannot_be_made_is_an_input_error(
+    make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_plots(make_flight(np.arange(3.0)), tmp_path / "taken")

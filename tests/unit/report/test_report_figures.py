@@ -1,0 +1,288 @@
+"""Figures of a flight against values worked out by hand."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.report.figures import (
+    excess_variation_rate,
+    least_separation,
+    settling_time,
+    spread,
+    variation_rate,
+)
+from vfguide.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
+from vfguide.report.metrics import summarise, summary_json
+
+MakeVehicle = Callable[..., VehicleRecord]
+MakeFlight = Callable[..., FlightRecord]
+
+ONE = np.array([0.0])
+
+
+def test_slot_of_an_eastbound_leader_is_behind_and_to_its_right(make_vehicle: MakeVehicle) -> None:
+    """Flying east, behind is west and right is south."""
+    leader = make_vehicle(
+        "leader", "leader", ONE, course_rad=ONE + math.pi / 2, north_m=ONE + 100.0
+    )
+    north, east = slot_track(leader, -20.0, 20.0)
+    assert north[0] == pytest.approx(80.0)
+    assert east[0] == pytest.approx(-20.0)
+
+
+def test_slot_of_a_northbound_leader_keeps_its_components(make_vehicle: MakeVehicle) -> None:
+    north, east = slot_track(make_vehicle("leader", "leader", ONE), -20.0, 20.0)
+    assert (north[0], east[0]) == (-20.0, 20.0)
+
+
+def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right(
+    make_vehicle: MakeVehicle,
+) -> None:
+    """Leader eastbound, slot at north -20 and east -20, follower 3 m west and 4 m north of that."""
+    leader = make_vehicle("leader", "leader", ONE, course_rad=ONE + math.pi / 2)
+    follower = make_vehicle(
+        "f1",
+        "follower",
+        ONE,
+        slot_forward_m=-20.0,
+        slot_right_m=20.0,
+        north_m=ONE - 16.0,
+        east_m=ONE - 23.0,
+    )
+    error = slot_error(leader, follower)
+    assert error.along_track_m[0] == pytest.approx(3.0)
+    assert error.cross_track_m[0] == pytest.approx(4.0)
+    assert error.distance_m[0] == pytest.approx(5.0)
+
+
+@given(course=st.floats(-10, 10), forward=st.floats(-100, 100), right=st.floats(-100, 100))
+def test_a_vehicle_in_its_slot_is_seen_there(
+    make_vehicle: MakeVehicle, course: float, forward: float, right: float
+) -> None:
+    leader = make_vehicle("leader", "leader", ONE, course_rad=ONE + course, north_m=ONE + 7.0)
+    north, east = slot_track(leader, forward, right)
+    follower = make_vehicle("f1", "follower", ONE, north_m=north, east_m=east)
+    seen = seen_from_leader(leader, follower)
+    assert (seen[0][0], seen[1][0]) == pytest.approx((forward, right), abs=1e-9)
+
+
+STAIRCASE_TIME = np.arange(6.0)
+STAIRCASE = np.array([[30.0, 12.0, 8.0, 2.0, 0.5, 0.5], [30.0, 9.0, 9.0, 10.0, 0.9, 0.2]])
+
+
+@pytest.mark.parametrize(
+    ("limit", "settled"), [(10.0, 3.0), (1.0, 3.0), (31.0, 0.0), (9.5, 3.0), (0.9, 4.0)]
+)
+def test_settling_is_the_last_time_any_follower_was_out(limit: float, settled: float) -> None:
+    assert settling_time(STAIRCASE_TIME, STAIRCASE, limit) == settled
+
+
+def test_a_follower_still_out_at_the_end_has_not_settled() -> None:
+    assert settling_time(STAIRCASE_TIME, STAIRCASE, 0.4) is None
+
+
+def test_an_error_that_is_not_known_counts_as_out() -> None:
+    assert settling_time(np.arange(3.0), np.array([[0.0, math.nan, 0.0]]), 1.0) == 1.0
+
+
+def test_spread_is_of_sizes() -> None:
+    """95th percentile of 0 .. 20, the 19th of twenty steps."""
+    found = spread(np.arange(-20.0, 1.0))
+    assert found is not None
+    assert (found.mean, found.p95, found.max) == pytest.approx((10.0, 19.0, 20.0))
+    assert spread(np.array([])) is None
+    assert spread(np.array([1.0, math.nan])) is None
+
+
+def test_a_setpoint_that_crosses_south_does_not_jump() -> None:
+    """179° to -179° and back: 2° each, in 2 s."""
+    angles = np.radians([179.0, -179.0, 179.0])
+    assert variation_rate(np.arange(3.0), angles) == pytest.approx(math.radians(2.0))
+
+
+def test_a_steady_turn_varies_at_its_rate_and_has_no_excess() -> None:
+    """0.1 rad/s for 200 s, three times round the compass."""
+    time_s = np.arange(0.0, 200.0, 0.05)
+    wrapped = np.arctan2(np.sin(0.1 * time_s), np.cos(0.1 * time_s))
+    assert variation_rate(time_s, wrapped) == pytest.approx(0.1)
+    assert excess_variation_rate(time_s, wrapped) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_chatter_is_all_excess() -> None:
+    """Back and forth by 0.2 rad at 1 Hz steps: 0.2 rad/s, no net turning."""
+    time_s = np.arange(5.0)
+    angles = np.array([0.0, 0.2, 0.0, 0.2, 0.0])
+    assert excess_variation_rate(time_s, angles) == pytest.approx(0.2)
+
+
+def test_setpoints_not_yet_sent_are_left_out() -> None:
+    angles = np.array([math.nan, math.nan, 0.0, 0.3])
+    assert variation_rate(np.arange(4.0), angles) == pytest.approx(0.3)
+    assert variation_rate(np.arange(4.0), np.full(4, math.nan)) is None
+
+
+@given(angles=arrays(np.float64, st.integers(2, 30), elements=st.floats(-50, 50)))
+def test_excess_is_between_nothing_and_all_of_the_variation(angles: np.ndarray) -> None:
+    time_s = np.arange(float(angles.size))
+    excess, total = excess_variation_rate(time_s, angles), variation_rate(time_s, angles)
+    assert excess is not None
+    assert total is not None
+    assert 0.0 <= excess <= total
+
+
+def test_separation_counts_height(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> None:
+    """3 m north, 4 m east, 12 m up: 13 m."""
+    leader = make_vehicle("leader", "leader", ONE)
+    above = make_vehicle(
+        "f1", "follower", ONE, north_m=ONE + 3.0, east_m=ONE + 4.0, altitude_amsl_m=ONE + 600.0
+    )
+    (pair,) = pair_separations(make_flight(ONE, leader, above))
+    assert (pair.first, pair.second) == ("leader", "f1")
+    assert pair.distance_m[0] == pytest.approx(13.0)
+
+
+def test_least_separation_is_over_all_pairs_and_times() -> None:
+    assert least_separation([np.array([9.0, 7.0]), np.array([8.0, 30.0])]) == 7.0
+    assert least_separation([]) is None
+    assert least_separation([np.array([9.0, math.nan])]) is None
+
+
+TIME = np.arange(11.0)
+
+
+@pytest.fixture
+def stepped_flight(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> FlightRecord:
+    """Ten seconds; the slot is 20 m behind the leader, the follower 50, 12, 9, 4, 0.5 .. m behind it."""
+    behind = np.array([50.0, 12.0, 9.0, 4.0, 0.5, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
+    leader = make_vehicle("leader", "leader", TIME, path_cross_track_error_m=-0.1 * TIME)
+    follower = make_vehicle(
+        "f1", "follower", TIME, slot_forward_m=-20.0, north_m=-20.0 - behind, limited=TIME > 8.0
+    )
+    limits = Acceptance(mean_error_m=0.3, settle_10m_s=1.0, min_separation_m=20.2)
+    return make_flight(TIME, leader, follower, acceptance=limits)
+
+
+def test_figures_of_a_stepped_approach(stepped_flight: FlightRecord) -> None:
+    """The window is 5 to 10 s: errors 0.5, 0.4, 0.3, 0.2, 0.2, 0.2, of mean 0.3."""
+    summary = summarise(stepped_flight)
+    formation = summary.formation
+    assert formation.window_s == (5.0, 10.0)
+    assert formation.mean_error_m == pytest.approx(0.3)
+    assert formation.max_error_m == pytest.approx(0.5)
+    assert (formation.settle_10m_s, formation.settle_1m_s) == (1.0, 3.0)
+    assert formation.min_separation_m == pytest.approx(20.2)
+
+
+def test_json_has_the_published_layout(stepped_flight: FlightRecord) -> None:
+    plain = summary_json(summarise(stepped_flight))
+    assert plain["mission"] == "line-calm"
+    assert (plain["controller"], plain["plant"], plain["wind"]) == ("slot", "heading-hold", "calm")
+    assert (plain["mode"], plain["rate_hz"], plain["seed"]) == ("lockstep", 1.0, 1)
+    assert (plain["duration_s"], plain["wall_s"], plain["real_time_factor"]) == (10.0, 0.5, 20.0)
+    assert isinstance(plain["accepted"], bool)
+    assert set(plain["formation"]) == {
+        "window_s",
+        "mean_error_m",
+        "p95_error_m",
+        "max_error_m",
+        "settle_10m_s",
+        "settle_1m_s",
+        "min_separation_m",
+    }
+    leader, follower = plain["vehicles"]["leader"], plain["vehicles"]["f1"]
+    assert leader["role"] == "leader"
+    assert leader["cross_track_error_m"] == pytest.approx({"mean": 0.75, "p95": 0.975, "max": 1.0})
+    assert leader["course_setpoint_variation_rad_s"] == 0.0
+    assert follower["role"] == "follower"
+    assert follower["formation_error_m"]["max"] == pytest.approx(0.5)
+    assert follower["along_track_error_m"]["mean"] == pytest.approx(0.3)
+    assert follower["cross_track_error_m"]["max"] == 0.0
+    assert follower["limited_fraction"] == pytest.approx(2 / 6)
+
+
+def test_json_has_null_for_what_is_not_finite(stepped_flight: FlightRecord) -> None:
+    broken = replace(stepped_flight.leader, north_m=np.full_like(TIME, math.nan))
+    record = replace(stepped_flight, vehicles=(broken, *stepped_flight.followers), wall_s=0.0)
+    plain = summary_json(summarise(record))
+    json.dumps(plain, allow_nan=False)
+    assert plain["formation"]["mean_error_m"] is None
+    assert plain["real_time_factor"] is None
+    assert not plain["accepted"]
+
+
+def test_a_flight_at_its_limits_is_accepted(stepped_flight: FlightRecord) -> None:
+    generous = replace(stepped_flight.acceptance, mean_error_m=0.3001, min_separation_m=20.19)
+    summary = summarise(replace(stepped_flight, acceptance=generous))
+    assert (summary.accepted, summary.rejections) == (True, ())
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (Acceptance(mean_error_m=0.2), "mean formation error 0.3 m is above 0.2 m"),
+        (Acceptance(mean_error_m=0.29999), "mean formation error 0.3 m is above 0.29999 m"),
+        (Acceptance(max_error_m=0.4), "greatest formation error 0.5 m is above 0.4 m"),
+        (Acceptance(settle_10m_s=0.5), "all within 10 m of their slots only after 1 s, not 0.5 s"),
+        (Acceptance(settle_1m_s=2.0), "all within 1 m of their slots only after 3 s, not 2 s"),
+        (
+            Acceptance(min_separation_m=25.0),
+            "two vehicles came within 20.2 m of each other, closer than 25 m",
+        ),
+    ],
+)
+def test_a_rejection_says_why(
+    stepped_flight: FlightRecord, limits: Acceptance, reason: str
+) -> None:
+    summary = summarise(replace(stepped_flight, acceptance=limits))
+    assert not summary.accepted
+    assert summary.rejections == (reason,)
+
+
+def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecord) -> None:
+    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -60.0))
+    record = replace(
+        stepped_flight,
+        vehicles=(stepped_flight.leader, away),
+        acceptance=Acceptance(settle_10m_s=1e9),
+    )
+    assert summarise(record).rejections == (
+        "a follower was still 10 m or more from its slot at the end",
+    )
+
+
+def test_a_lone_leader_has_no_formation_and_is_accepted(make_flight: MakeFlight) -> None:
+    plain = summary_json(summarise(make_flight(TIME)))
+    assert plain["accepted"]
+    assert plain["formation"]["window_s"] == [5.0, 10.0]
+    assert {
+        name: value for name, value in plain["formation"].items() if name != "window_s"
+    } == dict.fromkeys(
+        (
+            "mean_error_m",
+            "p95_error_m",
+            "max_error_m",
+            "settle_10m_s",
+            "settle_1m_s",
+            "min_separation_m",
+        )
+    )
+
+
+def test_a_flight_that_broke_at_once_is_not_accepted(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    none = np.array([])
+    record = make_flight(
+        none, make_vehicle("leader", "leader", none), make_vehicle("f1", "follower", none)
+    )
+    summary = summarise(record)
+    assert not summary.accepted
+    json.dumps(summary_json(summary), allow_nan=False)

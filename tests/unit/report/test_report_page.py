@@ -1,0 +1,184 @@
+"""The page stands alone and says the verdict first; the terminal says the same."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.report.metrics import summarise
+from vfguide.report.page import reproduction_command, write_report
+from vfguide.report.table import summary_table
+from vfguide.report.wording import in_digits
+
+MakeVehicle = Callable[..., VehicleRecord]
+MakeFlight = Callable[..., FlightRecord]
+
+STRICT = Acceptance(mean_error_m=0.001, min_separation_m=5.0)
+
+
+class Outline(HTMLParser):
+    """Tags, references and text of a page, and whether its tags pair up."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.references: list[str] = []
+        self.open: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.references += [
+            value or "" for name, value in attrs if name in {"src", "href", "srcset", "data"}
+        ]
+        if tag not in {"meta", "img"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def page(circle_report: Path) -> str:
+    return circle_report.read_text(encoding="utf-8")
+
+
+def read(page: str) -> Outline:
+    outline = Outline()
+    outline.feed(page)
+    assert outline.open == []
+    return outline
+
+
+def test_the_page_refers_to_nothing_outside_itself(page: str) -> None:
+    outline = read(page)
+    assert len(outline.references) == 5
+    assert all(reference.startswith("data:image/png;base64,") for reference in outline.references)
+    assert not re.search(r"https?://|@import|url\(", page)
+    assert not {"script", "link", "iframe"} & set(outline.tags)
+
+
+def test_the_page_follows_the_readers_device(page: str) -> None:
+    assert 'name="viewport"' in page
+    assert "prefers-color-scheme: dark" in page
+
+
+def test_the_verdict_comes_before_every_figure(page: str) -> None:
+    text = read(page).text
+    assert text.index("Accepted") < text.index("Mean formation error")
+
+
+def test_every_plot_has_a_caption(page: str) -> None:
+    tags = read(page).tags
+    assert tags.count("figcaption") == tags.count("img") == 5
+
+
+HOSTILE = '<script>alert("1")</script>&'
+
+
+@pytest.fixture(scope="module")
+def rejected_page(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path_factory: pytest.TempPathFactory
+) -> str:
+    """Of a flight whose names are markup and whose two vehicles are in one place."""
+    time_s = np.arange(3.0)
+    vehicles = make_vehicle(HOSTILE, "leader", time_s), make_vehicle("<b>", "follower", time_s)
+    record = make_flight(
+        time_s,
+        *vehicles,
+        mission=HOSTILE,
+        controller=HOSTILE,
+        wind="</style>",
+        acceptance=Acceptance(min_separation_m=5.0),
+    )
+    return write_report(record, tmp_path_factory.mktemp("report")).read_text(encoding="utf-8")
+
+
+def test_a_rejected_flight_says_why_at_the_top(rejected_page: str) -> None:
+    text = read(rejected_page).text
+    reason = "two vehicles came within 0 m of each other, closer than 5 m"
+    assert text.index("Not accepted") < text.index(reason) < text.index("Mean formation error")
+
+
+def test_names_cannot_break_out_of_the_page(rejected_page: str) -> None:
+    outline = read(rejected_page)
+    assert not {"script", "b"} & set(outline.tags)
+    assert HOSTILE in outline.text
+
+
+def test_a_flight_that_broke_at_once_still_has_a_page(
+    make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    outline = read(write_report(make_flight(np.array([])), tmp_path).read_text(encoding="utf-8"))
+    assert "img" not in outline.tags
+
+
+def test_the_flight_can_be_flown_again_from_the_page(
+    circle_flight: FlightRecord, page: str
+) -> None:
+    command = reproduction_command(summarise(circle_flight))
+    assert command == (
+        "vfguide fly missions/circle-wind.yaml --controller slot --plant heading-hold --wind article "
+        "--duration 300 --rate 20 --seed 1"
+    )
+    assert command in read(page).text
+
+
+def test_a_wind_that_only_the_mission_knows_is_not_on_the_command_line(
+    circle_flight: FlightRecord,
+) -> None:
+    command = reproduction_command(summarise(replace(circle_flight, wind="steady", mode="live")))
+    assert "--wind" not in command
+    assert "--live" in command
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.05557, "0.056 m"),
+        (1.234, "1.23 m"),
+        (28.165, "28.2 m"),
+        (12345.6, "12346 m"),
+        (None, "not measured"),
+    ],
+)
+def test_figures_have_about_three_digits(value: float | None, text: str) -> None:
+    assert in_digits(value, "m") == text
+
+
+def shown(record: FlightRecord) -> str:
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(summary_table(summarise(record)))
+    return capture.get()
+
+
+def test_the_terminal_shows_each_vehicle_and_the_verdict(circle_flight: FlightRecord) -> None:
+    text = shown(circle_flight)
+    assert "circle-wind" in text
+    for start in ("leader, from its path", "f1, from its slot", "f3, from its slot", "formation"):
+        assert start in text
+    assert "Accepted" in text
+
+
+def test_the_terminal_shows_every_reason(circle_flight: FlightRecord) -> None:
+    text = shown(replace(circle_flight, acceptance=STRICT))
+    assert "Not accepted" in text
+    assert "is above 0.001 m" in text
+
+
+def test_names_are_no_markup_on_the_terminal(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    time_s = np.arange(3.0)
+    record = make_flight(time_s, make_vehicle("[red]x[/red]", "leader", time_s), mission="[/]")
+    assert "[red]x[/red]" in shown(record)
