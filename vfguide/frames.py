@@ -59,7 +59,7 @@ class LocalFrame:
     ) -> tuple[float, float]:
         """(latitude, longitude) in degrees of a position moved by some metres.
 
-        The radii of curvature are the origin's: within 100 km of it a shift by 10 m is right to 1 mm.
+        The radii of curvature are the origin's: within 60 km of it a shift by 10 m is right to 1 mm.
         """
         parallel = self._east_radius_m * math.cos(math.radians(latitude_deg))
         return (

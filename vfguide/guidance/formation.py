@@ -80,7 +80,7 @@ class FormationError(Generic[Number]):
 def predict_leader(leader: LeaderState[Number], time_s: float) -> LeaderState[Number]:
     """The leader at another time, by constant dV/dt and turn acceleration along the arc between.
 
-    The chord of the arc runs along the mean course at the mean speed, exact to third order in the age.
+    The chord of the arc runs along the mean course at the mean speed; its error is of third order in the age.
     """
     age = time_s - leader.time_s
     mean_turn_rate = leader.turn_rate + leader.turn_acceleration * (age / 2.0)

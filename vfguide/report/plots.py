@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord
 from vfguide.report.errors_plot import errors_figure
+from vfguide.report.picture import save_figure
 from vfguide.report.separation_plot import separation_figure
 from vfguide.report.setpoints_plot import setpoints_figure
-from vfguide.report.style import save_figure
 from vfguide.report.tracks_plot import tracks_figure
 from vfguide.report.wind_plot import wind_figure
 

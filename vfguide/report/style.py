@@ -4,16 +4,12 @@ Figures are made and drawn without pyplot, so that a report leaves no state behi
 """
 
 from collections.abc import Iterable, Sequence
-from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from PIL import Image
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.flight import FlightRecord
@@ -76,34 +72,6 @@ def new_figure(width_inch: float, height_inch: float) -> Figure:
         layout="constrained",
         facecolor="white",
     )
-
-
-def save_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG, in a palette of 256 colours: a third of the size, and no difference to see."""
-    drawn = BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(drawn, format="png", pil_kwargs={"compress_level": 1})
-    picture = Image.open(drawn).convert("RGB")
-    picture.quantize(palette=choose_palette(picture), dither=Image.Dither.NONE).save(
-        path, format="PNG", optimize=True, dpi=(DOTS_PER_INCH, DOTS_PER_INCH)
-    )
-    return path
-
-
-def choose_palette(picture: Image.Image) -> Image.Image:
-    """The 128 most frequent colours as they are, and 128 that are nowhere far from the rest.
-
-    The first keep backgrounds true, the others thin lines: each alone would tint what the other keeps.
-    """
-    counted = picture.getcolors(maxcolors=picture.width * picture.height) or []
-    covering = picture.quantize(128, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
-    frequent: list[int] = []
-    for _, colour in sorted(counted, reverse=True)[:128]:
-        if isinstance(colour, tuple):
-            frequent += colour
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(frequent + covering)
-    return palette
 
 
 def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:

@@ -103,12 +103,17 @@ class Flight:
             telemetry = self.waiting + self.autopilot.advance(self.now - self.booted)
             out = self.companion.receive_mavlink(telemetry, self.now)
             self.sent.append((self.now, out.to_autopilot))
-            kept = [one for one in parse(out.to_autopilot) if number_of(one) not in self.lose]
-            self.waiting = self.autopilot.receive(b"".join(bytes(one.get_msgbuf()) for one in kept))
+            self.waiting = self.autopilot.receive(self._passed_on(out.to_autopilot))
             self.published += out.to_link
             self.events += [(event.time_s, event.text) for event in out.events]
             self.modes.append((self.now, self.companion.snapshot.mode))
             self._steps += 1
+
+    def _passed_on(self, data: bytes) -> bytes:
+        if not self.lose:
+            return data
+        kept = [message for message in parse(data) if number_of(message) not in self.lose]
+        return b"".join(bytes(message.get_msgbuf()) for message in kept)
 
     def pilot(self, main_mode: int, sub_mode: int = 0) -> None:
         """The pilot turns the mode switch."""

@@ -47,12 +47,12 @@ class Changes(TypedDict, total=False):
     give_way: bool
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def plant() -> Callable[..., Plant]:
     return Plant
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def vehicle() -> Callable[..., VehicleState[float]]:
     """A state whose wind triangle closes: heading and airspeed follow from course, speed and wind."""
 
@@ -85,7 +85,7 @@ def vehicle() -> Callable[..., VehicleState[float]]:
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def leader() -> Callable[..., LeaderState[float]]:
     """A leader at the origin that flies north at 20 m/s, but for what is given."""
     usual = LeaderState(
@@ -105,7 +105,7 @@ def leader() -> Callable[..., LeaderState[float]]:
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def choices() -> Callable[..., GuidanceSettings]:
     """What a mission file chooses by default, but for what is given."""
     usual = GuidanceSettings(

@@ -151,7 +151,7 @@ def test_random_bytes_deliver_nothing_and_never_raise(data: bytes) -> None:
     assert Codec(7, 1).decode(data) == []
 
 
-@settings(deadline=None, derandomize=True, max_examples=500)
+@settings(deadline=None, derandomize=True, max_examples=300)
 @given(frames=st.lists(HEARD_FRAMES, min_size=1, max_size=4))
 def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames: list[bytes]) -> None:
     codec = Codec(7, 1)
@@ -160,7 +160,7 @@ def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames: l
     assert len(reports) + codec.counters.total() == len(frames)
 
 
-@settings(deadline=None, derandomize=True, max_examples=500)
+@settings(deadline=None, derandomize=True, max_examples=300)
 @given(
     frames=st.lists(HEARD_FRAMES, min_size=1, max_size=3),
     changes=st.lists(st.tuples(st.integers(0, 500), st.integers(1, 255)), min_size=1, max_size=5),

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import _pylab_helpers
+from PIL import Image
 
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord, VehicleRecord
 from vfguide.report.formation_drawing import formation_links
+from vfguide.report.picture import with_palette
 from vfguide.report.plots import plots_for, write_plots
 from vfguide.report.tracks_plot import (
     choose_magnification,
@@ -126,3 +128,16 @@ def test_a_directory_that_cannot_be_made_is_an_input_error(
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(InputError, match="cannot be written"):
         write_plots(make_flight(np.arange(3.0)), tmp_path / "taken")
+
+
+def test_a_palette_keeps_the_background_and_a_thin_line_as_they_are() -> None:
+    """White everywhere, a faint tint of ten rows, one blue pixel, and many other colours."""
+    pixels = np.full((100, 100, 3), 255, dtype=np.uint8)
+    pixels[:10] = (238, 243, 230)
+    pixels[50, 50] = (0, 114, 178)
+    pixels[90, :, :] = np.arange(100, dtype=np.uint8)[:, None] * 2
+    pixels[91, :, 0] = np.arange(100, dtype=np.uint8) * 2
+    reduced = np.asarray(with_palette(Image.fromarray(pixels)).convert("RGB")).astype(int)
+    assert reduced[30, 30].tolist() == [255, 255, 255]
+    assert reduced[5, 5].tolist() == [238, 243, 230]
+    assert np.abs(reduced[50, 50] - (0, 114, 178)).max() <= 8

@@ -1,0 +1,47 @@
+"""The same seed gives the same bytes, in one process or in several."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vfguide.mission import Mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+
+MissionWith = Callable[..., Mission]
+
+SHORT = {"duration_s": 20.0, "position_noise_m": 0.3, "link_loss": 0.2, "link_jitter_s": 0.05}
+
+
+def bytes_of(mission: Mission, processes: int, tmp_path: Path) -> dict[str, bytes]:
+    flight = fly_lockstep(mission, processes=processes, epoch_s=1.7e9)
+    content = {}
+    for name, log in flight.logs.items():
+        log.write(tmp_path / "log.tlog")
+        content[name] = (tmp_path / "log.tlog").read_bytes()
+    return content
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3])
+def test_same_seed_same_bytes(processes: int, mission_with: MissionWith, tmp_path: Path) -> None:
+    mission = mission_with("circle-wind", rehearsal=SHORT)
+    first = bytes_of(mission, 1, tmp_path)
+    assert set(first) == {"leader", "f1", "f2", "f3"}
+    assert all(len(content) > 50_000 for content in first.values())
+    assert bytes_of(mission, processes, tmp_path) == first
+
+
+def test_another_seed_other_bytes(mission_with: MissionWith, tmp_path: Path) -> None:
+    first = bytes_of(mission_with("circle-wind", rehearsal=SHORT), 1, tmp_path)
+    second = bytes_of(mission_with("circle-wind", rehearsal={**SHORT, "seed": 2}), 1, tmp_path)
+    assert first["f1"] != second["f1"]
+
+
+def test_a_stopped_flight_keeps_what_was_flown(mission_with: MissionWith) -> None:
+    steps = iter([False] * 101)
+    mission = mission_with("line-calm", rehearsal={"duration_s": 20.0})
+    flight = fly_lockstep(mission, processes=2, stop=lambda: next(steps, True))
+    assert flight.interrupted
+    # 101 steps of 50 ms, the first at 0.
+    assert flight.record.duration_s == 5.0
+    assert len(flight.record.followers[2].north_m) == 101

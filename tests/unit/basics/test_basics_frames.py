@@ -1,0 +1,90 @@
+"""The local frame against distances on the ellipsoid worked out by hand, and against itself."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.frames import LocalFrame
+
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
+ORIGIN = (47.397742, 8.545594, 488.0)
+PLACE = st.floats(-5000.0, 5000.0)
+
+
+def test_the_origin_is_the_origin() -> None:
+    assert LocalFrame(*ORIGIN).to_local(*ORIGIN[:2]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert LocalFrame(*ORIGIN).to_geodetic(0.0, 0.0) == pytest.approx(ORIGIN[:2], abs=1e-12)
+
+
+def test_a_thousandth_of_a_degree_at_the_equator() -> None:
+    # east: 6378137 m . pi/180000 = 111.3195 m; north: a (1 - e²) = 6335439.3 m . pi/180000 = 110.5743 m
+    frame = LocalFrame(0.0, 0.0, 0.0)
+    assert frame.to_local(0.0, 0.001) == pytest.approx((0.0, 111.3195), abs=1e-3)
+    assert frame.to_local(0.001, 0.0) == pytest.approx((110.5743, 0.0), abs=1e-3)
+
+
+def test_a_thousandth_of_a_degree_at_47_degrees_north() -> None:
+    # e² sin² 47.397742 = 0.00669438 . 0.541844 = 0.00362731; N = 6378137/sqrt(1 - that) = 6389736 m,
+    # M = 6335439.3/(1 - that)^1.5 = 6370065 m, both plus 488 m of height
+    frame = LocalFrame(*ORIGIN)
+    north, _ = frame.to_local(ORIGIN[0] + 0.001, ORIGIN[1])
+    assert north == pytest.approx((6370065.0 + 488.0) * math.pi / 180000.0, abs=1e-3)
+    _, east = frame.to_local(ORIGIN[0], ORIGIN[1] + 0.001)
+    parallel = (6389736.0 + 488.0) * math.cos(math.radians(ORIGIN[0]))
+    assert east == pytest.approx(parallel * math.pi / 180000.0, abs=1e-3)
+
+
+def test_across_the_date_line_east_is_still_east() -> None:
+    north, east = LocalFrame(0.0, 179.9995, 0.0).to_local(0.0, -179.9995)
+    assert (north, east) == pytest.approx((0.0, 111.3195), abs=1e-3)
+
+
+@pytest.mark.parametrize("latitude_deg", [-70.0, -33.0, 0.0, 47.4, 80.0])
+@pytest.mark.parametrize("longitude_deg", [-179.9, 8.5, 151.0])
+def test_a_position_survives_the_way_there_and_back(
+    latitude_deg: float, longitude_deg: float
+) -> None:
+    frame = LocalFrame(latitude_deg, longitude_deg, 300.0)
+    for north, east in ((1000.0, 0.0), (0.0, -1000.0), (-3000.0, 4000.0)):
+        back = frame.to_local(*frame.to_geodetic(north, east))
+        assert back == pytest.approx((north, east), abs=1e-4)
+
+
+@REPEATABLE
+@given(north=PLACE, east=PLACE)
+def test_within_kilometres_the_way_back_is_good_to_a_tenth_of_a_millimetre(
+    north: float, east: float
+) -> None:
+    frame = LocalFrame(*ORIGIN)
+    back = frame.to_local(*frame.to_geodetic(north, east))
+    assert back == pytest.approx((north, east), abs=1e-4)
+
+
+@REPEATABLE
+@given(north=PLACE, east=PLACE, by=st.tuples(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0)))
+def test_a_shift_moves_by_that_many_metres(
+    north: float, east: float, by: tuple[float, float]
+) -> None:
+    frame = LocalFrame(*ORIGIN)
+    start = frame.to_geodetic(north, east)
+    there = frame.shifted(*start, *by)
+    # north and east at the place itself, in a frame of its own
+    moved = LocalFrame(*start, ORIGIN[2]).to_local(*there)
+    assert moved == pytest.approx(by, abs=1e-3)
+
+
+@pytest.mark.parametrize("distance", [-60e3, 60e3])
+def test_sixty_kilometres_away_a_shift_by_ten_metres_is_right_to_a_millimetre(
+    distance: float,
+) -> None:
+    # M changes by 3 e² sin cos (60/6371) = 0.9e-4 of itself: 0.9 mm of 10 m
+    frame = LocalFrame(*ORIGIN)
+    start = (ORIGIN[0] + math.degrees(distance / 6370553.0), ORIGIN[1])
+    moved = LocalFrame(*start, ORIGIN[2]).to_local(*frame.shifted(*start, 10.0, 10.0))
+    assert moved == pytest.approx((10.0, 10.0), abs=1.1e-3)
+
+
+def test_a_shift_by_nothing_changes_nothing() -> None:
+    assert LocalFrame(*ORIGIN).shifted(47.4, 8.6, 0.0, 0.0) == (47.4, 8.6)

@@ -1,0 +1,181 @@
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from vfguide.companion.supervisor import Mode
+
+Make = Callable[..., Any]
+
+SET_MODE, HEADING, SPEED, ALTITUDE = 176, 43_002, 43_000, 43_001
+MESSAGE_INTERVAL = 511
+GUIDED, LOITER, MANUAL = 15, 12, 0
+
+
+def test_a_companion_that_may_engages_and_flies_to_its_slot(flight: Make) -> None:
+    flown = flight()
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    assert [text for _, text in flown.events if "->" in text] == [
+        "waiting -> joining",
+        "joining -> tracking",
+    ]
+    assert len(flown.times(SET_MODE)) == 1
+
+
+def test_each_position_leads_to_one_course_and_one_speed(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    assert flown.times(HEADING) == flown.times(SPEED)
+    assert flown.times(HEADING)[-100:] == [pytest.approx(5.05 + 0.05 * k) for k in range(100)]
+
+
+def test_the_altitude_is_repeated_every_five_seconds(flight: Make) -> None:
+    flown = flight()
+    flown.run(20.0)
+    assert len(flown.times(ALTITUDE)) == 4
+    gaps = [later - earlier for earlier, later in pairwise(flown.times(ALTITUDE))]
+    assert gaps == [pytest.approx(5.0)] * 3
+
+
+def test_a_companion_that_may_not_never_engages(flight: Make) -> None:
+    flown = flight(engage=False)
+    flown.run(20.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.times(HEADING) == flown.times(SPEED) == flown.times(ALTITUDE) == []
+    assert flown.mode_at(20.0) is Mode.WAITING
+
+
+def test_a_companion_that_may_not_engage_steers_once_the_pilot_selects_guided(flight: Make) -> None:
+    flown = flight(engage=False)
+    flown.run(10.0)
+    flown.pilot(GUIDED)
+    flown.run(40.0)
+    # The mode is heard with the next datagram, and one position report later setpoints go out.
+    assert flown.times(HEADING)[0] == pytest.approx(10.05)
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    assert flown.times(SET_MODE) == []
+
+
+@pytest.mark.parametrize("mode", [LOITER, MANUAL])
+def test_setpoints_stop_at_once_when_the_pilot_takes_over(flight: Make, mode: int) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.pilot(mode)
+    flown.run(30.0)
+    for command in (HEADING, SPEED, ALTITUDE):
+        assert flown.times(command)
+        assert [time for time in flown.times(command) if time > 10.0] == []
+    assert flown.mode_at(10.05) is Mode.PILOT
+    assert flown.mode_at(30.0) is Mode.PILOT
+
+
+def test_the_companion_does_not_take_back_what_the_pilot_took(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.pilot(LOITER)
+    flown.run(30.0)
+    assert [time for time in flown.times(SET_MODE) if time > 10.0] == []
+    assert flown.autopilot.truth().mode == "LOITER"
+
+
+def test_setpoints_resume_when_guided_comes_back(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.pilot(LOITER)
+    flown.run(20.0)
+    flown.pilot(GUIDED)
+    flown.run(60.0)
+    later = [time for time in flown.times(HEADING) if time > 10.0]
+    assert later[0] == pytest.approx(20.05)
+    assert next(time for time in flown.times(ALTITUDE) if time > 10.0) == pytest.approx(20.05)
+    assert flown.mode_at(60.0) is Mode.TRACKING
+    # Taken again, it stays with the pilot again.
+    flown.pilot(LOITER)
+    flown.run(70.0)
+    assert flown.mode_at(70.0) is Mode.PILOT
+    assert len(flown.times(SET_MODE)) == 1
+
+
+def test_the_pilot_keeps_what_he_took_while_telemetry_was_out(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    # Somebody switches the position stream off: nothing to steer by, still in GUIDED.
+    flown.command(MESSAGE_INTERVAL, 33, -1)
+    flown.lose = frozenset({MESSAGE_INTERVAL})
+    flown.run(15.0)
+    assert flown.mode_at(15.0) is Mode.WAITING
+    flown.pilot(LOITER)
+    flown.lose = frozenset()
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert [time for time in flown.times(SET_MODE) if time > 10.0] == []
+
+
+def test_a_companion_without_a_leader_does_not_engage(flight: Make) -> None:
+    flown = flight(link=lambda _now: [])
+    flown.run(20.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.mode_at(20.0) is Mode.WAITING
+
+
+def test_a_companion_whose_leader_has_gone_silent_does_not_engage(
+    flight: Make, leader_bytes: Make
+) -> None:
+    # Heard 20 s ago, before the flight.
+    flown = flight(link=lambda now: [leader_bytes(-20.0)] if now == 0.0 else [])
+    flown.run(10.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.events == []
+
+
+def test_engaging_is_tried_again_until_it_is_obeyed(flight: Make) -> None:
+    flown = flight()
+    flown.lose = frozenset({SET_MODE})
+    flown.run(5.5)
+    assert flown.times(SET_MODE) == [1.0, 2.0, 3.0, 4.0, 5.0]
+    flown.lose = frozenset()
+    flown.run(10.0)
+    assert flown.times(SET_MODE)[-1] == 6.0
+    assert flown.autopilot.truth().mode == "GUIDED"
+
+
+def test_the_leader_engages_steers_and_publishes_with_each_position(flight: Make) -> None:
+    flown = flight("leader", link=lambda _now: [])
+    flown.autopilot.counters.clear()
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    # Two positions in the first second, then one every 50 ms; each is published, most are steered by.
+    assert len(flown.published) == pytest.approx(40 * 20, abs=25)
+    assert len(flown.times(HEADING)) >= len(flown.published) - 25
+
+
+def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.run(40.0)
+    setpoints = flown.times("SET_POSITION_TARGET_LOCAL_NED")
+    assert flown.times(SET_MODE)
+    assert setpoints[0] < flown.times(SET_MODE)[0]
+    assert flown.autopilot.truth().mode == "OFFBOARD"
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    assert len(flown.times(178)) == len(setpoints)
+
+
+def test_px4_hears_nothing_before_a_companion_that_may_not_engage(flight: Make) -> None:
+    flown = flight(kind="px4", engage=False)
+    flown.run(10.0)
+    assert flown.times("SET_POSITION_TARGET_LOCAL_NED") == flown.times(178) == []
+
+
+def test_px4_is_left_to_the_pilot_at_once(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.run(10.0)
+    assert flown.autopilot.truth().mode == "OFFBOARD"
+    flown.pilot(2)
+    flown.run(20.0)
+    assert [time for time in flown.times("SET_POSITION_TARGET_LOCAL_NED") if time > 10.0] == []
+    assert [time for time in flown.times(178) if time > 10.0] == []
+    assert flown.autopilot.truth().mode == "ALTCTL"

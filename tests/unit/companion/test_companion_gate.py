@@ -1,0 +1,112 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.core import Companion, is_flyable
+from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.roles import FollowerRole, RoleStep
+from vfguide.mission.model import Mission
+from vfguide.state import Setpoint
+
+Make = Callable[..., Any]
+MakePlan = Callable[..., FlightPlan]
+MakeMission = Callable[[str], Mission]
+
+SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
+
+UNFLYABLE = [
+    (math.nan, 20.0),
+    (math.inf, 20.0),
+    (-math.inf, 20.0),
+    (1.0, math.nan),
+    (1.0, math.inf),
+    (1.0, -math.inf),
+    (1.0, 11.999),
+    (1.0, 32.001),
+    (1.0, -20.0),
+]
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize(("course", "speed"), UNFLYABLE)
+def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
+    flight: Make, monkeypatch: pytest.MonkeyPatch, kind: str, course: float, speed: float
+) -> None:
+    step = FollowerRole.step
+    from_s = 3.0
+
+    def broken(role: FollowerRole, fix: Fix) -> RoleStep:
+        found = step(role, fix)
+        if fix.state.time_s <= from_s:
+            return found
+        return replace(found, setpoint=Setpoint(course=course, speed=speed, limited=False))
+
+    monkeypatch.setattr(FollowerRole, "step", broken)
+    flown = flight(kind=kind)
+    flown.run(4.0)
+    name = HEADING if kind == "ardupilot" else "SET_POSITION_TARGET_LOCAL_NED"
+    assert flown.times(name)[-1] == 3.0
+    assert flown.times(SPEED if kind == "ardupilot" else 178)[-1] == 3.0
+    assert flown.companion.snapshot.setpoint is not None
+    assert math.isfinite(flown.companion.snapshot.setpoint.course)
+
+
+@pytest.mark.parametrize("speed", [12.0, 20.0, 32.0])
+def test_the_whole_airspeed_range_can_be_flown(plan: MakePlan, speed: float) -> None:
+    assert is_flyable(Setpoint(course=-40.0, speed=speed, limited=False), plan())
+
+
+@pytest.mark.parametrize(
+    ("speed", "flyable"),
+    [(5.0, True), (45.0, True), (0.0, False), (-1.0, False), (math.inf, False)],
+)
+def test_a_ground_speed_is_not_bound_by_the_airspeed_range(
+    plan: MakePlan, speed: float, flyable: bool
+) -> None:
+    known = plan()
+    by_ground = replace(known, airframe=replace(known.airframe, hold="course-hold"))
+    setpoint = Setpoint(course=1.0, speed=speed, limited=False)
+    assert is_flyable(setpoint, by_ground) is flyable
+
+
+def companions(mission: Mission, hold: str) -> list[Companion]:
+    """Leader and follower f1, whose loops hold this."""
+    vehicles = {
+        name: vehicle.model_copy(update={"plant": hold})
+        for name, vehicle in mission.vehicles.items()
+    }
+    held = mission.model_copy(update={"vehicles": vehicles})
+    return [
+        Companion(flight_plan(held, name), adapter_of(vehicles[name]), engage=True)
+        for name in ("leader", "f1")
+    ]
+
+
+@pytest.mark.parametrize("hold", ["heading-hold", "course-hold"])
+@pytest.mark.parametrize("hdg", [0, 9000, 65_535])
+def test_an_aircraft_that_stands_on_the_ground_is_borne(
+    mission: MakeMission, leader_bytes: Make, parsed: Make, hold: str, hdg: int
+) -> None:
+    for companion, system_id in zip(companions(mission("line-calm"), hold), (1, 2), strict=True):
+        sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
+        for step in range(60):
+            now = step / 20
+            companion.receive_link(leader_bytes(now), now)
+            messages = [
+                mavlink.MAVLink_heartbeat_message(1, 3, 1, 15, 4, 3),
+                mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 488.0, 0.0),
+                mavlink.MAVLink_global_position_int_message(
+                    step * 50, 473_977_420, 85_455_940, 488_000, 0, 0, 0, 0, hdg
+                ),
+            ]
+            data = b"".join(message.pack(sender) for message in messages)
+            out = companion.receive_mavlink(data, now)
+            for message in parsed(out.to_autopilot):
+                if message.get_type() == "COMMAND_INT":
+                    assert math.isfinite(message.param2)
+        assert companion.snapshot.mode.steers

@@ -1,0 +1,121 @@
+import struct
+import zlib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import pytest
+
+Make = Callable[..., Any]
+Link = Callable[[float], Iterable[bytes]]
+
+FLIGHT_S = 15.0
+
+
+def with_checksum(body: bytes) -> bytes:
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+@pytest.fixture
+def nonsense(leader_bytes: Make) -> dict[str, Callable[[float], list[bytes]]]:
+    """What may come along with a sound leader state, by the reason for which it is not used."""
+
+    def malformed(now: float) -> list[bytes]:
+        good = leader_bytes(now + 0.01, course=2.0)
+        return [
+            b"",
+            b"\x00" * 88,
+            good[:-1],
+            good + b"\x00",
+            good[:30] + bytes([good[30] ^ 1]) + good[31:],
+            with_checksum(b"XXXX" + good[4:-4]),
+            with_checksum(good[:4] + b"\x02" + good[5:-4]),
+            leader_bytes(now + 0.01, course=float("nan")),
+            leader_bytes(now + 0.01, ground_speed=float("inf")),
+            leader_bytes(now + 0.01, latitude_deg=91.0),
+        ]
+
+    def not_newer(now: float) -> list[bytes]:
+        return [
+            leader_bytes(now),
+            leader_bytes(now, course=2.0),
+            leader_bytes(now - 0.3, course=2.0),
+        ]
+
+    def from_the_future(now: float) -> list[bytes]:
+        return [leader_bytes(now + 0.26), leader_bytes(now + 1e6, time_s=1e300, latitude_deg=0.0)]
+
+    return {
+        "malformed": malformed,
+        "not newer": not_newer,
+        "from the future": from_the_future,
+    }
+
+
+@pytest.mark.parametrize("reason", ["malformed", "not newer", "from the future"])
+def test_nonsense_on_the_link_changes_nothing_but_a_counter(
+    flight: Make,
+    leader_bytes: Make,
+    nonsense: dict[str, Callable[[float], list[bytes]]],
+    reason: str,
+) -> None:
+    def hostile(now: float) -> list[bytes]:
+        return [leader_bytes(now), *nonsense[reason](now)]
+
+    clean, disturbed = flight(), flight(link=hostile)
+    clean.run(FLIGHT_S)
+    disturbed.run(FLIGHT_S)
+    assert disturbed.sent == clean.sent
+    assert disturbed.events == clean.events
+    assert sum(len(data) for _, data in clean.sent) > 10_000
+    received = round(FLIGHT_S * 20 + 1) * len(nonsense[reason](1.0))
+    gained = disturbed.companion.counters - clean.companion.counters
+    assert dict(gained) == {reason: received}
+
+
+def test_a_leader_state_that_is_too_old_to_be_one_changes_nothing(
+    flight: Make, leader_bytes: Make
+) -> None:
+    ancient = leader_bytes(0.0, time_s=-1e308, turn_rate=10.0, acceleration=100.0)
+    clean, disturbed = flight(link=lambda _now: []), flight(link=lambda _now: [ancient])
+    clean.run(5.0)
+    disturbed.run(5.0)
+    assert disturbed.sent == clean.sent
+    assert disturbed.companion.counters["too old"] == 101
+
+
+def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest(
+    flight: Make, leader_bytes: Make
+) -> None:
+    flown = flight(link=lambda now: [leader_bytes(now - 0.3)])
+    flown.run(40.0)
+    assert flown.companion.counters["not newer"] == 0
+    assert flown.companion.snapshot.mode.value == "tracking"
+
+
+def test_the_same_inputs_lead_to_the_same_bytes(flight: Make) -> None:
+    first, second = flight(), flight()
+    first.run(30.0)
+    second.run(30.0)
+    assert first.sent == second.sent
+    assert first.events == second.events
+
+
+def test_the_leader_publishes_the_same_bytes_for_the_same_inputs(flight: Make) -> None:
+    first = flight("leader", link=lambda _now: [])
+    second = flight("leader", link=lambda now: [b"junk" * int(now)])
+    first.run(10.0)
+    second.run(10.0)
+    assert first.published == second.published
+    assert first.sent == second.sent
+    assert len(first.published) > 150
+
+
+def test_noise_between_the_frames_of_the_autopilot_changes_nothing(flight: Make) -> None:
+    clean, disturbed = flight(), flight()
+    clean.run(10.0)
+    for step in range(100):
+        disturbed.waiting += b"\x00\xff noise"
+        disturbed.run(step / 10)
+    disturbed.run(10.0)
+    assert disturbed.sent == clean.sent
+    assert disturbed.companion.counters["not MAVLink"] >= 100

@@ -1,0 +1,188 @@
+"""A leader's guidance step, by hand and closed around a kinematic vehicle."""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import pytest
+
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.give_way import SlotLimits
+from vfguide.guidance.leader import LeaderTask, leader_step
+from vfguide.guidance.path import Circle, Line, Path, Racetrack
+from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.state import Airframe, VehicleState
+
+Vehicles = Callable[..., VehicleState[float]]
+Choices = Callable[..., GuidanceSettings]
+HEADING_HOLD, COURSE_HOLD = Airframe(), Airframe(hold="course-hold")
+PERIOD = 0.05
+NORTHBOUND = Line(north=0.0, east=0.0, course=0.0)
+CLOCKWISE = Circle(north=0.0, east=0.0, radius=150.0, direction=1)
+
+
+class Plant(Protocol):
+    """A vehicle with first-order holds."""
+
+    north: float
+    east: float
+    course: float
+    speed: float
+
+    def fly(self, course: float, speed: float, period: float) -> None: ...
+
+
+def along(path: Path, *followers: SlotLimits) -> LeaderTask:
+    gains = PathGains(gain=0.03, approach_angle=math.pi / 2.0)
+    return LeaderTask(path=path, path_gains=gains, airspeed=20.0, followers=followers)
+
+
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(
+    vehicle: Vehicles, choices: Choices, airframe: Airframe
+) -> None:
+    guidance = leader_step(
+        vehicle(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD
+    )
+    assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
+    assert (guidance.cross_track_error, guidance.course_error) == (0.0, 0.0)
+    assert not guidance.setpoint.limited
+
+
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_on_its_circle_the_course_setpoint_leads_the_turn(
+    vehicle: Vehicles, choices: Choices, airframe: Airframe
+) -> None:
+    state = vehicle(150.0, 0.0, math.pi / 2.0)
+    guidance = leader_step(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
+    # 20/150 = 0.1333 rad/s, over 1.2: 0.1111 rad
+    assert guidance.setpoint.course - state.course == pytest.approx(0.11111, abs=1e-5)
+    assert guidance.setpoint.speed == pytest.approx(20.0)
+
+
+def test_right_of_its_line_it_turns_left(vehicle: Vehicles, choices: Choices) -> None:
+    guidance = leader_step(
+        vehicle(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD
+    )
+    assert guidance.cross_track_error == pytest.approx(1.0)
+    # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.75 = 0.119964 rad/s to the left, over 1.2
+    assert guidance.course_error == pytest.approx(0.029991, abs=1e-6)
+    assert guidance.setpoint.course == pytest.approx(-0.09997, abs=1e-5)
+
+
+def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed(
+    vehicle: Vehicles, choices: Choices
+) -> None:
+    # 5 m/s from behind: 20 m/s of airspeed are 25 over the ground
+    windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
+    task = along(NORTHBOUND)
+    held = leader_step(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    assert held.setpoint.speed == pytest.approx(20.0)
+    assert leader_step(
+        windy, task, choices(), COURSE_HOLD, period=PERIOD
+    ).setpoint.speed == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_an_airspeed_off_cruise_is_commanded_back_at_the_holds_own_pace(
+    vehicle: Vehicles, choices: Choices, airframe: Airframe
+) -> None:
+    slow = vehicle(ground_speed=18.0)
+    guidance = leader_step(slow, along(NORTHBOUND), choices(), airframe, period=PERIOD)
+    assert guidance.setpoint.speed == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(("gives_way", "airspeed"), [(True, 22.0), (False, 20.0)])
+def test_the_leader_gives_way_to_an_inner_slot(
+    vehicle: Vehicles, choices: Choices, *, gives_way: bool, airspeed: float
+) -> None:
+    # 67.5 m inside on 150 m: 20 (1 - 0.45) = 11 m/s, 2 less than 12 and the margin of 1
+    inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
+    guidance = leader_step(
+        vehicle(150.0, 0.0, math.pi / 2.0),
+        along(CLOCKWISE, inside),
+        choices(give_way=gives_way),
+        HEADING_HOLD,
+        period=PERIOD,
+    )
+    assert guidance.setpoint.speed == pytest.approx(airspeed)
+
+
+def test_the_first_estimate_of_the_observer_is_the_airspeed(
+    vehicle: Vehicles, choices: Choices
+) -> None:
+    windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
+    observing = choices(speed_source="observer")
+    task = along(NORTHBOUND)
+    first = leader_step(windy, task, observing, HEADING_HOLD, period=PERIOD)
+    assert first.speed_estimate == pytest.approx(20.0)
+    later = leader_step(windy, task, observing, HEADING_HOLD, period=PERIOD, speed_estimate=24.0)
+    # 24 - 0.05 . 1 . 0.5 (24 - 20)
+    assert later.speed_estimate == pytest.approx(23.9)
+    measured = leader_step(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    assert measured.speed_estimate == 25.0
+
+
+def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
+    vehicle: Vehicles, choices: Choices
+) -> None:
+    state = vehicle(150.0, 0.0, math.pi / 2.0 + 0.1)
+    guidance = leader_step(
+        state,
+        along(CLOCKWISE),
+        choices(speed_source="observer"),
+        HEADING_HOLD,
+        period=PERIOD,
+        speed_estimate=20.0,
+    )
+    # phi = cos(0.1)/150 - 0.03 sin(0.1) = 0.0066334 - 0.002995 = 0.0036384; -0.05 . 200 . 0.1 . phi
+    assert guidance.speed_estimate - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
+
+
+PATHS: list[Path] = [
+    Line(north=10.0, east=20.0, course=2.0),
+    CLOCKWISE,
+    Circle(north=0.0, east=0.0, radius=150.0, direction=-1),
+    Racetrack(
+        north=0.0, east=0.0, course=1.0, leg=300.0, radius=150.0, direction=-1, easement=100.0
+    ),
+]
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("source", ["measured", "observer"])
+@pytest.mark.parametrize("start_deg", [0.0, 130.0, 250.0])
+def test_from_any_course_a_leader_flies_onto_its_path(
+    vehicle: Vehicles,
+    choices: Choices,
+    plant: Callable[..., Plant],
+    *,
+    path: Path,
+    source: str,
+    start_deg: float,
+) -> None:
+    flyer = plant(north=80.0, east=-60.0, course=math.radians(start_deg))
+    settings, task, estimate = choices(speed_source=source), along(path), None
+    worst = 0.0
+    for step in range(1600):
+        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        guidance = leader_step(
+            state, task, settings, COURSE_HOLD, period=PERIOD, speed_estimate=estimate
+        )
+        estimate = guidance.speed_estimate
+        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
+        if step > 1200:
+            worst = max(worst, abs(guidance.cross_track_error))
+    assert worst < 0.5
+    assert flyer.speed == pytest.approx(20.0, abs=0.01)
+
+
+def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it(
+    vehicle: Vehicles, choices: Choices, plant: Callable[..., Plant]
+) -> None:
+    flyer = plant(course=2.0)
+    for _ in range(1600):
+        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed)
+        guidance = leader_step(state, along(CLOCKWISE), choices(), COURSE_HOLD, period=PERIOD)
+        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
+    assert math.hypot(flyer.north, flyer.east) == pytest.approx(150.0, abs=0.5)

@@ -1,0 +1,95 @@
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.framing import Frame, frames_of
+
+Make = Callable[..., Any]
+
+BODIES = st.binary(max_size=255)
+
+FRAMES_2 = st.builds(
+    lambda body, signed, rest, signature: (
+        bytes([0xFD, len(body), signed]) + rest + body + b"CC" + (signature if signed else b"")
+    ),
+    BODIES,
+    st.integers(0, 1),
+    st.binary(min_size=7, max_size=7),
+    st.binary(min_size=13, max_size=13),
+)
+FRAMES_1 = st.builds(
+    lambda body, rest: bytes([0xFE, len(body)]) + rest + body + b"CC",
+    BODIES,
+    st.binary(min_size=4, max_size=4),
+)
+
+
+def signed_by(data: bytes) -> bytes:
+    """A frame with the signature flag and a signature, whatever they are worth."""
+    return data[:2] + b"\x01" + data[3:] + b"S" * 13
+
+
+def test_headers_are_read(frame: Make) -> None:
+    message = mavlink.MAVLink_wind_message(10.0, 5.0, 0.0)
+    new = frame(message, system_id=200, component_id=34)
+    old = frame(message, system_id=201, component_id=35, version_1=True)
+    assert list(frames_of(new + old)) == [Frame(168, 200, 34, new), Frame(168, 201, 35, old)]
+
+
+def test_message_numbers_have_three_bytes(frame: Make) -> None:
+    data = frame(mavlink.MAVLink_cubepilot_raw_rc_message(b"\x01" * 32))
+    (found,) = frames_of(data)
+    assert found == Frame(50_001, 7, 1, data)
+
+
+def test_a_signature_belongs_to_its_frame(frame: Make, position: Make) -> None:
+    plain = frame(position())
+    signed = signed_by(plain)
+    assert [one and one.content for one in frames_of(signed + plain)] == [signed, plain]
+
+
+@pytest.mark.parametrize("flags", [0x02, 0x03, 0x80, 0xFF])
+def test_a_frame_with_unknown_flags_is_dropped(frame: Make, position: Make, flags: int) -> None:
+    plain = frame(position(lat=0, lon=0, alt=0))
+    strange = plain[:2] + bytes([flags]) + plain[3:]
+    assert [one and one.content for one in frames_of(strange + plain)] == [None, plain]
+
+
+def test_garbage_is_one_stretch_up_to_the_next_frame(frame: Make, position: Make) -> None:
+    plain = frame(position())
+    found = [one and one.content for one in frames_of(b"garbage" + plain + b"more")]
+    assert found == [None, plain, None]
+
+
+def test_a_magic_byte_in_garbage_does_not_swallow_the_frame_behind_it(
+    frame: Make, position: Make
+) -> None:
+    plain = frame(position())
+    for garbage in (b"\xfd", b"\xfe\xff", b"\xfd\xff\x00"):
+        assert [one.content for one in frames_of(garbage + plain) if one] == [plain]
+
+
+def test_no_bytes_hold_no_frames() -> None:
+    assert list(frames_of(b"")) == []
+
+
+@settings(deadline=None, derandomize=True)
+@given(frames=st.lists(FRAMES_1 | FRAMES_2, max_size=5))
+def test_whole_frames_come_apart_as_they_were_put_together(frames: list[bytes]) -> None:
+    assert [one and one.content for one in frames_of(b"".join(frames))] == frames
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(pieces=st.lists(st.binary(max_size=30) | FRAMES_1 | st.just(b"\xfd"), max_size=8))
+def test_frames_are_stretches_of_the_datagram_in_order(pieces: list[bytes]) -> None:
+    datagram = b"".join(pieces)
+    place = 0
+    for found in frames_of(datagram):
+        if found is not None:
+            place = datagram.index(found.content, place) + len(found.content)
+            assert found.content[0] in {0xFD, 0xFE}
+    assert place <= len(datagram)
