@@ -44,7 +44,7 @@ def line_of(text: str) -> int:
             "system_id: 1",
             "vehicles.f1.system_id: 1 is also leader's; give each vehicle its own number from 1 to 255",
         ),
-        ("gain: 0.03", "gian: 0.03", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
+        ("gain: 0.015", "gian: 0.015", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
         (
             "kappa: 3",
             "kappa: '3'",
