@@ -69,6 +69,11 @@ def greater_of(first: Number, second: Number | float) -> Number:
     return np.maximum(first, second)
 
 
+def like(value: float, other: Number) -> Number:
+    """A constant in the shape of another value."""
+    return other * 0.0 + value
+
+
 def where(condition: bool | BoolArray, first: Number, second: Number) -> Number:
     """The first value where the condition holds, the second elsewhere."""
     if isinstance(first, float):

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Generic, Literal, Protocol
 
-from vfguide.elementwise import Number, atan2, clip, hypot, where
+from vfguide.elementwise import Number, atan2, clip, hypot, like, where
 from vfguide.guidance.wind_triangle import resolve
 
 Direction = Literal[1, -1]
@@ -46,7 +46,7 @@ class Line:
 
     def nearest(self, north: Number, east: Number) -> PathPoint[Number]:
         """The line abeam of the vehicle; the article's e is not a distance, this one is."""
-        along, right = resolve(north - self.north, east - self.east, _like(self.course, north))
+        along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         still = along * 0.0
         return PathPoint(still + self.course, right, still)
 
@@ -98,15 +98,13 @@ class Racetrack:
 
     def nearest(self, north: Number, east: Number) -> PathPoint[Number]:
         """The leg abeam of the vehicle, or beyond their ends the half circle on its bearing."""
-        along, right = resolve(north - self.north, east - self.east, _like(self.course, north))
+        along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         beyond = along - clip(along, -self.leg / 2.0, self.leg / 2.0)
         tangent, error = _around(beyond, right, self.radius, self.direction)
         # Distance run since the nearest end of a leg; negative on the leg, before its end or after.
         on_leg = clip(abs(along) - self.leg / 2.0, -self.leg, 0.0)
         run = on_leg + self.radius * (math.pi / 2.0 - atan2(abs(right), abs(beyond)))
-        entering = where(
-            along * right * self.direction < 0.0, _like(1.0, along), _like(-1.0, along)
-        )
+        entering = where(along * right * self.direction < 0.0, like(1.0, along), like(-1.0, along))
         lead, shift, curvature = self._eased(run)
         return PathPoint(
             tangent + self.course + lead * entering * self.direction,
@@ -142,8 +140,3 @@ def _around(
     """(tangent course, cross-track error) on the circle of this radius about the origin."""
     tangent = atan2(east, north) + direction * (math.pi / 2.0)
     return tangent, (hypot(north, east) - radius) * -direction
-
-
-def _like(value: float, other: Number) -> Number:
-    """A constant in the shape of another value."""
-    return other * 0.0 + value

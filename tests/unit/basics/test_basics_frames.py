@@ -86,5 +86,12 @@ def test_sixty_kilometres_away_a_shift_by_ten_metres_is_right_to_a_millimetre(
     assert moved == pytest.approx((10.0, 10.0), abs=1.1e-3)
 
 
+def test_a_shift_counts_metres_at_the_origins_height() -> None:
+    # 5000 m up a degree is longer by 5000/6370000: without it 10 m would be 8 mm short
+    frame = LocalFrame(*ORIGIN[:2], 5000.0)
+    moved = frame.to_local(*frame.shifted(*ORIGIN[:2], 10.0, -10.0))
+    assert moved == pytest.approx((10.0, -10.0), abs=1e-4)
+
+
 def test_a_shift_by_nothing_changes_nothing() -> None:
     assert LocalFrame(*ORIGIN).shifted(47.4, 8.6, 0.0, 0.0) == (47.4, 8.6)

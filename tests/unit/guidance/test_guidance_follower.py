@@ -85,6 +85,31 @@ def test_a_little_behind_a_follower_speeds_up(
     assert guidance.lyapunov == pytest.approx(0.26433, abs=1e-4)
 
 
+def test_a_follower_that_closes_in_eases_off_as_the_field_does(
+    leader: Leaders, vehicle: Vehicles, choices: Choices
+) -> None:
+    closing = vehicle(-20.5, 0.0, ground_speed=20.2)
+    guidance = follower_step(closing, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD)
+    # V~ = 0.2 - 5.09296 atan(0.1) = -0.30761; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
+    # 3 . 0.30761/0.75 + 0.5/50 - 0.20170 = 1.03874 m/s²
+    assert guidance.setpoint.speed == pytest.approx(20.2 + 1.03874 / 0.8, abs=1e-4)
+
+
+def test_the_leaders_acceleration_is_fed_forward(
+    leader: Leaders, vehicle: Vehicles, choices: Choices
+) -> None:
+    guidance = follower_step(
+        vehicle(-20.0, 0.0),
+        leader(acceleration=0.4),
+        BEHIND,
+        choices(),
+        COURSE_HOLD,
+        period=PERIOD,
+    )
+    # 0.4 m/s² / 0.8
+    assert guidance.setpoint.speed == pytest.approx(20.5)
+
+
 def test_far_behind_it_takes_all_the_acceleration_there_is(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:

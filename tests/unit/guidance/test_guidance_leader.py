@@ -108,6 +108,27 @@ def test_the_leader_gives_way_to_an_inner_slot(
     assert guidance.setpoint.speed == pytest.approx(airspeed)
 
 
+@pytest.mark.parametrize(("feedforward", "course"), [(True, -0.1 / 1.2), (False, 0.0)])
+@pytest.mark.parametrize("north_rate", [0.0, 1.5])
+def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(
+    vehicle: Vehicles, choices: Choices, *, north_rate: float, feedforward: bool, course: float
+) -> None:
+    # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, over 1.2; what blows along is left alone
+    state = vehicle(wind_rate=(north_rate, 2.0))
+    chosen = choices(wind_feedforward=feedforward)
+    guidance = leader_step(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
+    assert guidance.setpoint.course == pytest.approx(course)
+    assert guidance.setpoint.speed == pytest.approx(20.0)
+
+
+def test_flying_east_the_left_is_north(vehicle: Vehicles, choices: Choices) -> None:
+    # 2 m/s² toward the south, from the left again
+    state = vehicle(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
+    task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
+    guidance = leader_step(state, task, choices(), HEADING_HOLD, period=PERIOD)
+    assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.1 / 1.2)
+
+
 def test_the_first_estimate_of_the_observer_is_the_airspeed(
     vehicle: Vehicles, choices: Choices
 ) -> None:

@@ -28,10 +28,11 @@ def moving(
     vehicle: Vehicles, seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
 ) -> list[VehicleState[float]]:
     """States of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
+    start = math.copysign(3.0, turn_rate)
     times = [index * PERIOD for index in range(round(seconds / PERIOD) + 1)]
     return [
         vehicle(
-            course=math.remainder(3.0 + turn_rate * time, 2.0 * math.pi),
+            course=math.remainder(start + turn_rate * time, 2.0 * math.pi),
             ground_speed=20.0 + acceleration * time,
             time_s=time,
         )
@@ -50,8 +51,13 @@ def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
 def test_on_a_steady_turn_the_turn_rate_is_found_through_south(
     vehicle: Vehicles, turn_rate: float
 ) -> None:
-    # from 3 rad on: the course passes +-pi on its way, 6 s are 15 time constants
-    motion = estimates(moving(vehicle, 6.0, turn_rate=turn_rate))
+    # 0.14 rad before south, the course jumps by 2 pi after 1 s, which is no turn the other way
+    states = moving(vehicle, 6.0, turn_rate=turn_rate)
+    motion = leader_at_rest(states[0])
+    for state in states[1:]:
+        before, motion = motion, estimate_leader(motion, state, AIRFRAME, FILTER)
+        assert before.turn_rate / turn_rate < motion.turn_rate / turn_rate + 1e-9 < 1.0 + 1e-8
+    # 6 s are 15 time constants
     assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-4)
     assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-4)
     assert motion.acceleration == 0.0

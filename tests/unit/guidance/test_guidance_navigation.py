@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,6 +186,16 @@ def test_blind_the_filter_finds_the_ground_speed_from_positions(track: Track) ->
     assert state.ground_speed == pytest.approx(speed, abs=0.01)
     assert state.course == pytest.approx(math.atan2(truth.velocity_east, truth.velocity_north))
     assert miss(state, truth) < 1e-3
+
+
+def test_blind_the_course_is_the_reported_one() -> None:
+    report = replace(
+        steady_wind(PERIOD), velocity_north=5.0 * math.cos(1.0), velocity_east=5.0 * math.sin(1.0)
+    )
+    state = navigate_blind(first_state(steady_wind(0.0)), report, TIMES)
+    # the positions are those of the course 0.368 rad, and so is the speed
+    assert state.course == pytest.approx(1.0)
+    assert state.ground_speed == pytest.approx(23.0502, abs=1e-4)
 
 
 def test_blind_the_wind_and_its_rate_are_found_too() -> None:
