@@ -14,6 +14,7 @@ from sitl_stub.codec import Codec, whole_number
 from sitl_stub.commands import (
     COMPONENT_ARM_DISARM,
     CUSTOM_MODE_FLAG,
+    PREFLIGHT_REBOOT_SHUTDOWN,
     REQUEST_MESSAGE,
     SET_MESSAGE_INTERVAL,
     Command,
@@ -75,6 +76,8 @@ class Autopilot:
     def __init__(self, config: AutopilotConfig, wind: Wind) -> None:
         self.counters: Counter[str] = Counter()
         """What was received and not obeyed, by reason."""
+        self.system_id = config.system_id
+        """MAVLink system id."""
         self._personality = PERSONALITIES[config.autopilot]()
         self._flight = Flight(
             plant=config.plant,
@@ -91,16 +94,15 @@ class Autopilot:
         )
         self._reported_mode = self._flight.mode
         self._codec = Codec(config.system_id, self.counters)
-        self._boot_time_s = config.boot_time_s
+        self._boot_us = -round(config.boot_time_s * 1e6)
         self._noise_m = config.position_noise_m
         self._random = default_rng((config.seed, config.system_id))
-        self._schedule = Schedule(TELEMETRY)
-        for message_id, interval_us in DEFAULT_INTERVALS_US.items():
-            self._schedule.every(message_id, interval_us)
+        self._schedule = default_schedule()
         self._commands = {
             COMPONENT_ARM_DISARM: arm_or_disarm,
             SET_MESSAGE_INTERVAL: self._set_message_interval,
             REQUEST_MESSAGE: self._request_message,
+            PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
             **self._personality.commands,
         }
         self._handlers: dict[str, Callable[[MAVLink_message], list[MAVLink_message]]] = {
@@ -113,6 +115,17 @@ class Autopilot:
             **dict.fromkeys(self._personality.setpoints, self._on_setpoint),
         }
         self._requested: list[int] = []
+
+    @property
+    def next_due_s(self) -> float:
+        """The next simulation time at which anything happens by itself; infinite if nothing does.
+
+        Up to then `advance` brings nothing, unless something is received before.
+        """
+        instants_us = (self._schedule.next_due_us, self._personality.deadline_us)
+        return min(
+            (due_us * 1e-6 for due_us in instants_us if due_us is not None), default=math.inf
+        )
 
     def receive(self, data: bytes) -> bytes:
         """Take the frames of one datagram at the present simulation time; returns the replies.
@@ -237,6 +250,19 @@ class Autopilot:
         self._requested.append(message_id)
         return Result.ACCEPTED
 
+    def _reboot(self, flight: Flight, command: Command) -> Result:
+        """246: param1 = 1 starts the autopilot anew, in the air too; a real one wants to be forced there.
+
+        The aircraft flies on; mode, setpoints, streams and the boot time are forgotten.
+        """
+        (wanted,) = command.used(1)
+        if wanted != 1.0:
+            return Result.DENIED
+        flight.enter(self._personality.initial_mode)
+        self._boot_us = flight.time_us
+        self._schedule = default_schedule(sent_until_us=flight.time_us)
+        return Result.ACCEPTED
+
     def _sends(self, message_id: int) -> bool:
         return message_id in TELEMETRY and (message_id != WIND or self._personality.estimates_wind)
 
@@ -265,7 +291,7 @@ class Autopilot:
                 east_m=self._noise_m * self._random.standard_normal(),
             )
         report = Report(
-            round(self._boot_time_s * 1e3 + flight.time_us * 1e-3) % 2**32,
+            round((flight.time_us - self._boot_us) * 1e-3) % 2**32,
             flight,
             flight.motion(),
             latitude_rad,
@@ -273,6 +299,14 @@ class Autopilot:
             self._personality,
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]
+
+
+def default_schedule(sent_until_us: int = -1) -> Schedule:
+    """What comes unrequested after a boot, from the instant after this one."""
+    schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us)
+    for message_id, interval_us in DEFAULT_INTERVALS_US.items():
+        schedule.every(message_id, interval_us)
+    return schedule
 
 
 def status_text(text: str) -> MAVLink_message:

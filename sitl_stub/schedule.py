@@ -10,11 +10,11 @@ class Schedule:
     order in which they were asked for.
     """
 
-    def __init__(self, order: Iterable[int]) -> None:
+    def __init__(self, order: Iterable[int], *, sent_until_us: int = -1) -> None:
         self._rank = {message_id: rank for rank, message_id in enumerate(order)}
         self._intervals_us: dict[int, int] = {}
         self._due_us: dict[int, int] = {}
-        self._sent_until_us = -1
+        self._sent_until_us = sent_until_us
         self.next_due_us: int | None = None
         """The next instant at which anything is due; None while nothing is scheduled."""
 

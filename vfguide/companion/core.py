@@ -6,6 +6,7 @@ leads to one guidance step and one pair of setpoints at once.
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,7 +15,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import RoleStep, role_of
-from vfguide.companion.supervisor import Mode, Patience, Situation, next_mode
+from vfguide.companion.supervisor import Mode, Situation, next_mode
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
@@ -32,6 +33,9 @@ HEARTBEAT_S = 1.0
 
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
+
+REBOOT_S = 5.0
+"""A guided mode that was left less than this before a reboot showed was left by the reboot."""
 
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
@@ -57,6 +61,8 @@ class Outgoing:
     """One datagram."""
     to_link: list[bytes] = field(default_factory=list)
     """Leader states."""
+    steered: bool = False
+    """Whether a setpoint is among what goes to the autopilot."""
     events: list[Event] = field(default_factory=list)
     """In the order in which they happened."""
 
@@ -82,7 +88,7 @@ class Companion:
         adapter: AutopilotAdapter,
         *,
         engage: bool,
-        patience: Patience | None = None,
+        to_own_time: Callable[[float], float] = float,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -90,18 +96,21 @@ class Companion:
             plan: its vehicle's part of the mission.
             adapter: how to speak to its autopilot.
             engage: whether it may put the autopilot into the guided mode by itself, the first time.
-            patience: how long silences are borne.
+            to_own_time: from the leader's clock to this companion's, s; the same clock if absent.
         """
         self._plan = plan
         self._adapter = adapter
+        self._engages = engage
         self._may_engage = engage
-        self._patience = patience or Patience()
+        self._patience = plan.patience
         self._codec = Codec(plan.system_id, plan.component_id)
         self._own = OwnVehicle(plan)
-        self._role = role_of(plan)
+        self._role = role_of(plan, to_own_time)
         self._mode = Mode.WAITING
         self._engaged = False
+        self._given_back = False
         self._connected = False
+        self._left_time = -math.inf
         self._telemetry_time = -math.inf
         self._interval = math.inf
         self._distance = math.inf
@@ -143,6 +152,19 @@ class Companion:
         out.to_autopilot = self._codec.encode(messages)
         return out
 
+    def stop(self, now: float) -> Outgoing:
+        """The last words: a vehicle that is being steered goes back to its autopilot."""
+        out = Outgoing()
+        if self._mode.steers:
+            out.events.append(Event(time_s=now, text="stopping: handing back"))
+            out.to_autopilot = self._codec.encode(self._adapter.hand_back())
+        self._mode, self._may_engage = Mode.WAITING, False
+        return out
+
+    def leader_age(self, now: float) -> float:
+        """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
+        return self._role.leader_age(now)
+
     def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:
         match report:
             case PositionReport():
@@ -151,7 +173,7 @@ class Companion:
             case AirspeedReport():
                 self._own.note_airspeed(report.airspeed, now)
             case HeartbeatReport():
-                self._note_mode(report.custom_mode)
+                self._note_mode(report.custom_mode, now)
                 return self._change_mode(now, out)
             case CommandReport():
                 self._note_result(report, now, out)
@@ -159,27 +181,53 @@ class Companion:
                 out.events.append(Event(time_s=now, text=f"autopilot: {report.text}"))
         return []
 
-    def _note_mode(self, custom_mode: int) -> None:
-        """Whether the autopilot obeys; a guided mode that was left comes back by the pilot's hand alone."""
+    def _note_mode(self, custom_mode: int, now: float) -> None:
+        """Whether the autopilot obeys; a guided mode that was left comes back by the pilot's hand alone.
+
+        Except where this companion has left it itself, for lack of a leader: then the pilot has taken over
+        once the autopilot is in any mode but the one that it was given back in.
+        """
         self._connected = True
         engaged = self._adapter.is_engaged(custom_mode)
+        as_given_back = self._given_back and self._adapter.is_handed_back(custom_mode)
         if self._engaged and not engaged:
+            self._left_time = now
+        if not (engaged or as_given_back) and (self._engaged or self._given_back):
             self._may_engage = False
+        if engaged and self._mode is not Mode.LOST:
+            self._given_back = False
         self._engaged = engaged
 
     def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
         self._telemetry_time = now
         self._interval = fix.interval
-        step = self._role.step(fix)
+        if fix.rebooted:
+            self._start_anew(now, out)
+        step = self._role.step(fix, self._mode)
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
         messages = self._change_mode(now, out)
         streams = self._adapter.streams_before_engaging and self._mode is Mode.WAITING
         if self._mode.steers or (streams and self._may_engage):
-            messages += self._steer(step, now)
+            setpoints = self._steer(step, now)
+            out.steered = bool(setpoints)
+            messages += setpoints
         return messages
+
+    def _start_anew(self, now: float, out: Outgoing) -> None:
+        """The autopilot has rebooted and forgotten everything.
+
+        If it left the guided mode just now, that was the reboot and no pilot.
+        """
+        out.events.append(Event(time_s=now, text="the autopilot has rebooted", warning=True))
+        if now - self._left_time <= REBOOT_S:
+            self._may_engage = self._engages
+        if self._may_engage:
+            self._mode = Mode.WAITING
+        # Its next heartbeat tells which mode it came up in: no pilot has left the one before.
+        self._engaged = self._given_back = False
 
     def _steer(self, step: RoleStep, now: float) -> list[MAVLink_message]:
         """Messages that carry a setpoint; none that is not finite or outside the vehicle's limits."""
@@ -207,7 +255,11 @@ class Companion:
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
         if not before.steers:
             self._altitude_time = -math.inf
-        return self._adapter.hand_back() if self._mode is Mode.LOST else []
+        messages = [status_text(f"vfguide {self._plan.name}: {self._mode.value}")]
+        if self._mode is Mode.LOST:
+            self._given_back = True
+            messages += self._adapter.hand_back()
+        return messages
 
     def _housekeeping(self, now: float) -> list[MAVLink_message]:
         """Heartbeat, and whatever the autopilot still has to be asked for."""
@@ -220,12 +272,12 @@ class Companion:
         if self._connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         ready = self._setpoint is not None or not self._adapter.streams_before_engaging
-        followable = self._role.leader_age(now) <= self._patience.prediction_s
+        followable = self._role.leader_age(now) <= self._patience.leader_s
         informed = followable and math.isfinite(self._interval)
         waiting = self._mode is Mode.WAITING and not self._engaged
         if self._may_engage and waiting and ready and informed:
             messages += self._adapter.engage()
-        if self._mode is Mode.LOST:
+        if self._mode is Mode.LOST and self._engaged:
             messages += self._adapter.hand_back()
         return messages
 
@@ -252,6 +304,13 @@ def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
     if airframe.hold == "course-hold":
         return setpoint.speed > 0.0
     return airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
+
+
+def status_text(text: str) -> MAVLink_message:
+    """STATUSTEXT, for ground stations that listen to the vehicle; longer than 50 characters is cut."""
+    return mavlink.MAVLink_statustext_message(
+        mavlink.MAV_SEVERITY_NOTICE, text.encode("ascii", "replace")[:50]
+    )
 
 
 def heartbeat() -> MAVLink_message:

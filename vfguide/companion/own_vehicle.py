@@ -48,6 +48,8 @@ class Fix:
     """Mean interval between reports, s."""
     interval: float
     """Since the report before, s; infinite for the first."""
+    rebooted: bool
+    """Whether the autopilot has started anew since the report before."""
 
 
 class OwnVehicle:
@@ -72,7 +74,8 @@ class OwnVehicle:
 
     def take(self, report: PositionReport, now: float) -> Fix | None:
         """What a position report leads to; None where it is not newer than the one before."""
-        if self._clock.rebooted(report.boot_time_s):
+        rebooted = self._clock.rebooted(report.boot_time_s)
+        if rebooted:
             self._clock.reset()
             self._state = None
         time_s = self._clock.shared_time(report.boot_time_s, now)
@@ -98,7 +101,9 @@ class OwnVehicle:
         place = Place(
             latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
         )
-        return Fix(state=state, place=place, period=self._period, interval=interval)
+        return Fix(
+            state=state, place=place, period=self._period, interval=interval, rebooted=rebooted
+        )
 
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""

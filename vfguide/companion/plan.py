@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from vfguide.companion.supervisor import Patience
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import FieldGains, Slot
 from vfguide.guidance.give_way import SlotLimits
@@ -12,13 +13,27 @@ from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
 from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
 from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
+from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.flight_path import CirclePath, FlightPath, LinePath
 from vfguide.mission.model import Mission
+from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.state import Airframe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowerTask:
+    """A slot, and what a follower knows of the one it follows."""
+
+    slot: Slot[float]
+    """Its place in the formation."""
+    leader: KnownLeader
+    """What the mission tells about the leader."""
+    airspeed: float
+    """To fly away at when the formation breaks up, m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +56,9 @@ class FlightPlan:
     """The laws' gains and switches."""
     airframe: Airframe
     """Response and limits."""
-    task: LeaderTask | Slot[float]
+    patience: Patience
+    """How long silences are borne."""
+    task: LeaderTask | FollowerTask
     """What to fly: a path as the leader, or a slot as a follower."""
 
     @property
@@ -58,13 +75,13 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
     """
     vehicle = mission.vehicles[name]
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
-    task: LeaderTask | Slot[float]
+    task: LeaderTask | FollowerTask
     if name == mission.leader.vehicle:
         task = leader_task(mission)
     else:
         offset = mission.followers_by_name[name].slot
         height += offset.up_m
-        task = Slot(forward=offset.forward_m, right=offset.right_m)
+        task = follower_task(mission, vehicle, offset)
     return FlightPlan(
         name=name,
         system_id=vehicle.system_id,
@@ -74,6 +91,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         altitude_amsl=height,
         settings=guidance_settings(mission),
         airframe=airframe_of(vehicle),
+        patience=Patience(**mission.patience.model_dump()),
         task=task,
     )
 
@@ -106,6 +124,22 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
         lateral_acceleration=GRAVITY * math.tan(math.radians(vehicle.max_bank_deg)),
     )
     return ArduPlane(address) if vehicle.autopilot == "ardupilot" else Px4(address)
+
+
+def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
+    """A slot of the mission, for a vehicle that holds it."""
+    leads = leader_task(mission)
+    lowest, highest = vehicle.airspeed_range_m_s
+    return FollowerTask(
+        slot=Slot(forward=offset.forward_m, right=offset.right_m),
+        leader=KnownLeader(
+            path=leads.path,
+            path_gains=leads.path_gains,
+            airspeed=leads.airspeed,
+            rate_filter_s=mission.controller.rate_filter_s,
+        ),
+        airspeed=min(max(leads.airspeed, lowest), highest),
+    )
 
 
 def leader_task(mission: Mission) -> LeaderTask:

@@ -1,7 +1,7 @@
 """When a companion steers and when it keeps quiet: a pure function of what it knows.
 
-waiting -> joining -> tracking <-> predicting -> lost
-and pilot, from anywhere, the moment the autopilot leaves its guided mode
+waiting -> joining -> tracking <-> predicting -> breakaway -> lost -> waiting
+and pilot, from wherever it steers, the moment the autopilot leaves its guided mode
 """
 
 import math
@@ -19,9 +19,11 @@ class Mode(Enum):
     TRACKING = "tracking"
     """Steering, on the slot or the path."""
     PREDICTING = "predicting"
-    """Steering by the leader's last state, carried on: nothing newer has come."""
+    """Steering by the leader as it would fly its path: nothing has been heard of it for a while."""
+    BREAKAWAY = "breakaway"
+    """The leader has been silent for too long: steering away from the others."""
     LOST = "lost"
-    """The leader has been silent for too long: the vehicle goes back to its autopilot."""
+    """Away from the others: the vehicle goes back to its autopilot, until the leader is heard again."""
     PILOT = "pilot"
     """The pilot has taken over: silent until the guided mode comes back."""
 
@@ -31,7 +33,7 @@ class Mode(Enum):
         return self in STEERING
 
 
-STEERING = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING})
+STEERING = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING, Mode.BREAKAWAY})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +58,10 @@ class Patience:
     """Position reports."""
     leader_s: float = 0.6
     """Leader states, before the companion says that it is predicting."""
-    prediction_s: float = 5.0
-    """Leader states, before the leader counts as lost."""
+    prediction_s: float = 30.0
+    """Leader states, before the formation breaks up."""
+    breakaway_s: float = 25.0
+    """How long each follower then flies away from the others."""
     arrived_m: float = 10.0
     """Nearer than this to slot or path is in place."""
     strayed_m: float = 20.0
@@ -67,13 +71,28 @@ class Patience:
 def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
     """The mode that follows from a mode and a situation."""
     if not situation.engaged:
-        return Mode.WAITING if mode in {Mode.WAITING, Mode.LOST} else Mode.PILOT
-    fresh = situation.telemetry_age <= patience.telemetry_s
-    if not (fresh and math.isfinite(situation.leader_age)):
+        return mode_when_disengaged(mode, situation, patience)
+    # Not "above": an age that is no number counts as silence.
+    if not situation.telemetry_age <= patience.telemetry_s:
         return Mode.WAITING
-    if situation.leader_age > patience.prediction_s:
-        return Mode.LOST
+    if not math.isfinite(situation.leader_age):
+        return Mode.WAITING
     if situation.leader_age > patience.leader_s:
-        return Mode.PREDICTING
+        return mode_when_leader_is_silent(situation, patience)
     bound = patience.strayed_m if mode is Mode.TRACKING else patience.arrived_m
     return Mode.TRACKING if situation.distance <= bound else Mode.JOINING
+
+
+def mode_when_disengaged(mode: Mode, situation: Situation, patience: Patience) -> Mode:
+    """The autopilot does not obey: it never did, it was given back for lack of a leader, or a pilot flies."""
+    if mode is Mode.LOST:
+        return Mode.WAITING if situation.leader_age <= patience.leader_s else Mode.LOST
+    return Mode.WAITING if mode is Mode.WAITING else Mode.PILOT
+
+
+def mode_when_leader_is_silent(situation: Situation, patience: Patience) -> Mode:
+    """First the leader is predicted, then the formation breaks up, then every autopilot is on its own."""
+    if situation.leader_age <= patience.prediction_s:
+        return Mode.PREDICTING
+    breaking_up = situation.leader_age <= patience.prediction_s + patience.breakaway_s
+    return Mode.BREAKAWAY if breaking_up else Mode.LOST

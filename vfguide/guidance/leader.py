@@ -11,12 +11,8 @@ from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
 from vfguide.guidance.observer import speed_estimate_rate
 from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
-from vfguide.guidance.setpoint import heading_hold, setpoint_for
+from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.settings import GuidanceSettings, PathGains
-from vfguide.guidance.wind_triangle import (
-    ground_speed_on_course,
-    heading_rate_at_constant_airspeed,
-)
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 
@@ -90,36 +86,14 @@ def leader_step(
             task.airspeed, state, turn_rate, task.followers, airframe
         )
     return LeaderGuidance(
-        setpoint=_setpoint(state, airspeed, course_rate, settings, airframe),
+        setpoint=cruise_setpoint(
+            state,
+            airspeed,
+            course_rate,
+            airframe,
+            wind_feedforward=settings.wind_feedforward,
+        ),
         speed_estimate=ground_speed,
         cross_track_error=point.cross_track_error,
         course_error=course_error,
     )
-
-
-def _setpoint(
-    state: VehicleState[Number],
-    airspeed: Number,
-    course_rate: Number,
-    settings: GuidanceSettings,
-    airframe: Airframe,
-) -> Setpoint[Number]:
-    """Setpoint that turns the course at a rate and keeps an airspeed."""
-    if airframe.hold == "course-hold":
-        wind = (state.wind_north, state.wind_east)
-        wanted = ground_speed_on_course(airspeed, state.course, *wind)
-        acceleration = airframe.beta * (wanted - state.ground_speed)
-        return setpoint_for(state, acceleration, course_rate, airframe, wind_feedforward=False)
-    share = 1.0 if settings.wind_feedforward else 0.0
-    heading_rate = heading_rate_at_constant_airspeed(
-        course_rate,
-        ground_speed=state.ground_speed,
-        course=state.course,
-        airspeed=state.airspeed,
-        heading=state.heading,
-        wind_rate_north=share * state.wind_rate_north,
-        wind_rate_east=share * state.wind_rate_east,
-    )
-    # The airspeed setpoint is the airspeed itself: this hold needs no lead.
-    airspeed_rate = airframe.beta * (airspeed - state.airspeed)
-    return heading_hold(state, airspeed_rate, heading_rate, airframe)

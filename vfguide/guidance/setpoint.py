@@ -4,7 +4,11 @@ from vfguide.elementwise import Number, clip, greater_of
 from vfguide.guidance.course_law import course_command
 from vfguide.guidance.limits import bank_limited_turn_rate
 from vfguide.guidance.speed_law import speed_command
-from vfguide.guidance.wind_triangle import air_relative_rates, ground_speed_on_course
+from vfguide.guidance.wind_triangle import (
+    air_relative_rates,
+    ground_speed_on_course,
+    heading_rate_at_constant_airspeed,
+)
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 LEAST_GROUND_SPEED = 1.0
@@ -41,6 +45,43 @@ def setpoint_for(
         wind_rate_north=share * state.wind_rate_north,
         wind_rate_east=share * state.wind_rate_east,
     )
+    return heading_hold(state, airspeed_rate, heading_rate, airframe)
+
+
+def cruise_setpoint(
+    state: VehicleState[Number],
+    airspeed: Number,
+    course_rate: Number,
+    airframe: Airframe,
+    *,
+    wind_feedforward: bool,
+) -> Setpoint[Number]:
+    """Setpoint that turns the course at a rate (rad/s) and keeps an airspeed (m/s).
+
+    Args:
+        state: navigated state of the vehicle.
+        airspeed: to be kept.
+        course_rate: wanted dchi/dt.
+        airframe: what the autopilot holds, how it responds, what the vehicle can do.
+        wind_feedforward: whether the wind's rate of change is taken off.
+    """
+    if airframe.hold == "course-hold":
+        wind = (state.wind_north, state.wind_east)
+        wanted = ground_speed_on_course(airspeed, state.course, *wind)
+        acceleration = airframe.beta * (wanted - state.ground_speed)
+        return setpoint_for(state, acceleration, course_rate, airframe, wind_feedforward=False)
+    share = 1.0 if wind_feedforward else 0.0
+    heading_rate = heading_rate_at_constant_airspeed(
+        course_rate,
+        ground_speed=state.ground_speed,
+        course=state.course,
+        airspeed=state.airspeed,
+        heading=state.heading,
+        wind_rate_north=share * state.wind_rate_north,
+        wind_rate_east=share * state.wind_rate_east,
+    )
+    # The airspeed setpoint is the airspeed itself: this hold needs no lead.
+    airspeed_rate = airframe.beta * (airspeed - state.airspeed)
     return heading_hold(state, airspeed_rate, heading_rate, airframe)
 
 

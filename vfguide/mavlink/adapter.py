@@ -20,6 +20,9 @@ class AutopilotAdapter(Protocol):
     def is_engaged(self, custom_mode: int) -> bool:
         """Whether the autopilot obeys setpoints in this mode."""
 
+    def is_handed_back(self, custom_mode: int) -> bool:
+        """Whether this is the mode that `hand_back` leads to."""
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Ask for position and airspeed at this rate."""
 

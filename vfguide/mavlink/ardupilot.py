@@ -29,6 +29,10 @@ class ArduPlane:
         """GUIDED."""
         return custom_mode == GUIDED
 
+    def is_handed_back(self, custom_mode: int) -> bool:
+        """LOITER."""
+        return custom_mode == LOITER
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Position and airspeed at this rate."""
         return telemetry_at(self._vehicle, rate_hz)

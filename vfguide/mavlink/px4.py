@@ -34,6 +34,10 @@ class Px4:
         """Offboard: the main mode is the third byte of the custom mode."""
         return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
 
+    def is_handed_back(self, custom_mode: int) -> bool:
+        """Hold: main mode auto, sub mode loiter."""
+        return custom_mode >> 16 == SUB_MODE_LOITER << 8 | MAIN_MODE_AUTO
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Position and airspeed at this rate."""
         return telemetry_at(self._vehicle, rate_hz)

@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller
 from vfguide.mission.flight_path import FlightPath
+from vfguide.mission.patience import Patience
 from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
 from vfguide.mission.vehicle import Vehicle
@@ -88,6 +89,9 @@ class Mission(Section):
 
     controller: Controller = Controller()
     """The guidance law and its gains."""
+
+    patience: Patience = Patience()
+    """How long silences are borne."""
 
     wind: Wind = CalmWind(type="calm")
     """What the rehearsal blows; a companion on a real vehicle ignores it."""

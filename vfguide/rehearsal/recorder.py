@@ -156,4 +156,8 @@ def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, Flo
         # Points ahead of the centre belong to the far half circle, points behind it to the near one.
         ahead = np.sign(np.cos(bearing - course)) * path.leg_m / 2.0
         north, east = north + ahead * math.cos(course), east + ahead * math.sin(course)
-    return path.centre.north_m + north, path.centre.east_m + east
+    north, east = path.centre.north_m + north, path.centre.east_m + east
+    # An easement leads the path inside of the plain figure: move each point onto it.
+    nearest = path_of(path).nearest(north, east)
+    error, course_there = nearest.cross_track_error, nearest.course
+    return north + error * np.sin(course_there), east - error * np.cos(course_there)

@@ -135,6 +135,23 @@ class Flight:
             if number_of(message) == number
         ]
 
+    def later(self, number: int | str, from_s: float) -> list[float]:
+        """When it was sent, after a time."""
+        return [time for time in self.times(number) if time > from_s]
+
+    def texts(self) -> list[tuple[float, str]]:
+        """What the companion told to ground stations, and when."""
+        return [
+            (time, message.text)
+            for time, data in self.sent
+            for message in parse(data)
+            if message.get_type() == "STATUSTEXT"
+        ]
+
+    def reboot(self) -> None:
+        """The autopilot starts anew; what it was about to say is lost."""
+        self.autopilot, self.booted, self.waiting = emulator(), self.now, b""
+
     def mode_at(self, time_s: float) -> Mode:
         """What the companion was doing."""
         return next(mode for time, mode in reversed(self.modes) if time <= time_s)
@@ -165,7 +182,10 @@ def new_autopilot() -> Callable[..., Autopilot]:
 
 @pytest.fixture(scope="session")
 def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
-    """Makes a flight of f1 (slot 20 m behind, 20 m left) after a leader that is heard all the time."""
+    """Makes a flight of f1 (slot 20 m behind, 20 m left) after a leader that is heard all the time.
+
+    The leader's path is the line that it flies: north from the origin.
+    """
 
     def make(
         vehicle: str = "f1",
@@ -173,14 +193,39 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
         engage: bool = True,
         kind: str = "ardupilot",
         link: Callable[[float], Iterable[bytes]] | None = None,
+        patience: dict[str, float] | None = None,
+        to_own_time: Callable[[float], float] = float,
     ) -> Flight:
         mission = mission_of("line-calm")
+        sections = {
+            "path": mission.path.model_copy(update={"course_deg": 0.0}),
+            "patience": mission.patience.model_copy(update=patience or {}),
+        }
+        mission = mission.model_copy(update=sections)
         declared = mission.vehicles[vehicle].model_copy(update={"autopilot": kind})
         return Flight(
-            companion=Companion(flight_plan(mission, vehicle), adapter_of(declared), engage=engage),
+            companion=Companion(
+                flight_plan(mission, vehicle),
+                adapter_of(declared),
+                engage=engage,
+                to_own_time=to_own_time,
+            ),
             autopilot=emulator(kind, declared.system_id),
             link=link or (lambda now: [leader_bytes(now)]),
         )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def until(leader_bytes: Callable[..., bytes]) -> Callable[..., Callable[[float], list[bytes]]]:
+    """A link on which the leader falls silent after some time, and speaks again after another."""
+
+    def make(silent_s: float, back_s: float = 1e9) -> Callable[[float], list[bytes]]:
+        def link(now: float) -> list[bytes]:
+            return [leader_bytes(now)] if now <= silent_s or now >= back_s else []
+
+        return link
 
     return make
 

@@ -44,6 +44,28 @@ def test_the_first_boot_time_is_no_reboot() -> None:
     assert not BootClock().rebooted(0.0)
 
 
+@pytest.mark.parametrize("drift", [50e-6, -50e-6])
+def test_a_drift_of_50_ppm_costs_less_than_three_milliseconds_in_an_hour(drift: float) -> None:
+    clock = BootClock()
+    for step in range(3600 * 20):
+        now = 500.0 + step / 20
+        boot_time_s = (now - 480.0) * (1.0 + drift)
+        # One report in seven travels at once, the others take up to 60 ms.
+        read = now + 0.01 * (step % 7)
+        assert clock.shared_time(boot_time_s, read) == pytest.approx(now, abs=3.0e-3 + 1e-6)
+
+
+def test_a_fast_report_is_remembered_for_one_to_two_windows() -> None:
+    clock = BootClock()
+    assert clock.shared_time(0.0, 100.0) == 100.0
+    # From now on every report takes 0.5 s longer.
+    for step in range(1, 60 * 20):
+        boot_time_s = step / 20
+        assert clock.shared_time(boot_time_s, boot_time_s + 100.5) == pytest.approx(
+            boot_time_s + (100.0 if boot_time_s < 59.5 else 100.5)
+        )
+
+
 def test_after_a_reset_the_clock_is_learnt_anew() -> None:
     clock = BootClock()
     clock.shared_time(100.0, 200.0)

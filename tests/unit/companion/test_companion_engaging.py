@@ -99,6 +99,17 @@ def test_setpoints_resume_when_guided_comes_back(flight: Make) -> None:
     assert len(flown.times(SET_MODE)) == 1
 
 
+def test_an_autopilot_that_forgot_its_altitude_is_told_it_at_once(flight: Make) -> None:
+    flown = flight()
+    flown.run(12.0)
+    assert flown.times(ALTITUDE)[-1] == pytest.approx(11.05)
+    flown.pilot(LOITER)
+    flown.run(13.0)
+    flown.pilot(GUIDED)
+    flown.run(14.0)
+    assert flown.times(ALTITUDE)[-1] == pytest.approx(13.05)
+
+
 def test_the_pilot_keeps_what_he_took_while_telemetry_was_out(flight: Make) -> None:
     flown = flight()
     flown.run(10.0)

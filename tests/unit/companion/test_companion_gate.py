@@ -40,8 +40,8 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
     step = FollowerRole.step
     from_s = 3.0
 
-    def broken(role: FollowerRole, fix: Fix) -> RoleStep:
-        found = step(role, fix)
+    def broken(role: FollowerRole, fix: Fix, *rest: object) -> RoleStep:
+        found = step(role, fix, *rest)
         if fix.state.time_s <= from_s:
             return found
         return replace(found, setpoint=Setpoint(course=course, speed=speed, limited=False))

@@ -1,3 +1,4 @@
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -8,111 +9,162 @@ from vfguide.companion.supervisor import Mode
 Make = Callable[..., Any]
 
 SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
+GUIDED, MANUAL = 15, 0
+
+HASTY = {"prediction_s": 5.0, "breakaway_s": 3.0}
+"""The leader is lost 8 s after it was heard last."""
 
 
-@pytest.fixture
-def until(leader_bytes: Make) -> Make:
-    """A link on which the leader falls silent after some time, and speaks again after another."""
-
-    def make(silent_s: float, back_s: float = 1e9) -> Callable[[float], list[bytes]]:
-        def link(now: float) -> list[bytes]:
-            return [leader_bytes(now)] if now <= silent_s or now >= back_s else []
-
-        return link
-
-    return make
-
-
-def test_a_silent_leader_is_predicted_and_then_lost(flight: Make, until: Make) -> None:
-    flown = flight(link=until(40.0))
+def test_a_silent_leader_is_predicted_then_left_and_then_lost(flight: Make, until: Make) -> None:
+    flown = flight(link=until(40.0), patience=HASTY)
     flown.run(60.0)
     assert flown.mode_at(40.55) is Mode.TRACKING
     assert flown.mode_at(40.65) is Mode.PREDICTING
     assert flown.mode_at(45.0) is Mode.PREDICTING
-    assert flown.mode_at(45.05) is Mode.LOST
+    assert flown.mode_at(45.05) is Mode.BREAKAWAY
+    assert flown.mode_at(48.0) is Mode.BREAKAWAY
+    assert flown.mode_at(48.05) is Mode.LOST
+    assert flown.mode_at(60.0) is Mode.LOST
     changes = [text for time, text in flown.events if time > 40.0 and "->" in text]
-    assert changes == ["tracking -> predicting", "predicting -> lost", "lost -> waiting"]
+    assert changes == ["tracking -> predicting", "predicting -> breakaway", "breakaway -> lost"]
+
+
+def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(link=until(30.0))
+    flown.run(86.0)
+    assert flown.mode_at(60.0) is Mode.PREDICTING
+    assert flown.mode_at(60.05) is Mode.BREAKAWAY
+    assert flown.mode_at(85.0) is Mode.BREAKAWAY
+    assert flown.mode_at(85.05) is Mode.LOST
 
 
 def test_while_predicting_it_flies_on_in_its_slot(flight: Make, until: Make, plan: Make) -> None:
     flown = flight(link=until(40.0))
-    flown.run(45.0)
+    flown.run(60.0)
     truth = flown.autopilot.truth()
     north, east = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
-    # The leader would be at (900, 0), and the slot 20 m behind and 20 m left of it.
-    assert (north, east) == (pytest.approx(880.0, abs=1.0), pytest.approx(-20.0, abs=1.0))
-    assert flown.times(HEADING)[-1] == 45.0
+    # The leader would be at (1200, 0), and the slot 20 m behind and 20 m left of it.
+    assert (north, east) == (pytest.approx(1180.0, abs=1.0), pytest.approx(-20.0, abs=1.0))
+    assert flown.times(HEADING)[-1] == 60.0
+
+
+def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader(
+    flight: Make, leader_bytes: Make, plan: Make
+) -> None:
+    def link(now: float) -> list[bytes]:
+        """Its last words are of a moment in which it turned."""
+        return [leader_bytes(now, turn_rate=0.2 if now == 40.0 else 0.0)] if now <= 40.0 else []
+
+    flown = flight(link=link)
+    flown.run(50.0)
+    flown.command(511, 33, -1)
+    flown.lose = frozenset({511})
+    flown.run(52.0)
+    assert flown.mode_at(52.0) is Mode.WAITING
+    flown.lose = frozenset()
+    flown.run(65.0)
+    assert flown.mode_at(65.0) is Mode.PREDICTING
+    truth = flown.autopilot.truth()
+    north, east = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    # A leader that went on turning would by now be going round in circles of 100 m.
+    assert (north, east) == (pytest.approx(1280.0, abs=5.0), pytest.approx(-20.0, abs=5.0))
+
+
+def test_breaking_away_it_turns_to_the_side_of_its_slot(flight: Make, until: Make) -> None:
+    flown = flight(link=until(30.0), patience={"prediction_s": 2.0, "breakaway_s": 20.0})
+    flown.run(50.0)
+    assert flown.mode_at(50.0) is Mode.BREAKAWAY
+    truth = flown.autopilot.truth()
+    assert math.remainder(truth.course_rad - math.radians(-60.0), math.tau) == pytest.approx(
+        0.0, abs=0.01
+    )
+    assert truth.airspeed_m_s == pytest.approx(20.0, abs=0.1)
+    assert flown.times(HEADING)[-1] == flown.times(SPEED)[-1] == 50.0
 
 
 def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(
     flight: Make, until: Make
 ) -> None:
-    flown = flight(link=until(20.0))
-    flown.run(25.0)
+    flown = flight(link=until(20.0), patience=HASTY)
+    flown.run(28.0)
     assert flown.autopilot.truth().mode == "GUIDED"
-    flown.run(25.05)
+    flown.run(28.05)
     assert flown.autopilot.truth().mode == "LOITER"
     flown.run(60.0)
     assert flown.autopilot.truth().mode == "LOITER"
-    assert flown.times(HEADING)[-1] == flown.times(SPEED)[-1] == 25.0
+    assert flown.times(HEADING)[-1] == flown.times(SPEED)[-1] == 28.0
 
 
 def test_px4_is_handed_back_to_its_hold(flight: Make, until: Make) -> None:
-    flown = flight(kind="px4", link=until(20.0))
-    flown.run(25.0)
+    flown = flight(kind="px4", link=until(20.0), patience=HASTY)
+    flown.run(28.0)
     assert flown.autopilot.truth().mode == "OFFBOARD"
     flown.run(40.0)
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
+    assert flown.mode_at(40.0) is Mode.LOST
 
 
 def test_handing_back_is_tried_again_until_it_is_obeyed(flight: Make, until: Make) -> None:
-    flown = flight(link=until(20.0))
-    flown.run(25.0)
+    flown = flight(link=until(20.0), patience=HASTY)
+    flown.run(28.0)
     flown.lose = frozenset({SET_MODE})
-    flown.run(28.5)
-    assert flown.mode_at(28.5) is Mode.LOST
-    assert [time for time in flown.times(SET_MODE) if time > 20.0] == [25.05, 26.0, 27.0, 28.0]
+    flown.run(31.5)
+    assert flown.mode_at(31.5) is Mode.LOST
+    assert [time for time in flown.times(SET_MODE) if time > 20.0] == [28.05, 29.0, 30.0, 31.0]
     flown.lose = frozenset()
     flown.run(40.0)
     assert flown.autopilot.truth().mode == "LOITER"
-    assert [time for time in flown.times(SET_MODE) if time > 28.5] == [29.0]
-
-
-def test_once_handed_back_only_the_pilot_brings_guided_back(flight: Make, until: Make) -> None:
-    flown = flight(link=until(20.0, 30.0))
-    flown.run(40.0)
-    assert flown.mode_at(40.0) is Mode.WAITING
-    assert flown.autopilot.truth().mode == "LOITER"
-    flown.pilot(15)
-    flown.run(90.0)
-    assert flown.mode_at(90.0) is Mode.TRACKING
+    assert [time for time in flown.times(SET_MODE) if time > 31.5] == [32.0]
 
 
 def test_a_pilot_who_selects_guided_without_a_leader_gets_the_vehicle_back(
     flight: Make, until: Make
 ) -> None:
-    flown = flight(link=until(20.0))
+    flown = flight(link=until(20.0), patience=HASTY)
     flown.run(30.0)
-    flown.pilot(15)
+    flown.pilot(GUIDED)
     flown.run(32.0)
     assert flown.autopilot.truth().mode == "LOITER"
-    assert flown.times(HEADING)[-1] == 25.0
+    assert flown.times(HEADING)[-1] == 28.0
 
 
 def test_a_leader_that_is_back_in_time_is_followed_again(flight: Make, until: Make) -> None:
-    flown = flight(link=until(40.0, 44.0))
-    flown.run(60.0)
-    assert flown.mode_at(43.95) is Mode.PREDICTING
-    assert flown.mode_at(44.0) is Mode.TRACKING
+    flown = flight(link=until(40.0, 60.0))
+    flown.run(70.0)
+    assert flown.mode_at(59.95) is Mode.PREDICTING
+    assert flown.mode_at(60.0) is Mode.TRACKING
     assert flown.autopilot.truth().mode == "GUIDED"
     assert len(flown.times(SET_MODE)) == 1
 
 
-def test_the_pilot_wins_over_a_lost_leader(flight: Make, until: Make) -> None:
-    flown = flight(link=until(20.0))
+def test_a_leader_that_is_back_during_the_breakaway_is_followed_again(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(link=until(40.0, 47.0), patience=HASTY)
+    flown.run(80.0)
+    assert flown.mode_at(46.95) is Mode.BREAKAWAY
+    assert flown.mode_at(47.0) in {Mode.JOINING, Mode.TRACKING}
+    assert flown.mode_at(80.0) is Mode.TRACKING
+    assert len(flown.times(SET_MODE)) == 1
+
+
+def test_the_pilot_wins_over_a_silent_leader(flight: Make, until: Make) -> None:
+    flown = flight(link=until(20.0), patience=HASTY)
     flown.run(22.0)
-    flown.pilot(0)
+    flown.pilot(MANUAL)
     flown.run(40.0)
     assert flown.mode_at(40.0) is Mode.PILOT
+    assert flown.autopilot.truth().mode == "MANUAL"
+    assert [time for time in flown.times(SET_MODE) if time > 20.0] == []
+
+
+def test_what_was_handed_back_is_the_pilots_to_fly(flight: Make, until: Make) -> None:
+    flown = flight(link=until(5.0), patience=HASTY)
+    flown.run(20.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.pilot(MANUAL)
+    flown.run(30.0)
     assert flown.autopilot.truth().mode == "MANUAL"
     assert [time for time in flown.times(SET_MODE) if time > 20.0] == []

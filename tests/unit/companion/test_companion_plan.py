@@ -3,16 +3,23 @@ from collections.abc import Callable
 
 import pytest
 
-from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan, FollowerTask, adapter_of, flight_plan
+from vfguide.companion.supervisor import Patience
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.path import Circle, Line, Racetrack
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.model import Mission
+from vfguide.mission.patience import Patience as MissionPatience
 
 MakePlan = Callable[..., FlightPlan]
 MakeMission = Callable[[str], Mission]
+
+
+def follower_task_of(plan: FlightPlan) -> FollowerTask:
+    assert isinstance(plan.task, FollowerTask)
+    return plan.task
 
 
 def task_of(plan: FlightPlan) -> LeaderTask:
@@ -21,11 +28,39 @@ def task_of(plan: FlightPlan) -> LeaderTask:
 
 
 def test_a_follower_is_told_its_slot_and_a_leader_the_path(plan: MakePlan) -> None:
-    assert plan(vehicle="f2").task == Slot(forward=-20.0, right=20.0)
-    assert plan(vehicle="f3").task == Slot(forward=-40.0, right=0.0)
+    assert follower_task_of(plan(vehicle="f2")).slot == Slot(forward=-20.0, right=20.0)
+    assert follower_task_of(plan(vehicle="f3")).slot == Slot(forward=-40.0, right=0.0)
     assert not plan(vehicle="f2").leads
     assert plan(vehicle="leader").leads
     assert task_of(plan(vehicle="leader")).airspeed == 20.0
+
+
+def test_a_follower_knows_what_its_leader_flies(mission: MakeMission, plan: MakePlan) -> None:
+    known = follower_task_of(plan(vehicle="f1")).leader
+    leads = task_of(plan(vehicle="leader"))
+    assert (known.path, known.path_gains) == (leads.path, leads.path_gains)
+    assert known.airspeed == leads.airspeed == 20.0
+    assert known.rate_filter_s == mission("line-calm").controller.rate_filter_s
+
+
+@pytest.mark.parametrize(("lowest", "highest", "away"), [(12, 32, 20), (12, 18, 18), (22, 32, 22)])
+def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(
+    mission: MakeMission, lowest: float, highest: float, away: float
+) -> None:
+    article = mission("line-calm")
+    slow = article.vehicles["f1"].model_copy(update={"airspeed_range_m_s": (lowest, highest)})
+    changed = article.model_copy(update={"vehicles": {**article.vehicles, "f1": slow}})
+    assert follower_task_of(flight_plan(changed, "f1")).airspeed == away
+
+
+def test_patience_is_the_missions(mission: MakeMission, plan: MakePlan) -> None:
+    assert plan().patience == Patience()
+    declared = MissionPatience(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
+    changed = mission("line-calm").model_copy(update={"patience": declared})
+    for name in ("leader", "f1"):
+        assert flight_plan(changed, name).patience == Patience(
+            telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0
+        )
 
 
 def test_addresses_and_rate_are_the_vehicles(plan: MakePlan) -> None:

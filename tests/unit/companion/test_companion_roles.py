@@ -7,6 +7,7 @@ import pytest
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
+from vfguide.companion.supervisor import Mode
 from vfguide.link.codec import LeaderMessage, decode
 from vfguide.mavlink.reports import PositionReport
 
@@ -16,14 +17,14 @@ Make = Callable[..., Any]
 
 @pytest.fixture
 def follower(plan: MakePlan) -> FollowerRole:
-    role = role_of(plan(vehicle="f1"))
+    role = role_of(plan(vehicle="f1"), float)
     assert isinstance(role, FollowerRole)
     return role
 
 
 @pytest.fixture
 def leader(plan: MakePlan) -> LeaderRole:
-    role = role_of(plan(vehicle="leader"))
+    role = role_of(plan(vehicle="leader"), float)
     assert isinstance(role, LeaderRole)
     return role
 
@@ -52,7 +53,7 @@ def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Fix]:
 
 
 def published(leader: LeaderRole, fix: Fix) -> LeaderMessage:
-    data = leader.step(fix).publish
+    data = leader.step(fix, Mode.TRACKING).publish
     assert data is not None
     return decode(data)
 
@@ -115,7 +116,7 @@ def test_before_the_first_leader_state_there_is_nothing_to_steer_by(
 ) -> None:
     assert follower.leader_age(5.0) == math.inf
     (fix,) = fixes(plan(), 0.0, [3.0])
-    step = follower.step(fix)
+    step = follower.step(fix, Mode.WAITING)
     assert step.setpoint is None
     assert step.publish is None
     assert step.distance == math.inf
@@ -127,7 +128,9 @@ def test_the_distance_is_that_from_the_slot(
     # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
     follower.receive(leader_bytes(3.0), 3.0)
     (fix,) = fixes(plan(), -0.3, [3.0])
-    assert follower.step(fix).distance == pytest.approx(math.hypot(40.0, 20.0), abs=1e-3)
+    assert follower.step(fix, Mode.JOINING).distance == pytest.approx(
+        math.hypot(40.0, 20.0), abs=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -164,6 +167,29 @@ def test_the_first_leader_state_must_be_of_the_right_time_too(
 ) -> None:
     follower.receive(leader_bytes(0.0, time_s=time_s), 10.0)
     assert follower.leader is None
+
+
+def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
+    flight: Make, leader_bytes: Make
+) -> None:
+    def skewed(now: float) -> list[bytes]:
+        """The same leader, whose clock is 2 s ahead; both times have exact binary values."""
+        return [leader_bytes(now, time_s=on_a_grid(now) + 2.0)]
+
+    def on_a_grid(now: float) -> float:
+        return round(now * 1024.0) / 1024.0
+
+    same = flight(link=lambda now: [leader_bytes(now, time_s=on_a_grid(now))])
+    mapped = flight(link=skewed, to_own_time=lambda time_s: time_s - 2.0)
+    unmapped = flight(link=skewed)
+    for flown in (same, mapped, unmapped):
+        flown.run(20.0)
+    assert mapped.sent == same.sent
+    assert mapped.events == same.events
+    assert mapped.companion.counters == same.companion.counters
+    assert same.companion.snapshot.setpoint is not None
+    assert unmapped.companion.counters["from the future"] > 300
+    assert unmapped.companion.snapshot.setpoint is None
 
 
 @pytest.mark.parametrize("data", [b"", b"VFLS", bytes(88)])

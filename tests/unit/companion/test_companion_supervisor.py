@@ -5,7 +5,8 @@ import pytest
 from vfguide.companion.supervisor import Mode, Patience, Situation, next_mode
 
 WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
-PREDICTING, LOST, PILOT = Mode.PREDICTING, Mode.LOST, Mode.PILOT
+PREDICTING, BREAKAWAY = Mode.PREDICTING, Mode.BREAKAWAY
+LOST, PILOT = Mode.LOST, Mode.PILOT
 
 
 def following(
@@ -30,12 +31,12 @@ def following(
         (JOINING, PILOT),
         (TRACKING, PILOT),
         (PREDICTING, PILOT),
-        (LOST, WAITING),
+        (BREAKAWAY, PILOT),
         (PILOT, PILOT),
     ],
 )
 @pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
-@pytest.mark.parametrize("leader_age", [0.1, 3.0, 10.0, math.inf])
+@pytest.mark.parametrize("leader_age", [0.1, 3.0, 40.0, 60.0, math.inf, math.nan])
 def test_what_is_not_engaged_belongs_to_the_pilot(
     before: Mode, after: Mode, telemetry_age: float, leader_age: float
 ) -> None:
@@ -45,8 +46,29 @@ def test_what_is_not_engaged_belongs_to_the_pilot(
     )
 
 
+@pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
+@pytest.mark.parametrize(
+    ("leader_age", "after"),
+    [
+        (-0.2, WAITING),
+        (0.1, WAITING),
+        (0.6, WAITING),
+        (0.601, LOST),
+        (10.0, LOST),
+        (1e9, LOST),
+        (math.inf, LOST),
+        (math.nan, LOST),
+    ],
+)
+def test_what_was_given_back_is_lost_until_the_leader_is_heard(
+    telemetry_age: float, leader_age: float, after: Mode
+) -> None:
+    found = following(LOST, engaged=False, telemetry_age=telemetry_age, leader_age=leader_age)
+    assert found is after
+
+
 @pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [0.1, 10.0])
+@pytest.mark.parametrize("leader_age", [0.1, 10.0, 40.0, 60.0])
 @pytest.mark.parametrize("telemetry_age", [1.001, math.inf, math.nan])
 def test_without_telemetry_it_waits(before: Mode, telemetry_age: float, leader_age: float) -> None:
     assert following(before, telemetry_age=telemetry_age, leader_age=leader_age) is WAITING
@@ -68,16 +90,22 @@ def test_engaged_and_informed_it_joins_from_anywhere(before: Mode) -> None:
 @pytest.mark.parametrize("distance", [0.0, 50.0, math.inf])
 def test_an_old_leader_state_is_predicted_from(before: Mode, distance: float) -> None:
     assert following(before, leader_age=0.601, distance=distance) is PREDICTING
-    assert following(before, leader_age=5.0, distance=distance) is PREDICTING
+    assert following(before, leader_age=30.0, distance=distance) is PREDICTING
 
 
 @pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [5.001, 1e9])
-def test_a_leader_that_stays_silent_is_lost(before: Mode, leader_age: float) -> None:
+@pytest.mark.parametrize("leader_age", [30.001, 55.0])
+def test_a_leader_that_stays_silent_is_left(before: Mode, leader_age: float) -> None:
+    assert following(before, leader_age=leader_age, distance=0.0) is BREAKAWAY
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("leader_age", [55.001, 1e9])
+def test_in_the_end_a_silent_leader_is_lost(before: Mode, leader_age: float) -> None:
     assert following(before, leader_age=leader_age, distance=0.0) is LOST
 
 
-@pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, LOST, PILOT])
+@pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
 def test_within_ten_metres_it_has_arrived(before: Mode) -> None:
     assert following(before, distance=10.0) is TRACKING
     assert following(before, distance=10.001) is JOINING
@@ -105,9 +133,12 @@ def test_patience_is_what_decides() -> None:
     patient = Patience(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
     assert next_mode(JOINING, situation, patient) is TRACKING
     assert next_mode(JOINING, situation, Patience(telemetry_s=3.0, leader_s=1.0)) is PREDICTING
-    assert next_mode(JOINING, situation, Patience(telemetry_s=3.0, prediction_s=1.9)) is LOST
+    hasty = Patience(telemetry_s=3.0, prediction_s=1.5, breakaway_s=0.5)
+    assert next_mode(JOINING, situation, hasty) is BREAKAWAY
+    at_once = Patience(telemetry_s=3.0, prediction_s=1.9, breakaway_s=0.0)
+    assert next_mode(JOINING, situation, at_once) is LOST
     assert next_mode(JOINING, situation, Patience()) is WAITING
 
 
-def test_setpoints_go_out_while_joining_tracking_and_predicting_only() -> None:
-    assert {mode for mode in Mode if mode.steers} == {JOINING, TRACKING, PREDICTING}
+def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only() -> None:
+    assert {mode for mode in Mode if mode.steers} == {JOINING, TRACKING, PREDICTING, BREAKAWAY}

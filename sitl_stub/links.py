@@ -1,0 +1,282 @@
+"""The ways MAVLink travels: UDP and TCP, waiting for others or speaking first."""
+
+import asyncio
+import logging
+import os
+import random
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import Any, Protocol, cast
+
+from sitl_stub.address import Address
+from sitl_stub.framing import StreamFramer
+
+PEER_REMEMBERED_S = 10.0
+"""How long a UDP peer that has spoken is spoken to; the last one that spoke stays for good."""
+
+MAX_PEERS = 32
+"""UDP peers or TCP clients at one time."""
+
+MAX_UNSENT_BYTES = 65_536
+"""A TCP peer that lets more than this pile up misses telemetry instead of getting it late."""
+
+CONNECT_TIMEOUT_S = 5.0
+FIRST_DELAY_S, LONGEST_DELAY_S = 0.2, 5.0
+"""Between two attempts to connect: doubling from the first to the longest, each with jitter."""
+
+Take = Callable[[bytes], None]
+"""What is called with the whole frames that arrive."""
+
+SocketAddress = tuple[Any, ...]
+"""Number and port, and two numbers more for IPv6: opaque here."""
+
+logger = logging.getLogger("sitl_stub")
+
+
+class LinkError(Exception):
+    """The address cannot be used on this computer now; the message is one line."""
+
+
+class Link(Protocol):
+    """Somewhere to send to."""
+
+    address: Address
+    """The address with the port really used."""
+
+    def send(self, data: bytes) -> None:
+        """Send whole frames to all who listen now. A peer that cannot take them misses them."""
+        ...
+
+
+class UdpLink(asyncio.DatagramProtocol):
+    """One UDP socket: with one fixed peer, or with those who have spoken lately."""
+
+    def __init__(
+        self, address: Address, take: Take, fixed_peer: SocketAddress | None = None
+    ) -> None:
+        self.address = address
+        self._take = take
+        self._fixed_peer = fixed_peer
+        self._heard_s: dict[SocketAddress, float] = {}
+        self._transport: asyncio.DatagramTransport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The socket is open."""
+        self._transport = cast("asyncio.DatagramTransport", transport)
+
+    def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
+        """Somebody spoke."""
+        # Last in the dictionary is who spoke last.
+        self._heard_s.pop(addr, None)
+        self._heard_s[addr] = asyncio.get_running_loop().time()
+        if len(self._heard_s) > MAX_PEERS:
+            del self._heard_s[next(iter(self._heard_s))]
+        self._take(data)
+
+    def send(self, data: bytes) -> None:
+        """One datagram to each peer."""
+        if data and self._transport is not None and not self._transport.is_closing():
+            for peer in self._peers():
+                self._transport.sendto(data, peer)
+
+    def _peers(self) -> tuple[SocketAddress, ...]:
+        if self._fixed_peer is not None:
+            return (self._fixed_peer,)
+        oldest_s = asyncio.get_running_loop().time() - PEER_REMEMBERED_S
+        for peer in list(self._heard_s)[:-1]:
+            if self._heard_s[peer] >= oldest_s:
+                break
+            del self._heard_s[peer]
+        return tuple(self._heard_s)
+
+
+class TcpLink:
+    """The TCP connections there are now: many where others connect, at most one where we do."""
+
+    def __init__(self, address: Address, take: Take) -> None:
+        self.address = address
+        self._take = take
+        self.peers: set[TcpPeer] = set()
+
+    def new_peer(self) -> "TcpPeer":
+        """The protocol of one more connection."""
+        return TcpPeer(self, self._take)
+
+    def send(self, data: bytes) -> None:
+        """The same bytes to each peer that keeps up."""
+        if data:
+            for peer in tuple(self.peers):
+                peer.send(data)
+
+    def close(self) -> None:
+        """Drop all connections."""
+        for peer in tuple(self.peers):
+            peer.close()
+
+
+class TcpPeer(asyncio.Protocol):
+    """One TCP connection. asyncio itself sets TCP_NODELAY on it."""
+
+    def __init__(self, link: TcpLink, take: Take) -> None:
+        self.closed = asyncio.Event()
+        self._link = link
+        self._take = take
+        self._framer = StreamFramer()
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection is open."""
+        self._transport = cast("asyncio.Transport", transport)
+        if len(self._link.peers) >= MAX_PEERS:
+            self._transport.abort()
+        else:
+            self._link.peers.add(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection has ended, by whatever cause."""
+        del exc
+        self._link.peers.discard(self)
+        self.closed.set()
+
+    def data_received(self, data: bytes) -> None:
+        """Some bytes came, cut anywhere."""
+        frames = self._framer.feed(data)
+        if frames:
+            self._take(frames)
+
+    def send(self, data: bytes) -> None:
+        """Send all of it or, to a peer that does not keep up, nothing."""
+        transport = self._transport
+        if (
+            transport is not None
+            and not transport.is_closing()
+            and transport.get_write_buffer_size() <= MAX_UNSENT_BYTES
+        ):
+            transport.write(data)
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._transport is not None:
+            self._transport.abort()
+
+
+def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[Link]:
+    """The link at an address, open as long as its context lasts.
+
+    Raises:
+        LinkError: on entering, the port is taken or the host is not known.
+    """
+    ways: dict[str, Callable[[Address, Take], AbstractAsyncContextManager[Link]]] = {
+        "udpin": udp_in,
+        "udpout": udp_out,
+        "tcpin": tcp_in,
+        "tcpout": tcp_out,
+    }
+    return ways[address.scheme](address, take)
+
+
+@asynccontextmanager
+async def udp_in(address: Address, take: Take) -> AsyncIterator[Link]:
+    """Bind, and speak to those who have spoken."""
+    link = UdpLink(address, take)
+    try:
+        # No SO_REUSEADDR: it would let a second process take the port without an error.
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: link, local_addr=(address.host, address.port)
+        )
+    except OSError as error:
+        raise LinkError(f"{address}: cannot listen ({reason(error)})") from error
+    try:
+        link.address = with_port(address, transport.get_extra_info("sockname"))
+        yield link
+    finally:
+        transport.close()
+
+
+@asynccontextmanager
+async def udp_out(address: Address, take: Take) -> AsyncIterator[Link]:
+    """Speak to the address from a port of its own; what comes back to that port is heard."""
+    loop = asyncio.get_running_loop()
+    try:
+        family, _, _, _, peer = (
+            await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
+        )[0]
+        # Not connected: a connected socket loses a datagram for each one the peer was not there for.
+        transport, link = await loop.create_datagram_endpoint(
+            lambda: UdpLink(address, take, peer), family=family
+        )
+    except OSError as error:
+        raise LinkError(f"{address}: cannot speak to it ({reason(error)})") from error
+    try:
+        yield link
+    finally:
+        transport.close()
+
+
+@asynccontextmanager
+async def tcp_in(address: Address, take: Take) -> AsyncIterator[Link]:
+    """Listen for clients."""
+    link = TcpLink(address, take)
+    try:
+        # asyncio sets SO_REUSEADDR on listening TCP sockets, so that a restart need not wait.
+        server = await asyncio.get_running_loop().create_server(
+            link.new_peer, address.host, address.port
+        )
+    except OSError as error:
+        raise LinkError(f"{address}: cannot listen ({reason(error)})") from error
+    try:
+        link.address = with_port(address, server.sockets[0].getsockname())
+        yield link
+    finally:
+        server.close()
+        link.close()
+
+
+@asynccontextmanager
+async def tcp_out(address: Address, take: Take) -> AsyncIterator[Link]:
+    """Connect to a server, again and again."""
+    link = TcpLink(address, take)
+    connecting = asyncio.create_task(stay_connected(link), name=f"connect to {address}")
+    try:
+        yield link
+    finally:
+        connecting.cancel()
+        await asyncio.gather(connecting, return_exceptions=True)
+        link.close()
+
+
+async def stay_connected(link: TcpLink) -> None:
+    """Connect, wait until the connection is lost, back off, connect again."""
+    loop, address = asyncio.get_running_loop(), link.address
+    delay_s, told = FIRST_DELAY_S, False
+    while True:
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+                _, peer = await loop.create_connection(link.new_peer, address.host, address.port)
+        except OSError as error:
+            if not told:
+                logger.warning("%s: no connection yet (%s); trying on", address, reason(error))
+            told = True
+        else:
+            logger.info("%s: connected", address)
+            delay_s, told = FIRST_DELAY_S, False
+            await peer.closed.wait()
+            logger.warning("%s: connection lost; trying again", address)
+        await asyncio.sleep(delay_s * random.uniform(0.5, 1.0))
+        delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
+
+
+def with_port(address: Address, socket_name: SocketAddress) -> Address:
+    """The address with the port that its socket got."""
+    return Address(address.scheme, address.host, int(socket_name[1]))
+
+
+def reason(error: OSError) -> str:
+    """What went wrong, in few words."""
+    if isinstance(error, TimeoutError):
+        return "timed out"
+    if isinstance(error, socket.gaierror) or error.errno is None:
+        return (error.strerror or str(error)).lower()
+    # asyncio puts a sentence with the address in it where the system's own words belong.
+    return os.strerror(error.errno).lower()

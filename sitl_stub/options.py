@@ -1,0 +1,58 @@
+"""What the command line's words mean: one text in, one checked value out."""
+
+import math
+
+from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
+
+MAX_WIND_M_S = 50.0
+"""Stronger than any wind an aircraft of this size is flown in."""
+
+
+class OptionError(ValueError):
+    """An option's value cannot be used; the message is one line."""
+
+
+def parse_wind(text: str) -> Wind:
+    """`calm`, `article`, or `steady:SPEED,TOWARD_DEG` (m/s, degrees clockwise from north, toward).
+
+    Raises:
+        OptionError: it is none of these.
+    """
+    if text == "calm":
+        return CalmWind()
+    if text == "article":
+        return ArticleWind()
+    kind, _, numbers = text.partition(":")
+    if kind != "steady":
+        raise OptionError(f"--wind: {text!r} is not calm, article or steady:SPEED,TOWARD_DEG")
+    speed_m_s, toward_deg = parse_numbers("--wind", numbers, "SPEED,TOWARD_DEG")
+    if not 0.0 <= speed_m_s <= MAX_WIND_M_S:
+        raise OptionError(f"--wind: {speed_m_s:g} m/s is not within 0 and {MAX_WIND_M_S:g}")
+    return SteadyWind(speed_m_s, math.radians(toward_deg))
+
+
+def parse_numbers(option: str, text: str, names: str) -> list[float]:
+    """As many finite numbers, between commas, as there are names.
+
+    Raises:
+        OptionError: they are fewer, more, or not finite numbers.
+    """
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != len(names.split(",")) or not all(map(math.isfinite, numbers)):
+        raise OptionError(f"{option}: {text!r} is not {names}, all of them numbers")
+    return numbers
+
+
+def checked(option: str, value: float, low: float, high: float) -> float:
+    """The value, if it is above `low` and at most `high`.
+
+    Raises:
+        OptionError: it is not.
+    """
+    if not low < value <= high:
+        raise OptionError(f"{option}: {value:g} is not above {low:g} and at most {high:g}")
+    return value

@@ -1,0 +1,139 @@
+import asyncio
+import json
+import signal
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sitl_stub import cli
+from sitl_stub.address import parse_address
+
+Factory = Callable[..., Any]
+
+PATIENCE_S = 30.0
+
+
+@asynccontextmanager
+async def command(*options: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Starts the command; if it still runs at the end, it is killed."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        *("-m", "sitl_stub.cli", *options),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            yield process
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(
+    station: Factory, number: signal.Signals
+) -> None:
+    async def test() -> None:
+        async with command(
+            *("--system-id", "7", "--mavlink", "udpin://127.0.0.1:0", "--airborne"),
+            *("--wind", "steady:5,90", "--start", "47,8,500,90", "--plant", "course-hold"),
+        ) as process:
+            assert process.stderr is not None
+            said = (await process.stderr.readline()).decode()
+            async with station(parse_address(said.split()[-1])) as ground:
+                ground.send(ground.heartbeat())
+                assert (await ground.message("HEARTBEAT")).get_srcSystem() == 7
+                ground.send(ground.command(176, 1, 15))
+                assert (await ground.message("COMMAND_ACK")).result == 0
+            process.send_signal(number)
+            assert await process.wait() == 0
+            assert await process.stderr.read() == b""
+
+    asyncio.run(test())
+
+
+def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
+    path = tmp_path / "truth.jsonl"
+
+    async def test() -> None:
+        async with command(
+            *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
+            *("--speedup", "20", "--duration", "2", "--truth", str(path), "--truth-rate", "10"),
+            *("--start", "47,8,500,90", "--airspeed", "15", "--airspeed-range", "10,20"),
+        ) as process:
+            assert await process.wait() == 0
+
+    asyncio.run(test())
+    samples = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(samples) == 21
+    assert {sample["system_id"] for sample in samples} == {9}
+    assert samples[0]["airspeed_m_s"] == pytest.approx(15.0)
+    assert samples[0]["east_m_s"] == pytest.approx(15.0)
+    assert samples[0]["mode"] == "AUTO.LOITER"
+
+
+def test_a_port_in_use_is_one_line_and_status_3() -> None:
+    async def test() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+            taken.bind(("127.0.0.1", 0))
+            url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"
+            async with command("--system-id", "1", "--mavlink", url) as process:
+                output, errors = await process.communicate()
+        assert (process.returncode, output) == (3, b"")
+        assert errors.decode() == f"sitl-stub: {url}: cannot listen (address already in use)\n"
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--mavlink", "udpin://nowhere"], "write one like udpin://127.0.0.1:14540"),
+        (["--system-id", "300"], "system_id must be 1 to 255"),
+        (["--wind", "gale"], "--wind: 'gale' is not calm, article or steady:"),
+        (["--wind", "steady:5"], "--wind: '5' is not SPEED,TOWARD_DEG"),
+        (["--wind", "steady:-1,0"], "--wind: -1 m/s"),
+        (["--start", "47,8,nan,0"], "--start: '47,8,nan,0' is not LAT,LON,ALT,COURSE"),
+        (["--start", "95,8,500,0"], "latitude_deg"),
+        (["--airspeed", "50"], "airspeed_m_s 50.0 is outside"),
+        (["--airspeed-range", "20"], "--airspeed-range"),
+        (["--max-bank", "95"], "--max-bank: 95"),
+        (["--alpha", "-1"], "alpha_1_s must be"),
+        (["--speedup", "0"], "--speedup: 0"),
+        (["--speedup", "nan"], "--speedup: nan"),
+        (["--duration", "-1"], "duration_s must be"),
+        (["--epoch", "0"], "--epoch: 0 is more than"),
+        (["--seed", "-1"], "--seed: -1"),
+        (["--position-noise", "-1"], "position_noise_m must be"),
+        (["--truth", "udpin://127.0.0.1:1"], "true states go to"),
+        (["--truth", "/nowhere/truth.jsonl"], "cannot be written to"),
+    ],
+)
+def test_a_wrong_option_is_one_line_and_status_2(
+    options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", *options]
+    with pytest.raises(SystemExit) as caught:
+        cli.app(given)
+    assert caught.value.code == 2
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1
+    assert errors.startswith("sitl-stub: ")
+    assert said in errors
+
+
+@pytest.mark.parametrize("options", [[], ["--autopilot", "betaflight"], ["--no-such-option"]])
+def test_what_is_no_option_at_all_is_status_2_without_a_traceback(
+    options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.app(options)
+    assert caught.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err

@@ -1,0 +1,125 @@
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sitl_stub import Autopilot, Truth
+from sitl_stub.address import AddressError
+from sitl_stub.options import OptionError
+from sitl_stub.server import serve
+
+Factory = Callable[..., Any]
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_true_states_are_of_the_exact_multiples_of_their_period(
+    autopilot: Autopilot, tmp_path: Path
+) -> None:
+    path = tmp_path / "truth.jsonl"
+    service = serve(
+        autopilot, "udpin://127.0.0.1:0", speedup=20.0, truth_url=str(path), duration_s=3.0
+    )
+    asyncio.run(service)
+    samples = read(path)
+    assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(61)]
+    assert {field.name for field in fields(Truth)} | {"system_id"} == set(samples[0])
+    assert samples[0]["system_id"] == 7
+    assert autopilot.truth().time_s == 3.0
+
+
+def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(
+    autopilot: Autopilot, tmp_path: Path
+) -> None:
+    path = tmp_path / "truth.jsonl"
+    service = serve(
+        autopilot,
+        "udpin://127.0.0.1:0",
+        speedup=100.0,
+        truth_url=str(path),
+        truth_rate_hz=30.0,
+        duration_s=10.0,
+    )
+    asyncio.run(service)
+    assert [sample["time_s"] for sample in read(path)] == [round(k / 30, 6) for k in range(301)]
+
+
+def test_true_states_also_go_out_as_datagrams(served: Factory, station: Factory) -> None:
+    async def test() -> None:
+        async with station() as judge:
+            url = f"udpout://127.0.0.1:{judge.port}"
+            async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(20):
+                while len(judge.datagrams) < 10:
+                    await asyncio.sleep(0.01)
+            samples = [json.loads(datagram) for datagram in judge.datagrams[:10]]
+        assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(10)]
+        assert all(datagram.count(b"\n") == 1 for datagram in judge.datagrams)
+
+    asyncio.run(test())
+
+
+def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
+    autopilot: Autopilot, another_autopilot: Autopilot, tmp_path: Path
+) -> None:
+    paths = (tmp_path / "on-time.jsonl", tmp_path / "late.jsonl")
+    starts = ((autopilot, 100.0, 0.2), (another_autopilot, 10.0, -0.2))
+    for path, (vehicle, speedup, from_now_s) in zip(paths, starts, strict=True):
+        service = serve(
+            vehicle,
+            "udpin://127.0.0.1:0",
+            speedup=speedup,
+            epoch_s=time.time() + from_now_s,
+            truth_url=str(path),
+            duration_s=4.0,
+        )
+        asyncio.run(service)
+    on_time, late = map(read, paths)
+    assert len(late) == 81
+    assert on_time == late
+
+
+def test_telemetry_begins_with_time_zero_at_the_epoch(station: Factory, served: Factory) -> None:
+    async def test() -> None:
+        epoch_s = time.time() + 0.5
+        async with station() as ground:
+            url = f"udpout://127.0.0.1:{ground.port}"
+            async with served(url, epoch_s=epoch_s):
+                await ground.message("HEARTBEAT")
+                assert time.time() >= epoch_s - 1e-3
+                position = await ground.message("GLOBAL_POSITION_INT")
+                assert position.time_boot_ms == 0
+
+    asyncio.run(test())
+
+
+def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot: Autopilot) -> None:
+    with pytest.raises(OSError, match="No space left"):
+        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", truth_url="/dev/full"))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"truth_url": "tcpout://127.0.0.1:1"}, "udpout"),
+        ({"truth_url": "udpout://127.0.0.1"}, "write one like"),
+        ({"truth_url": "/nowhere/at/all.jsonl"}, "cannot be written to"),
+        ({"truth_url": "x", "truth_rate_hz": 0.0}, "truth rate"),
+        ({"speedup": 0.0}, "speedup must be"),
+        ({"speedup": float("nan")}, "speedup must be"),
+        ({"duration_s": -1.0}, "duration_s must be"),
+        ({"epoch_s": float("inf")}, "epoch_s must be"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_one_line(
+    autopilot: Autopilot, options: dict[str, Any], said: str
+) -> None:
+    with pytest.raises((AddressError, OptionError), match=said) as caught:
+        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
+    assert len(str(caught.value).splitlines()) == 1

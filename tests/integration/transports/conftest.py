@@ -1,0 +1,126 @@
+"""Frames to send, somewhere to receive, and ports that nobody uses."""
+
+import asyncio
+import gc
+import socket
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from random import Random, SystemRandom
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.connection import Connection, open_connection
+
+PATIENCE_S = 20.0
+"""Nothing here takes a tenth of this, unless the machine is very busy."""
+
+
+class Inbox:
+    """What a connection has handed on."""
+
+    def __init__(self) -> None:
+        self.datagrams: list[bytes] = []
+
+    def receive(self, datagram: bytes) -> None:
+        self.datagrams.append(datagram)
+
+    @property
+    def content(self) -> bytes:
+        return b"".join(self.datagrams)
+
+    async def ends_with(self, expected: bytes) -> None:
+        """Wait until the last that has come is this."""
+        await until(lambda: self.content.endswith(expected))
+
+    async def holds(self, *expected: bytes) -> None:
+        """Wait until exactly these frames have come."""
+        await until(lambda: self.content == b"".join(expected))
+
+
+async def until(condition: Callable[[], object]) -> None:
+    """Wait for a condition."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.002)
+
+
+@pytest.fixture(scope="session", name="until")
+def until_fixture() -> Callable[[Callable[[], object]], object]:
+    return until
+
+
+Opened = AbstractAsyncContextManager[tuple[Connection, Inbox]]
+
+
+@pytest.fixture(scope="session")
+def opened() -> Callable[[str], Opened]:
+    """Opens a connection with an inbox, and sees that nothing is left of it."""
+
+    @asynccontextmanager
+    async def make(address: str) -> AsyncIterator[tuple[Connection, Inbox]]:
+        inbox, before = Inbox(), asyncio.all_tasks()
+        async with open_connection(parse_address(address), inbox.receive, random=Random(1)) as made:
+            yield made, inbox
+        # Tasks that the test itself has started in the meantime have names of their own.
+        left = [task for task in asyncio.all_tasks() - before if "MAVLink" in task.get_name()]
+        assert not left
+        assert not made.connected
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def beat() -> Callable[[int], bytes]:
+    """A frame of some system."""
+
+    def make(system_id: int = 1) -> bytes:
+        message = mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+        return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)))
+
+    return make
+
+
+@pytest.fixture
+def free_port() -> Callable[[], int]:
+    """A port of 127.0.0.1 that neither UDP nor TCP uses, below those that the system gives to callers."""
+
+    def is_free(port: int) -> bool:
+        with socket.socket(type=socket.SOCK_DGRAM) as udp, socket.socket() as tcp:
+            try:
+                udp.bind(("127.0.0.1", port))
+                tcp.bind(("127.0.0.1", port))
+            except OSError:
+                return False
+        return True
+
+    def make() -> int:
+        ports = (SystemRandom().randrange(15_000, 32_000) for _ in range(1000))
+        return next(port for port in ports if is_free(port))
+
+    return make
+
+
+@pytest.fixture
+def voice() -> Iterator[Callable[[], socket.socket]]:
+    """A UDP socket that does not block, as a simple peer."""
+    made: list[socket.socket] = []
+
+    def make(port: int = 0) -> socket.socket:
+        one = socket.socket(type=socket.SOCK_DGRAM)
+        made.append(one)
+        one.bind(("127.0.0.1", port))
+        one.settimeout(0.0)
+        return one
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left_open() -> Iterator[None]:
+    """Whatever was not closed warns now, in the test that forgot it."""
+    yield
+    gc.collect()

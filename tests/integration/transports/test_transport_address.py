@@ -1,0 +1,157 @@
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from vfguide.errors import InputError
+from vfguide.mavlink.address import (
+    NetworkAddress,
+    SerialAddress,
+    Transport,
+    parse_address,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "transport", "host", "port"),
+    [
+        ("udpin://127.0.0.2:14540", Transport.UDP_IN, "127.0.0.2", 14540),
+        ("udpout://192.168.1.10:14550", Transport.UDP_OUT, "192.168.1.10", 14550),
+        ("tcpout://autopilot-1.local:5760", Transport.TCP_OUT, "autopilot-1.local", 5760),
+        ("tcpin://127.0.0.1:1", Transport.TCP_IN, "127.0.0.1", 1),
+        ("TCPIN://localhost:65535", Transport.TCP_IN, "localhost", 65535),
+        ("udpin://[::]:14540", Transport.UDP_IN, "::", 14540),
+        ("udpout://[fe80::1%eth0]:14540", Transport.UDP_OUT, "fe80::1%eth0", 14540),
+    ],
+)
+def test_network_addresses(text: str, transport: Transport, host: str, port: int) -> None:
+    assert parse_address(text) == NetworkAddress(transport=transport, host=host, port=port)
+
+
+@pytest.mark.parametrize(
+    ("text", "device", "baud"),
+    [
+        ("serial:///dev/ttyACM0:57600", "/dev/ttyACM0", 57_600),
+        ("serial:///dev/ttyS1:921600", "/dev/ttyS1", 921_600),
+        # Names by path have colons of their own.
+        (
+            "serial:///dev/serial/by-path/pci-0000:00:14.0-usb-0:2:1.0:115200",
+            "/dev/serial/by-path/pci-0000:00:14.0-usb-0:2:1.0",
+            115_200,
+        ),
+    ],
+)
+def test_serial_addresses(text: str, device: str, baud: int) -> None:
+    assert parse_address(text) == SerialAddress(device=device, baud=baud)
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("udp://0.0.0.0:14540", "udpin://0.0.0.0:14540"),
+        ("udp://:14540", "udpin://"),
+        ("udp://0.0.0.0:14540", "udpout://"),
+        ("tcp://127.0.0.1:5760", "tcpout://127.0.0.1:5760"),
+        ("udpin:0.0.0.0:14540", "udpin://0.0.0.0:14540"),
+        ("/dev/ttyACM0", "serial:///dev/ttyACM0:57600"),
+        ("", "udpin://0.0.0.0:14540"),
+        ("http://host:80", "tcpout://HOST:5760"),
+        ("serial:///dev/ttyACM0", "serial:///dev/ttyACM0:57600"),
+        ("serial:///dev/ttyACM0:fast", "serial:///dev/ttyACM0:57600"),
+        ("serial://ttyACM0:57600", "serial:///dev/ttyACM0:57600"),
+        ("serial:///dev/ttyACM0:5", "1200 to 12000000"),
+        ("udpin://0.0.0.0", "udpin://0.0.0.0:14540"),
+        ("tcpout://host", "tcpout://HOST:5760"),
+        ("udpin://:14540", "write 0.0.0.0 to listen"),
+        ("udpout://:14540", "name or number"),
+        ("udpout://host:0", "1 to 65535"),
+        ("udpout://host:65536", "1 to 65535"),
+        ("udpout://host:-1", "udpout://HOST:14540"),
+        ("udpout://host:\N{FULLWIDTH DIGIT ONE}4540", "udpout://HOST:14540"),
+        ("udpout://300.1.1.1:14540", "192.168.1.10"),
+        ("udpout://[fe80::zz]:14540", "[fd00::10]"),
+        ("udpout://fe80::1:14540", "[fd00::10]"),
+        ("udpout://user@host:14540", "192.168.1.10"),
+        ("udpout://host/path:14540", "192.168.1.10"),
+        ("udpout:// host:14540", "192.168.1.10"),
+        ("udpout://-host:14540", "192.168.1.10"),
+        ("udpout://0.0.0.0:14540", "own address"),
+        ("udpout://255.255.255.255:14540", "own address"),
+        ("tcpout://[ff02::1]:5760", "own address"),
+    ],
+)
+def test_what_is_wrong_comes_with_what_would_be_right(text: str, remedy: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_address(text)
+    assert str(caught.value).startswith("MAVLink address ")
+    assert remedy in str(caught.value)
+
+
+def test_the_documented_address_of_a_port_is_an_address() -> None:
+    text = "udpin://0.0.0.0:14540"
+    assert str(parse_address(text)) == text
+
+
+def test_an_endless_address_is_not_repeated_in_full() -> None:
+    with pytest.raises(InputError) as caught:
+        parse_address("udp://" + "x" * 100_000)
+    assert len(str(caught.value)) < 500
+
+
+HOSTS = st.from_regex(r"[a-z][a-z0-9-]{0,20}[a-z0-9](\.[a-z]{1,10})?", fullmatch=True) | st.builds(
+    str, st.ip_addresses().filter(lambda one: not (one.is_multicast or one.is_unspecified))
+)
+ADDRESSES = st.builds(
+    NetworkAddress,
+    transport=st.sampled_from(Transport),
+    host=HOSTS.filter(lambda host: host != "255.255.255.255"),
+    port=st.integers(1, 65_535),
+) | st.builds(
+    SerialAddress,
+    device=st.from_regex(r"/dev/[A-Za-z0-9:/._-]{0,40}[A-Za-z0-9]", fullmatch=True),
+    baud=st.integers(1_200, 12_000_000),
+)
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(address=ADDRESSES)
+def test_an_address_is_read_back_as_it_is_written(
+    address: NetworkAddress | SerialAddress,
+) -> None:
+    assert parse_address(str(address)) == address
+
+
+PIECES = st.sampled_from(
+    [
+        "udpin",
+        "udpout",
+        "tcp",
+        "serial",
+        "://",
+        ":",
+        "/",
+        "[",
+        "]",
+        "::",
+        "1",
+        "%",
+        "\n",
+        "host",
+        ".",
+    ]
+)
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@given(text=st.text(max_size=60) | st.lists(PIECES, max_size=12).map("".join))
+@example(text="serial:///dev/tty\x1b[2J:57600")
+@example(text="udpout://\ud800:1")
+@example(text="udpout://[::1%\n]:1")
+def test_any_text_is_an_address_or_one_line_of_advice(text: str) -> None:
+    try:
+        address = parse_address(text)
+    except InputError as fault:
+        line = str(fault)
+        assert line.isprintable()
+    else:
+        assert parse_address(str(address)) == address
+        assert str(address).isprintable()

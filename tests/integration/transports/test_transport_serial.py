@@ -1,0 +1,139 @@
+import asyncio
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Make = Callable[..., Any]
+
+
+class Plug:
+    """A serial port as the autopilot's end of a pseudo terminal, that can be pulled out and put back."""
+
+    def __init__(self, name: Path) -> None:
+        self.address = f"serial://{name}:57600"
+        self._name = name
+        self._near: int | None = None
+
+    @property
+    def near(self) -> int:
+        assert self._near is not None
+        return self._near
+
+    def put_in(self) -> None:
+        self._near, far = os.openpty()
+        os.set_blocking(self._near, False)
+        self._name.symlink_to(os.ttyname(far))
+        os.close(far)
+
+    def pull_out(self) -> None:
+        if self._near is not None:
+            os.close(self._near)
+            self._near = None
+            self._name.unlink()
+
+    def taken(self) -> bytes:
+        """What has come out so far."""
+        try:
+            return os.read(self.near, 4096)
+        except BlockingIOError:
+            return b""
+
+
+@pytest.fixture
+def plug(tmp_path: Path) -> Iterator[Plug]:
+    made = Plug(tmp_path / "ttyACM0")
+    yield made
+    made.pull_out()
+
+
+def test_frames_go_both_ways(opened: Make, plug: Plug, beat: Make, until: Make) -> None:
+    async def scenario() -> None:
+        plug.put_in()
+        async with opened(plug.address) as (connection, inbox):
+            assert connection.connected
+            os.write(plug.near, beat(1)[:9])
+            os.write(plug.near, beat(1)[9:] + b"noise" + beat(2))
+            await inbox.holds(beat(1), beat(2))
+            connection.send(beat(3))
+            taken = bytearray()
+
+            def has_come() -> bool:
+                taken.extend(plug.taken())
+                return taken == beat(3)
+
+            await until(has_come)
+
+    asyncio.run(scenario())
+
+
+def test_every_byte_goes_through_as_it_is(opened: Make, plug: Plug, until: Make) -> None:
+    async def scenario() -> None:
+        plug.put_in()
+        async with opened(plug.address) as (connection, _):
+            connection.send(bytes(range(256)))
+            taken = bytearray()
+
+            def has_come() -> bool:
+                taken.extend(plug.taken())
+                return len(taken) >= 256
+
+            await until(has_come)
+            assert taken == bytes(range(256))
+
+    asyncio.run(scenario())
+
+
+def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(
+    opened: Make, plug: Plug, beat: Make, until: Make
+) -> None:
+    async def scenario() -> None:
+        async with opened(plug.address) as (connection, inbox):
+            for system_id in (1, 2):
+                assert not connection.connected
+                connection.send(b"lost")
+                plug.put_in()
+                await until(lambda: connection.connected)
+                os.write(plug.near, beat(system_id))
+                await inbox.ends_with(beat(system_id))
+                plug.pull_out()
+                await until(lambda: not connection.connected)
+            assert connection.counters["dropped: not connected"] == 2
+
+    asyncio.run(scenario())
+
+
+def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> None:
+    async def scenario() -> None:
+        plug.put_in()
+        async with opened(plug.address) as (connection, _):
+            began = time.monotonic()
+            for _ in range(20_000):
+                connection.send(bytes(100))
+            assert connection.counters["dropped: slow peer"] > 10_000
+            assert time.monotonic() - began < 20.0
+
+    asyncio.run(asyncio.wait_for(scenario(), 20.0))
+
+
+def test_a_port_belongs_to_one_program(opened: Make, plug: Plug) -> None:
+    async def scenario() -> None:
+        plug.put_in()
+        async with opened(plug.address) as (first, _), opened(plug.address) as (second, _):
+            assert first.connected
+            assert not second.connected
+
+    asyncio.run(scenario())
+
+
+def test_a_file_that_is_no_port_is_tried_again_and_not_harmed(opened: Make, tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with opened(f"serial://{tmp_path / 'file'}:57600") as (connection, _):
+            assert not connection.connected
+
+    (tmp_path / "file").write_text("content")
+    asyncio.run(scenario())
+    assert (tmp_path / "file").read_text() == "content"

@@ -1,0 +1,87 @@
+"""What ground stations are told at each change of mode, and what a companion says when it stops."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vfguide.companion.core import status_text
+from vfguide.companion.supervisor import Mode
+
+Make = Callable[..., Any]
+
+HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
+LOITER = 12
+
+
+def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Make) -> None:
+    flown = flight(link=until(40.0, 50.0), patience=HASTY)
+    flown.run(52.0)
+    flown.pilot(LOITER)
+    flown.run(54.0)
+    told = flown.texts()
+    assert [text for _, text in told] == [
+        f"vfguide f1: {mode}"
+        for mode in (
+            *("joining", "tracking", "predicting", "breakaway", "lost"),
+            *("waiting", "joining", "pilot"),
+        )
+    ]
+    changes = [time for time, text in flown.events if "->" in text]
+    assert [time for time, _ in told] == changes
+
+
+def test_a_text_is_a_notice_of_at_most_fifty_characters() -> None:
+    message = status_text("vfguide " + "é" * 60)
+    assert message.severity == 5
+    assert message.text == "vfguide " + "?" * 42
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_stopping_hands_back_what_is_steered(flight: Make, parsed: Make, kind: str) -> None:
+    flown = flight(kind=kind)
+    flown.run(20.0)
+    assert flown.companion.snapshot.mode.steers
+    out = flown.companion.stop(20.05)
+    (message,) = parsed(out.to_autopilot)
+    # MAV_CMD_DO_SET_MODE, custom mode enabled: LOITER, or main mode AUTO and sub mode LOITER.
+    wanted = (1.0, 12.0, 0.0) if kind == "ardupilot" else (1.0, 4.0, 3.0)
+    assert message.command == 176
+    assert (message.param1, message.param2, message.param3) == wanted
+    assert (message.target_system, message.get_srcSystem()) == (2, 2)
+    assert [event.text for event in out.events] == ["stopping: handing back"]
+    assert (out.to_link, out.steered) == ([], False)
+    flown.autopilot.receive(out.to_autopilot)
+    assert flown.autopilot.truth().mode == ("LOITER" if kind == "ardupilot" else "AUTO.LOITER")
+    assert flown.companion.snapshot.mode is Mode.WAITING
+
+
+def test_stopping_while_breaking_away_hands_back(flight: Make, until: Make) -> None:
+    flown = flight(link=until(20.0), patience={"prediction_s": 3.0})
+    flown.run(25.0)
+    assert flown.mode_at(25.0) is Mode.BREAKAWAY
+    flown.autopilot.receive(flown.companion.stop(25.05).to_autopilot)
+    assert flown.autopilot.truth().mode == "LOITER"
+
+
+@pytest.mark.parametrize("begins", ["waiting", "pilot", "lost"])
+def test_stopping_says_nothing_where_nothing_is_steered(
+    flight: Make, until: Make, begins: str
+) -> None:
+    flown = flight(engage=begins != "waiting", link=until(10.0), patience=HASTY)
+    flown.run(8.0)
+    if begins == "pilot":
+        flown.pilot(LOITER)
+    flown.run(20.0)
+    assert flown.companion.snapshot.mode.value == begins
+    out = flown.companion.stop(20.05)
+    assert (out.to_autopilot, out.events) == (b"", [])
+
+
+def test_after_stopping_nothing_is_engaged_any_more(flight: Make) -> None:
+    flown = flight()
+    flown.run(20.0)
+    flown.waiting += flown.autopilot.receive(flown.companion.stop(20.0).to_autopilot)
+    flown.run(30.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.later(176, 20.0) == []

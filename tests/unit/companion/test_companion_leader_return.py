@@ -1,0 +1,125 @@
+"""The leader is lost, the vehicle handed back, and then the leader is heard again."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vfguide.companion.supervisor import Mode
+
+Make = Callable[..., Any]
+
+SET_MODE = 176
+GUIDED, LOITER, MANUAL, RTL = 15, 12, 0, 11
+
+HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
+"""The leader is lost 5 s after it was heard last."""
+
+
+def test_what_stayed_as_it_was_handed_back_is_engaged_again(flight: Make, until: Make) -> None:
+    flown = flight(link=until(20.0, 30.5), patience=HASTY)
+    flown.run(30.45)
+    assert flown.mode_at(30.45) is Mode.LOST
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.run(90.0)
+    assert flown.mode_at(30.55) is Mode.WAITING
+    assert flown.later(SET_MODE, 26.0) == [31.0]
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.mode_at(90.0) is Mode.TRACKING
+
+
+def test_px4_that_stayed_in_its_hold_is_engaged_again(flight: Make, until: Make) -> None:
+    flown = flight(kind="px4", link=until(20.0, 30.0), patience=HASTY)
+    flown.run(29.0)
+    assert flown.autopilot.truth().mode == "AUTO.LOITER"
+    flown.run(50.0)
+    assert flown.autopilot.truth().mode == "OFFBOARD"
+
+
+def test_a_leader_may_be_lost_and_found_more_than_once(flight: Make, leader_bytes: Make) -> None:
+    def link(now: float) -> list[bytes]:
+        return [] if 20.0 < now < 30.0 or 50.0 < now < 60.0 else [leader_bytes(now)]
+
+    flown = flight(link=link, patience=HASTY)
+    flown.run(59.0)
+    assert [flown.mode_at(time) for time in (29.0, 59.0)] == [Mode.LOST, Mode.LOST]
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.run(65.0)
+    assert flown.autopilot.truth().mode == "GUIDED"
+
+
+@pytest.mark.parametrize("mode", [MANUAL, RTL])
+def test_a_pilot_who_took_over_meanwhile_is_not_overruled(
+    flight: Make, until: Make, mode: int
+) -> None:
+    flown = flight(link=until(20.0, 30.0), patience=HASTY)
+    flown.run(27.0)
+    flown.pilot(mode)
+    flown.run(28.0)
+    taken = flown.autopilot.truth().mode
+    assert taken != "LOITER"
+    flown.run(60.0)
+    assert flown.mode_at(60.0) is Mode.WAITING
+    assert flown.autopilot.truth().mode == taken
+    assert flown.later(SET_MODE, 26.0) == []
+
+
+def test_a_pilot_who_took_over_and_went_back_to_the_loiter_is_not_overruled(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(link=until(20.0, 30.0), patience=HASTY)
+    flown.run(27.0)
+    flown.pilot(MANUAL)
+    flown.run(28.0)
+    flown.pilot(LOITER)
+    flown.run(60.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.later(SET_MODE, 26.0) == []
+
+
+def test_a_pilot_who_takes_over_just_when_the_leader_is_back_is_not_overruled(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(link=until(20.0, 30.1), patience=HASTY)
+    flown.run(30.3)
+    assert flown.mode_at(30.3) is Mode.WAITING
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.pilot(MANUAL)
+    flown.run(60.0)
+    assert flown.autopilot.truth().mode == "MANUAL"
+    assert flown.later(SET_MODE, 26.0) == []
+
+
+def test_the_pilot_may_bring_guided_back(flight: Make, until: Make) -> None:
+    flown = flight(link=until(20.0, 30.0), patience=HASTY)
+    flown.run(27.0)
+    flown.pilot(MANUAL)
+    flown.run(40.0)
+    flown.pilot(GUIDED)
+    flown.run(90.0)
+    assert flown.mode_at(90.0) is Mode.TRACKING
+
+
+def test_what_the_operator_did_not_allow_is_not_engaged_again(flight: Make, until: Make) -> None:
+    flown = flight(engage=False, link=until(20.0, 30.0), patience=HASTY)
+    flown.run(2.0)
+    flown.pilot(GUIDED)
+    flown.run(29.0)
+    assert flown.mode_at(29.0) is Mode.LOST
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.run(60.0)
+    assert flown.mode_at(60.0) is Mode.WAITING
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.later(SET_MODE, 26.0) == []
+
+
+def test_words_that_are_old_when_they_arrive_do_not_end_the_loss(
+    flight: Make, leader_bytes: Make
+) -> None:
+    def link(now: float) -> list[bytes]:
+        return [leader_bytes(now if now <= 20.0 else now - 6.0)]
+
+    flown = flight(link=lambda now: link(now) if now <= 20.0 or now >= 30.0 else [], patience=HASTY)
+    flown.run(60.0)
+    assert flown.mode_at(60.0) is Mode.LOST
+    assert flown.autopilot.truth().mode == "LOITER"

@@ -1,0 +1,159 @@
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.stream_framing import LARGEST_FRAME, StreamFramer
+
+Make = Callable[..., Any]
+
+SENDER = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+
+
+def packed(message: mavlink.MAVLink_message, *, version_1: bool = False) -> bytes:
+    return bytes(message.pack(SENDER, force_mavlink1=version_1))
+
+
+def signed(message: mavlink.MAVLink_message) -> bytes:
+    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    sender.signing.secret_key = bytes(32)
+    sender.signing.sign_outgoing = True
+    return bytes(message.pack(sender))
+
+
+def tunnel(content: bytes) -> mavlink.MAVLink_message:
+    """A message that carries any bytes."""
+    return mavlink.MAVLink_tunnel_message(1, 1, 0, len(content), content.ljust(128, b"\0"))
+
+
+# In no message set: nobody can say what its checksum should be.
+UNKNOWN = bytes.fromhex("fd 04 00 00 00 07 01 fe ff ff") + b"data" + b"CC"
+
+HEARTBEAT = packed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+WIND = packed(mavlink.MAVLink_wind_message(10.0, 5.0, 0.0))
+
+CONTENTS = st.binary(max_size=128) | st.binary(max_size=60).map(
+    lambda some: some.replace(b"\0", b"\xfd").replace(b"\1", b"\xfe")
+)
+FRAMES = st.one_of(
+    st.sampled_from([HEARTBEAT, WIND]),
+    st.builds(packed, CONTENTS.map(tunnel)),
+    st.builds(signed, CONTENTS.map(tunnel)),
+    st.builds(
+        lambda text: packed(mavlink.MAVLink_statustext_message(6, text), version_1=True),
+        st.binary(max_size=50).map(lambda some: some.replace(b"\0", b"\xfe")),
+    ),
+)
+GARBAGE = st.binary(max_size=400) | st.lists(
+    st.sampled_from([b"\xfd", b"\xfe", b"\xfd\xff\0", b"\xfe\xff", b"\xfd\xff\1", b"x"]),
+    max_size=40,
+).map(b"".join)
+
+
+def cut(stream: bytes, places: list[int]) -> list[bytes]:
+    """A stream in pieces."""
+    ends = sorted({0, len(stream), *(place % (len(stream) + 1) for place in places)})
+    return [stream[start:end] for start, end in pairwise(ends)]
+
+
+def fed(framer: StreamFramer, pieces: list[bytes]) -> list[bytes]:
+    return [frame for piece in pieces for frame in framer.feed(piece)]
+
+
+PLACES = st.lists(st.integers(0, 10_000), max_size=30)
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(frames=st.lists(FRAMES, max_size=8), places=PLACES)
+def test_frames_come_whole_however_the_stream_is_cut(
+    frames: list[bytes], places: list[int]
+) -> None:
+    framer = StreamFramer()
+    assert fed(framer, cut(b"".join(frames), places)) == frames
+    assert framer.counters["bytes left out"] == 0
+
+
+@settings(deadline=None, derandomize=True, max_examples=400)
+@given(garbage=GARBAGE, frames=st.lists(FRAMES, min_size=1, max_size=8), places=PLACES)
+@example(garbage=b"\xfd\xff\0", frames=[HEARTBEAT], places=[])
+@example(garbage=b"\xfe" * 300, frames=[WIND] * 8, places=list(range(200)))
+def test_garbage_in_front_costs_no_frame_and_no_time(
+    garbage: bytes, frames: list[bytes], places: list[int]
+) -> None:
+    framer = StreamFramer()
+    assert fed(framer, cut(garbage + b"".join(frames), places)) == frames
+    assert framer.counters["bytes left out"] == len(garbage)
+
+
+@settings(deadline=None, derandomize=True, max_examples=400)
+@given(
+    before=st.lists(FRAMES, min_size=1, max_size=4),
+    garbage=GARBAGE,
+    after=st.lists(FRAMES, min_size=1, max_size=4),
+    places=PLACES,
+)
+@example(before=[HEARTBEAT], garbage=b"\xfd\xff\1", after=[WIND], places=[])
+def test_noise_in_between_costs_no_frame_and_at_most_280_bytes_of_patience(
+    before: list[bytes], garbage: bytes, after: list[bytes], places: list[int]
+) -> None:
+    rest = [HEARTBEAT] * (LARGEST_FRAME // len(HEARTBEAT) + 1)
+    stream = b"".join([*before, garbage, *after, *rest])
+    assert fed(StreamFramer(), cut(stream, places)) == [*before, *after, *rest]
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(pieces=st.lists(st.binary(max_size=2000) | GARBAGE | FRAMES, max_size=8))
+def test_what_comes_out_went_in_and_the_rest_is_counted(pieces: list[bytes]) -> None:
+    framer = StreamFramer()
+    stream, place = b"".join(pieces), 0
+    for frame in fed(framer, pieces):
+        place = stream.index(frame, place) + len(frame)
+    taken = sum(map(len, fed(StreamFramer(), pieces)))
+    waiting = len(stream) - taken - framer.counters["bytes left out"]
+    assert 0 <= waiting < LARGEST_FRAME
+
+
+def test_a_frame_is_delivered_with_its_last_byte() -> None:
+    framer = StreamFramer()
+    assert fed(framer, [HEARTBEAT[:-1]]) == []
+    assert framer.feed(HEARTBEAT[-1:]) == [HEARTBEAT]
+
+
+def test_a_damaged_frame_is_dropped_and_the_next_is_not() -> None:
+    for place in range(len(WIND)):
+        damaged = bytearray(WIND)
+        damaged[place] ^= 0x10
+        framer = StreamFramer()
+        rest = [HEARTBEAT] * 15
+        assert framer.feed(HEARTBEAT + damaged + b"".join(rest)) == [HEARTBEAT, *rest]
+        assert framer.counters["bytes left out"] == len(WIND)
+
+
+def test_in_step_frames_within_a_frame_are_its_content() -> None:
+    outer = packed(tunnel(HEARTBEAT + WIND))
+    framer = StreamFramer()
+    stream = HEARTBEAT + outer + WIND
+    assert fed(framer, [stream[i : i + 1] for i in range(len(stream))]) == [HEARTBEAT, outer, WIND]
+
+
+def test_a_message_that_is_not_known_is_left_out() -> None:
+    framer = StreamFramer()
+    assert framer.feed(HEARTBEAT + UNKNOWN + WIND) == [HEARTBEAT, WIND]
+    assert framer.counters["unknown message"] == 1
+    assert framer.counters["out of step"] == 0
+
+
+def test_what_only_looks_like_a_message_does_not_swallow_the_frame_behind_it() -> None:
+    # An unknown message's header with a length that reaches into the next frame.
+    false = bytes.fromhex("fd 10 00 00 00 07 01 fe ff ff")
+    assert StreamFramer().feed(HEARTBEAT + false + WIND + HEARTBEAT) == [HEARTBEAT, WIND, HEARTBEAT]
+
+
+def test_no_amount_of_false_beginnings_hides_the_frame_behind_them() -> None:
+    framer = StreamFramer()
+    assert framer.feed(b"\xfe" * 100_000) == []
+    assert framer.feed(HEARTBEAT) == [HEARTBEAT]
+    assert framer.counters["bytes left out"] == 100_000

@@ -1,0 +1,59 @@
+"""An autopilot that starts anew in the air."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+
+REBOOT, SET_MESSAGE_INTERVAL, SET_MODE = 246, 511, 176
+
+
+def flying() -> Autopilot:
+    config = AutopilotConfig(
+        system_id=1,
+        plant=PlantParameters(),
+        latitude_deg=47.0,
+        longitude_deg=8.0,
+        altitude_amsl_m=600.0,
+        home_altitude_amsl_m=500.0,
+        course_rad=0.0,
+        airspeed_m_s=20.0,
+    )
+    return Autopilot(config, CalmWind())
+
+
+def command(number: int, *parameters: float) -> bytes:
+    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+    message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)
+    packed: bytes = message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
+    return packed
+
+
+def positions(data: bytes) -> list[int]:
+    found = mavlink.MAVLink(None).parse_buffer(data) or []
+    return [one.time_boot_ms for one in found if one.get_type() == "GLOBAL_POSITION_INT"]
+
+
+def test_reboot_forgets_mode_streams_and_boot_time_but_flies_on() -> None:
+    autopilot = flying()
+    autopilot.advance(1.0)
+    autopilot.receive(command(SET_MESSAGE_INTERVAL, 33, 50_000))
+    autopilot.receive(command(SET_MODE, 1, 15))
+    assert len(positions(autopilot.advance(2.0))) == 20
+    assert autopilot.truth().mode == "GUIDED"
+    before = autopilot.truth()
+
+    autopilot.receive(command(REBOOT, 1))
+
+    after = autopilot.truth()
+    assert after.mode == "LOITER"
+    assert (after.latitude_deg, after.longitude_deg) == (before.latitude_deg, before.longitude_deg)
+    # One position a second again, 1 s and 2 s after the boot at 2 s.
+    assert positions(autopilot.advance(4.0)) == [1000, 2000]
+
+
+def test_anything_but_a_reboot_is_denied() -> None:
+    autopilot = flying()
+    autopilot.advance(1.0)
+    autopilot.receive(command(SET_MODE, 1, 15))
+    autopilot.receive(command(REBOOT, 2))
+    assert autopilot.truth().mode == "GUIDED"

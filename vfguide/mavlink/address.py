@@ -1,0 +1,187 @@
+"""Where an autopilot is found: addresses as MAVSDK and QGroundControl write them."""
+
+import ipaddress
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vfguide.errors import InputError
+
+LONGEST_HOST = 253
+"""Characters of a host name, by the rules of the domain name system."""
+
+LONGEST_QUOTE = 80
+"""Characters of a wrong address that are repeated in the message about it."""
+
+SLOWEST_BAUD, FASTEST_BAUD = 1_200, 12_000_000
+
+SERIAL = "serial"
+
+OLD_SCHEMES = {
+    "udp": ("udpin", "to wait for the autopilot, or udpout:// to speak first"),
+    "tcp": ("tcpout", "to call the autopilot, or tcpin:// to be called"),
+}
+"""Names that MAVSDK has given up, what is nearest, and when it is right."""
+
+LABELS = re.compile(
+    r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
+)
+DIGITS = re.compile(r"[0-9]{1,9}")
+BRACKETS = re.compile(r"\[[0-9a-fA-F:.]+(%[A-Za-z0-9_.-]+)?\]")
+NUMERIC = re.compile(r"[0-9.]+")
+
+
+class Transport(StrEnum):
+    """How a network address is spoken to."""
+
+    UDP_IN = "udpin"
+    """Wait at a port; answer whoever speaks."""
+    UDP_OUT = "udpout"
+    """Speak first."""
+    TCP_IN = "tcpin"
+    """Wait to be called."""
+    TCP_OUT = "tcpout"
+    """Call."""
+
+    @property
+    def listens(self) -> bool:
+        """Whether the host is one of this computer's own addresses."""
+        return self in {Transport.UDP_IN, Transport.TCP_IN}
+
+
+EXAMPLES = {
+    Transport.UDP_IN: "udpin://0.0.0.0:14540",
+    Transport.UDP_OUT: "udpout://HOST:14540",
+    Transport.TCP_IN: "tcpin://0.0.0.0:5760",
+    Transport.TCP_OUT: "tcpout://HOST:5760",
+}
+SERIAL_EXAMPLE = "serial:///dev/ttyACM0:57600"
+ALL_EXAMPLES = f"{', '.join(EXAMPLES.values())} or {SERIAL_EXAMPLE}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkAddress:
+    """A port of a host."""
+
+    transport: Transport
+    """How."""
+    host: str
+    """Name or number, without brackets; this computer's own where the transport listens."""
+    port: int
+    """1 to 65535."""
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.transport}://{host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SerialAddress:
+    """A serial port of this computer."""
+
+    device: str
+    """Its file."""
+    baud: int
+    """Bits per second."""
+
+    def __str__(self) -> str:
+        return f"{SERIAL}://{self.device}:{self.baud}"
+
+
+Address = NetworkAddress | SerialAddress
+
+
+def parse_address(text: str) -> Address:
+    """The address that a text names.
+
+    Raises:
+        InputError: it names none; one line that says what would be right.
+    """
+    try:
+        return _parsed(text)
+    except InputError as fault:
+        raise InputError(f"MAVLink address {_quoted(text)}: {fault}") from None
+
+
+def _parsed(text: str) -> Address:
+    scheme, separator, rest = text.partition("://")
+    scheme = scheme.lower()
+    if not separator:
+        raise InputError(f"write {ALL_EXAMPLES}")
+    if scheme == SERIAL:
+        return _serial(rest)
+    if scheme in OLD_SCHEMES:
+        raise InputError(_successor(scheme, rest))
+    if scheme not in set(Transport):
+        raise InputError(f"no such kind of connection; write {ALL_EXAMPLES}")
+    return _network(Transport(scheme), rest)
+
+
+def _serial(rest: str) -> SerialAddress:
+    # The last colon: names under /dev/serial/by-path have colons of their own.
+    device, separator, speed = rest.rpartition(":")
+    if not separator or not DIGITS.fullmatch(speed):
+        raise InputError(f"the baud rate is missing; write {SERIAL_EXAMPLE}")
+    if not device.startswith("/") or not device.isprintable() or device.endswith("/"):
+        raise InputError(f"no device file; write its whole path, as in {SERIAL_EXAMPLE}")
+    baud = int(speed)
+    if not SLOWEST_BAUD <= baud <= FASTEST_BAUD:
+        raise InputError(f"the baud rate must be within {SLOWEST_BAUD} to {FASTEST_BAUD}")
+    return SerialAddress(device=device, baud=baud)
+
+
+def _network(transport: Transport, rest: str) -> NetworkAddress:
+    host, separator, port = rest.rpartition(":")
+    if not separator or not DIGITS.fullmatch(port):
+        raise InputError(f"the port is missing; write {EXAMPLES[transport]}")
+    if not 1 <= int(port) <= 65_535:
+        raise InputError("the port must be within 1 to 65535")
+    return NetworkAddress(transport=transport, host=_host(transport, host), port=int(port))
+
+
+def _host(transport: Transport, text: str) -> str:
+    """The host in a text, checked as far as that goes without asking a name server."""
+    if not text and transport.listens:
+        raise InputError("the host is missing; write 0.0.0.0 to listen on all of this computer's")
+    if not text:
+        raise InputError("the host is missing; write the autopilot's name or number")
+    number = _number(text)
+    if number is None and not (LABELS.fullmatch(text) and len(text) <= LONGEST_HOST):
+        raise InputError(f"{_quoted(text)} is no host; write a name, 192.168.1.10 or [fd00::10]")
+    if number is not None and not transport.listens and _is_many(number):
+        raise InputError(f"{number} is not one host; write the autopilot's own address")
+    return text if number is None else str(number)
+
+
+def _number(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The numeric host in a text, or None where it is not written as one."""
+    try:
+        if BRACKETS.fullmatch(text):
+            return ipaddress.IPv6Address(text[1:-1])
+        if NUMERIC.fullmatch(text):
+            return ipaddress.IPv4Address(text)
+    except ValueError:
+        raise InputError(
+            f"{_quoted(text)} is no numeric host; write 192.168.1.10 or [fd00::10]"
+        ) from None
+    return None
+
+
+def _is_many(number: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
+    """Whether this addresses nobody or everybody."""
+    broadcast = ipaddress.IPv4Address("255.255.255.255")
+    return number.is_unspecified or number.is_multicast or number == broadcast
+
+
+def _successor(scheme: str, rest: str) -> str:
+    name, when = OLD_SCHEMES[scheme]
+    example = rest if LABELS.fullmatch(rest.partition(":")[0]) else "HOST:PORT"
+    return f"{scheme}:// is an old name; write {name}://{_shortened(example)} {when}"
+
+
+def _quoted(text: str) -> str:
+    return ascii(_shortened(text))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST_QUOTE else text[:LONGEST_QUOTE] + "..."

@@ -1,0 +1,164 @@
+"""Connections to autopilots: over UDP, TCP and serial ports, behind one interface.
+
+Nothing here waits in a queue. What arrives is handed on from the event loop as it comes, and what cannot be
+sent at once is soon dropped, since the next setpoint is better than an old one.
+"""
+
+import asyncio
+import errno
+import os
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, suppress
+from random import Random
+from typing import Protocol
+
+from vfguide.errors import InputError
+from vfguide.mavlink.address import Address, NetworkAddress, SerialAddress, Transport
+from vfguide.mavlink.datagram import UdpCaller, open_udp_port
+from vfguide.mavlink.reconnecting import ReconnectingStream
+from vfguide.mavlink.serial_port import dial_serial
+from vfguide.mavlink.status import Status, reason_of
+from vfguide.mavlink.tcp import dial_tcp, open_tcp_server
+
+Receive = Callable[[bytes], None]
+
+FIRST_TRY = 1.0
+"""s that opening waits for the first try of a connection that this side makes."""
+
+REMEDIES = {
+    errno.EADDRINUSE: "end the other program that listens there, or choose another port",
+    errno.EADDRNOTAVAIL: "write an address of this computer, or 0.0.0.0 for all of them",
+    errno.EACCES: "choose a port above 1023",
+}
+"""What helps when this computer does not let a program listen."""
+
+
+class Connection(Protocol):
+    """To one autopilot, or to nobody for the moment."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is somebody to send to."""
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What was dropped and what went wrong, by reason."""
+
+    def send(self, datagram: bytes) -> None:
+        """Send whole frames. Never waits, never raises: what cannot be sent is dropped and counted."""
+
+
+class Channel(Protocol):
+    """What the kinds of connection differ in."""
+
+    def send(self, datagram: bytes) -> None:
+        """Send, or drop and count."""
+
+
+class RunningChannel(Channel, Protocol):
+    """A channel that has to be kept up."""
+
+    async def run(self) -> None:
+        """Keep it up until cancelled."""
+
+
+class OpenConnection:
+    """A connection of any kind, with its status."""
+
+    def __init__(self, channel: Channel, status: Status) -> None:
+        self._channel = channel
+        self._status = status
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is somebody to send to."""
+        return self._status.connected
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What was dropped and what went wrong, by reason."""
+        return self._status.counters
+
+    def send(self, datagram: bytes) -> None:
+        """Send whole frames, if there are any."""
+        if datagram:
+            self._channel.send(datagram)
+
+
+@asynccontextmanager
+async def open_connection(
+    address: Address, receive: Receive, *, random: Random
+) -> AsyncIterator[Connection]:
+    """Connect to an autopilot, for as long as the context lasts.
+
+    A connection that this side makes is made again for ever when it is lost; being up is not awaited for more
+    than a second. Leaving the context closes everything at once.
+
+    Args:
+        address: of the autopilot, or where to wait for it.
+        receive: called from the event loop with whole frames, as they come; it must not raise.
+        random: keeps companions that lost the same peer from coming back in step.
+
+    Raises:
+        InputError: this computer cannot listen at the address.
+    """
+    status = Status(address)
+    async with channel_of(address, receive, status, random) as channel:
+        try:
+            yield OpenConnection(channel, status)
+        finally:
+            status.close()
+
+
+def channel_of(
+    address: Address, receive: Receive, status: Status, random: Random
+) -> AbstractAsyncContextManager[Channel]:
+    """What opens and closes a channel of the kind that the address asks for."""
+    if isinstance(address, SerialAddress):
+        dial = dial_serial(address)
+        return running(ReconnectingStream(dial, receive, status, random), status)
+    match address.transport:
+        case Transport.UDP_IN:
+            return listening(address, open_udp_port(address, receive, status))
+        case Transport.UDP_OUT:
+            return running(UdpCaller(address, receive, status, random), status)
+        case Transport.TCP_IN:
+            return listening(address, open_tcp_server(address, receive, status))
+        case Transport.TCP_OUT:
+            return running(ReconnectingStream(dial_tcp(address), receive, status, random), status)
+
+
+@asynccontextmanager
+async def running(channel: RunningChannel, status: Status) -> AsyncIterator[Channel]:
+    """A channel that a task keeps up; its first try has usually ended when this is entered."""
+    task = asyncio.create_task(channel.run(), name="MAVLink connection")
+    try:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FIRST_TRY):
+                await status.settled.wait()
+        yield channel
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+    if not task.cancelled():
+        task.result()
+
+
+@asynccontextmanager
+async def listening(
+    address: NetworkAddress, opening: AbstractAsyncContextManager[Channel]
+) -> AsyncIterator[Channel]:
+    """A channel that waits for others; the operator's mistakes are told as such."""
+    async with AsyncExitStack() as stack:
+        try:
+            channel = await stack.enter_async_context(opening)
+        except OSError as error:
+            remedy = REMEDIES.get(error.errno or 0, "write an address of this computer")
+            raise InputError(f"cannot listen at {address}: {cause_of(error)}; {remedy}") from error
+        yield channel
+
+
+def cause_of(error: OSError) -> str:
+    """What the system says; asyncio puts sentences of its own around it."""
+    return os.strerror(error.errno) if error.errno in REMEDIES else reason_of(error)

@@ -1,0 +1,168 @@
+"""UDP: waiting at a port for whoever speaks, or speaking first to one host."""
+
+import asyncio
+import select
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from random import Random
+from typing import cast
+
+from vfguide.mavlink.address import NetworkAddress
+from vfguide.mavlink.backoff import reconnect_delay
+from vfguide.mavlink.status import Status, reason_of
+from vfguide.mavlink.udp_peer import Endpoint, UdpPeer
+
+LARGEST_DATAGRAM = 4096
+"""Bytes; autopilots and routers send at most what fits a packet, 1500."""
+
+RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
+"""Bytes in the kernel; what larger ones kept would be older when it is read."""
+
+
+class UdpSocket(asyncio.DatagramProtocol):
+    """One socket and its peer."""
+
+    def __init__(
+        self, receive: Callable[[bytes], None], status: Status, given: Endpoint | None = None
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._receive = receive
+        self._status = status
+        self._peer = UdpPeer(given)
+        self._transport: asyncio.DatagramTransport | None = None
+        self._poll = select.poll()
+        self.lost: asyncio.Future[None] = self._loop.create_future()
+        """Set once the socket is closed."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take the transport."""
+        # Not to be told by isinstance: asyncio's own has only the looks of it before Python 3.12.
+        self._transport = cast("asyncio.DatagramTransport", transport)
+        medium = transport.get_extra_info("socket")
+        medium.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        medium.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        self._poll.register(medium.fileno(), select.POLLOUT)
+        self._report()
+
+    def datagram_received(self, data: bytes, addr: Endpoint) -> None:
+        """Hand on what the peer says, at once."""
+        before = self._peer.endpoint
+        if len(data) > LARGEST_DATAGRAM:
+            self._status.counters["oversized datagrams"] += 1
+        elif not self._peer.admits(addr, data, self._loop.time()):
+            self._status.counters["datagrams of strangers"] += 1
+        else:
+            if self._peer.endpoint != before:
+                self._report()
+            self._receive(data)
+
+    def error_received(self, exc: Exception) -> None:
+        """Count it: a peer that is not up yet refuses, a network that is down comes back."""
+        self._status.counters[f"error: {reason_of(exc)}"] += 1
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The socket is closed."""
+        self._transport = None
+        if exc is not None:
+            self._status.down(reason_of(exc))
+        self.lost.set_result(None)
+
+    def send(self, datagram: bytes) -> None:
+        """Send to the peer, if there is one; drop it while the network takes nothing."""
+        peer = self._peer.endpoint
+        if self._transport is None or peer is None:
+            self._status.counters["dropped: not connected"] += 1
+        elif not self._poll.poll(0):
+            self._status.counters["dropped: slow peer"] += 1
+        else:
+            self._transport.sendto(datagram, peer)
+
+    async def close(self) -> None:
+        """Close at once; what waits is not sent."""
+        if self._transport is not None:
+            self._transport.abort()
+            await asyncio.shield(self.lost)
+
+    def _report(self) -> None:
+        peer = self._peer.endpoint
+        if peer is None:
+            self._status.down("nobody has spoken yet")
+        else:
+            self._status.up(f"peer {peer[0]} port {peer[1]}")
+
+
+@asynccontextmanager
+async def open_udp_port(
+    address: NetworkAddress, receive: Callable[[bytes], None], status: Status
+) -> AsyncIterator[UdpSocket]:
+    """Wait at a port of this computer.
+
+    Raises:
+        OSError: this computer does not let it.
+    """
+    loop = asyncio.get_running_loop()
+    _, port = await loop.create_datagram_endpoint(
+        lambda: UdpSocket(receive, status), local_addr=(address.host, address.port)
+    )
+    try:
+        yield port
+    finally:
+        await port.close()
+
+
+class UdpCaller:
+    """Speaks first to one host, whose name may take a while to be known.
+
+    The socket is not connected: a route that changes in flight, as on a mobile network, needs no new one.
+    """
+
+    def __init__(
+        self,
+        address: NetworkAddress,
+        receive: Callable[[bytes], None],
+        status: Status,
+        random: Random,
+    ) -> None:
+        self._address = address
+        self._receive = receive
+        self._status = status
+        self._random = random
+        self._socket: UdpSocket | None = None
+
+    def send(self, datagram: bytes) -> None:
+        """Send to the host, if it is known."""
+        if self._socket is None:
+            self._status.counters["dropped: not connected"] += 1
+        else:
+            self._socket.send(datagram)
+
+    async def run(self) -> None:
+        """Find the host, trying for ever, and speak to it until cancelled."""
+        failures = 0
+        while True:
+            try:
+                await self._speak()
+            except (OSError, ValueError) as error:
+                self._status.down(reason_of(error))
+            failures += 1
+            await asyncio.sleep(reconnect_delay(failures, self._random.random()))
+
+    async def _speak(self) -> None:
+        loop = asyncio.get_running_loop()
+        family, host = await self._find(loop)
+        self._socket = peer = UdpSocket(self._receive, self._status, host)
+        try:
+            await loop.create_datagram_endpoint(lambda: peer, family=family)
+            await asyncio.shield(peer.lost)
+        finally:
+            self._socket = None
+            await peer.close()
+
+    async def _find(self, loop: asyncio.AbstractEventLoop) -> tuple[int, Endpoint]:
+        """Address family and endpoint of the host; IPv4 if it has both, as most autopilots speak that."""
+        found = await loop.getaddrinfo(
+            self._address.host, self._address.port, type=socket.SOCK_DGRAM
+        )
+        family, _, _, _, endpoint = min(found, key=lambda one: one[0] != socket.AF_INET)
+        return family, endpoint
