@@ -1,5 +1,6 @@
 # make fly   sets up .venv and flies missions/circle-wind.yaml to the end, report included
 # make test  sets up .venv and runs the whole test suite
+# make accuracy flies the tables of docs/accuracy.md
 # make bench measures what a rehearsal costs, and where the time goes
 
 PYTHON ?= python3
@@ -8,13 +9,16 @@ BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: fly test bench lint clean
+.PHONY: fly test accuracy bench lint clean
 
 fly: $(VENV)/.runtime
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
 test: lint
 	$(BIN)/pytest -n 2
+
+accuracy: $(VENV)/.runtime
+	$(BIN)/python tests/benchmarks/accuracy.py
 
 bench: $(VENV)/.runtime
 	$(BIN)/python tests/benchmarks/lockstep_cost.py

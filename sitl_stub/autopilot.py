@@ -168,6 +168,12 @@ class Autopilot:
             if instant_us >= to_us:
                 return self._codec.encode(messages)
 
+    def reboot(self) -> None:
+        """Start the autopilot anew, at once and in the air: the aircraft flies on meanwhile."""
+        self._flight.enter(self._personality.initial_mode)
+        self._boot_us = self._flight.time_us
+        self._schedule = default_schedule(sent_until_us=self._flight.time_us)
+
     def truth(self) -> Truth:
         """The true, noise-free state now."""
         flight = self._flight
@@ -250,7 +256,7 @@ class Autopilot:
         self._requested.append(message_id)
         return Result.ACCEPTED
 
-    def _reboot(self, flight: Flight, command: Command) -> Result:
+    def _reboot(self, _flight: Flight, command: Command) -> Result:
         """246: param1 = 1 starts the autopilot anew, in the air too; a real one wants to be forced there.
 
         The aircraft flies on; mode, setpoints, streams and the boot time are forgotten.
@@ -258,9 +264,7 @@ class Autopilot:
         (wanted,) = command.used(1)
         if wanted != 1.0:
             return Result.DENIED
-        flight.enter(self._personality.initial_mode)
-        self._boot_us = flight.time_us
-        self._schedule = default_schedule(sent_until_us=flight.time_us)
+        self.reboot()
         return Result.ACCEPTED
 
     def _sends(self, message_id: int) -> bool:

@@ -6,7 +6,7 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Annotated, Literal, NoReturn
 
 import typer
@@ -132,8 +132,9 @@ def fly(
             ),
             course_rad=math.radians(course_deg),
         )
+        emulated = Autopilot(config, parse_wind(wind))
         service = serve(
-            Autopilot(config, parse_wind(wind)),
+            emulated,
             address,
             speedup=checked("--speedup", speedup, 0.0, MAX_SPEEDUP),
             epoch_s=None if epoch is None else checked_epoch(epoch, speedup),
@@ -145,7 +146,7 @@ def fly(
     except ValueError as error:
         fail(error, WRONG_INPUT)
     try:
-        run(service)
+        run(service, emulated.reboot)
     except (AddressError, OptionError) as error:
         fail(error, WRONG_INPUT)
     except LinkError as error:
@@ -199,18 +200,21 @@ def announce(system_id: int, address: Address) -> None:
     sys.stderr.flush()
 
 
-def run(service: Coroutine[None, None, None]) -> None:
-    """Run it until it ends or a signal ends it."""
+def run(service: Coroutine[None, None, None], on_hangup: Callable[[], None]) -> None:
+    """Run it until it ends or a signal ends it; SIGHUP is the autopilot's reset button."""
     logging.basicConfig(format="sitl-stub: %(message)s", level=logging.INFO)
     with asyncio.Runner(loop_factory=precise_event_loop) as runner:
-        runner.run(until_signalled(service))
+        runner.run(until_signalled(service, on_hangup))
 
 
-async def until_signalled(service: Coroutine[None, None, None]) -> None:
+async def until_signalled(
+    service: Coroutine[None, None, None], on_hangup: Callable[[], None]
+) -> None:
     """Run it; SIGTERM and SIGINT cancel it, and that is no error."""
     task = asyncio.ensure_future(service)
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+    asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, on_hangup)
     await asyncio.wait([task])
     if not task.cancelled():
         task.result()

@@ -64,5 +64,10 @@ class LocalFrame:
         parallel = self._east_radius_m * math.cos(math.radians(latitude_deg))
         return (
             latitude_deg + math.degrees(north / self._north_radius_m),
-            longitude_deg + math.degrees(east / parallel),
+            wrap_longitude(longitude_deg + math.degrees(east / parallel)),
         )
+
+
+def wrap_longitude(longitude_deg: float) -> float:
+    """The same meridian in [-180, 180) degrees."""
+    return (longitude_deg + 180.0) % 360.0 - 180.0

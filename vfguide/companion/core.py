@@ -14,7 +14,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.roles import RoleStep, role_of
+from vfguide.companion.roles import role_of
 from vfguide.companion.supervisor import Mode, Situation, next_mode
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.codec import Codec
@@ -118,6 +118,9 @@ class Companion:
         self._altitude_time = -math.inf
         self._setpoint: Setpoint[float] | None = None
         self._lyapunov = math.nan
+        self._ready = False
+        self._unflyable_time = math.inf
+        self._own_counters: Counter[str] = Counter()
         self._refusals: Counter[tuple[int, int]] = Counter()
 
     @property
@@ -128,7 +131,7 @@ class Companion:
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
-        return self._codec.counters + self._role.counters
+        return self._codec.counters + self._role.counters + self._own_counters
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take one message from the link."""
@@ -178,7 +181,9 @@ class Companion:
             case CommandReport():
                 self._note_result(report, now, out)
             case TextReport():
-                out.events.append(Event(time_s=now, text=f"autopilot: {report.text}"))
+                worrying = report.severity <= mavlink.MAV_SEVERITY_WARNING
+                text = f"autopilot: {report.text}"
+                out.events.append(Event(time_s=now, text=text, warning=worrying))
         return []
 
     def _note_mode(self, custom_mode: int, now: float) -> None:
@@ -209,12 +214,31 @@ class Companion:
         if step.publish is not None:
             out.to_link.append(step.publish)
         messages = self._change_mode(now, out)
-        streams = self._adapter.streams_before_engaging and self._mode is Mode.WAITING
-        if self._mode.steers or (streams and self._may_engage):
-            setpoints = self._steer(step, now)
-            out.steered = bool(setpoints)
-            messages += setpoints
+        setpoint = self._flyable(step.setpoint, now, out)
+        if setpoint is None:
+            return messages
+        self._ready = True
+        if self._mode.steers:
+            self._setpoint, self._lyapunov = setpoint, step.lyapunov
+            messages += self._steer(setpoint, now)
+            out.steered = True
+        elif self._mode is not Mode.LOST:
+            messages += self._adapter.stay_ready(setpoint.course, setpoint.speed)
         return messages
+
+    def _flyable(
+        self, setpoint: Setpoint[float] | None, now: float, out: Outgoing
+    ) -> Setpoint[float] | None:
+        """The setpoint if it is finite and within the vehicle's limits; if not, none and an event."""
+        if setpoint is None or is_flyable(setpoint, self._plan):
+            self._unflyable_time = math.inf
+            return setpoint
+        self._own_counters["setpoint not flyable"] += 1
+        if math.isinf(self._unflyable_time):
+            self._unflyable_time = now
+            text = f"guidance asks for what cannot be flown: {setpoint}"
+            out.events.append(Event(time_s=now, text=text, warning=True))
+        return None
 
     def _start_anew(self, now: float, out: Outgoing) -> None:
         """The autopilot has rebooted and forgotten everything.
@@ -229,12 +253,8 @@ class Companion:
         # Its next heartbeat tells which mode it came up in: no pilot has left the one before.
         self._engaged = self._given_back = False
 
-    def _steer(self, step: RoleStep, now: float) -> list[MAVLink_message]:
-        """Messages that carry a setpoint; none that is not finite or outside the vehicle's limits."""
-        setpoint = step.setpoint
-        if setpoint is None or not is_flyable(setpoint, self._plan):
-            return []
-        self._setpoint, self._lyapunov = setpoint, step.lyapunov
+    def _steer(self, setpoint: Setpoint[float], now: float) -> list[MAVLink_message]:
+        """Messages that carry a setpoint, and now and then the altitude."""
         messages = self._adapter.fly(setpoint.course, setpoint.speed)
         if now - self._altitude_time >= ALTITUDE_S:
             self._altitude_time = now
@@ -271,13 +291,15 @@ class Companion:
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
         if self._connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
-        ready = self._setpoint is not None or not self._adapter.streams_before_engaging
+        ready = self._ready or not self._adapter.streams_before_engaging
         followable = self._role.leader_age(now) <= self._patience.leader_s
         informed = followable and math.isfinite(self._interval)
         waiting = self._mode is Mode.WAITING and not self._engaged
         if self._may_engage and waiting and ready and informed:
             messages += self._adapter.engage()
-        if self._mode is Mode.LOST and self._engaged:
+        # An autopilot holds its last setpoint: one that gets no other is better off by itself.
+        nothing_to_fly = now - self._unflyable_time > HEARTBEAT_S
+        if self._engaged and (self._mode is Mode.LOST or nothing_to_fly):
             messages += self._adapter.hand_back()
         return messages
 

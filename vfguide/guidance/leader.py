@@ -1,7 +1,7 @@
 """One guidance step of the leader: along its path, at its airspeed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 from vfguide.angles import wrap_angle
@@ -73,6 +73,8 @@ def leader_step(
         ground_speed = before + period * speed_estimate_rate(
             before, state.airspeed, course_error, regressor, settings.observer
         )
+        # Everything below flies on the estimate alone; V_ref is the airspeed, since nothing was measured.
+        state = replace(state, ground_speed=ground_speed)
     course_rate = sliding_course_rate(
         course_error,
         ground_speed * regressor,

@@ -12,6 +12,11 @@ SpeedSource = Literal["measured", "observer"]
 """Where the leader's law takes its ground speed from."""
 
 
+LEAST_PERIOD = 0.05
+"""s: a faster loop keeps the boundary layer of this one. The rounding of MAVLink's velocities does not get
+finer with the rate, and a thinner layer would turn it into chatter."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingGains:
     """Gains of the sliding-mode laws."""
@@ -32,7 +37,7 @@ class SlidingGains:
         return boundary_layer(
             self.kappa,
             self.epsilon,
-            period=period,
+            period=max(period, LEAST_PERIOD),
             delay=self.loop_delay_s,
             factor=self.boundary_layer_factor,
         )

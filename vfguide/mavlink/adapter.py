@@ -35,6 +35,9 @@ class AutopilotAdapter(Protocol):
     def fly(self, course: float, speed: float) -> list[MAVLink_message]:
         """Hold a course over ground (rad) and a speed (m/s), the one that the vehicle's hold is of."""
 
+    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+        """What an autopilot that is not engaged has to hear so that it can be; it changes nothing."""
+
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """Hold an altitude, m above mean sea level."""
 

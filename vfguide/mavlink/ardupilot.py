@@ -63,6 +63,11 @@ class ArduPlane:
             command_int(vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, speed),
         ]
 
+    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+        """Nothing: GUIDED can be entered at any time."""
+        del course, speed
+        return []
+
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """GUIDED_CHANGE_ALTITUDE; a climb rate of 0 leaves it to the autopilot."""
         command = mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE

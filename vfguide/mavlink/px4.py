@@ -52,22 +52,10 @@ class Px4:
 
     def fly(self, course: float, speed: float) -> list[MAVLink_message]:
         """A velocity along the course, whose length is ignored, and the speed by DO_CHANGE_SPEED."""
-        vehicle = self._vehicle
-        velocity = (speed * math.cos(course), speed * math.sin(course), 0.0)
         return [
-            mavlink.MAVLink_set_position_target_local_ned_message(
-                0,
-                vehicle.system_id,
-                vehicle.component_id,
-                mavlink.MAV_FRAME_LOCAL_NED,
-                VELOCITY_ONLY,
-                *(0.0, 0.0, 0.0),
-                *velocity,
-                *(0.0, 0.0, 0.0),
-                *(0.0, 0.0),
-            ),
+            self._velocity(course, speed),
             command_long(
-                vehicle,
+                self._vehicle,
                 mavlink.MAV_CMD_DO_CHANGE_SPEED,
                 self._speed_type,
                 speed,
@@ -75,7 +63,30 @@ class Px4:
             ),
         ]
 
+    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+        """The stream of setpoints without which offboard cannot be entered, by the pilot neither.
+
+        PX4 ignores them in every other mode. The speed command is left out: that one it would obey.
+        """
+        return [self._velocity(course, speed)]
+
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """Nothing: a velocity setpoint without a vertical part holds the altitude of entering offboard."""
         del altitude_amsl
         return []
+
+    def _velocity(self, course: float, speed: float) -> MAVLink_message:
+        """SET_POSITION_TARGET_LOCAL_NED with a velocity and nothing else."""
+        vehicle = self._vehicle
+        velocity = (speed * math.cos(course), speed * math.sin(course), 0.0)
+        return mavlink.MAVLink_set_position_target_local_ned_message(
+            0,
+            vehicle.system_id,
+            vehicle.component_id,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            VELOCITY_ONLY,
+            *(0.0, 0.0, 0.0),
+            *velocity,
+            *(0.0, 0.0, 0.0),
+            *(0.0, 0.0),
+        )

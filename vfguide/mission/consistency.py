@@ -14,6 +14,9 @@ from vfguide.mission.location import Location, dotted
 DEFAULT_MIN_SEPARATION_M = 5.0
 """Least distance between two vehicles (m) where a mission does not say."""
 
+DEFAULT_AIRSPEED_RANGE_M_S = (12.0, 32.0)
+"""Lowest and highest airspeed of a vehicle (m/s) where a mission does not say."""
+
 MAX_FOLLOWERS = 254
 """MAVLink has 255 system ids, and the leader has one of them."""
 
@@ -214,8 +217,9 @@ def _airspeed_out_of_range(data: Mapping[str, object]) -> Iterator[Inconsistency
     """A leader that is to fly faster or slower than it can."""
     leader = _group(data, "leader")
     airspeed = _number(leader.get("airspeed_m_s"))
-    span = _group(data, "vehicles", str(leader.get("vehicle"))).get("airspeed_range_m_s")
-    if airspeed is None or not isinstance(span, list | tuple) or len(span) != 2:
+    vehicle = _group(data, "vehicles", str(leader.get("vehicle")))
+    span = vehicle.get("airspeed_range_m_s", DEFAULT_AIRSPEED_RANGE_M_S)
+    if not vehicle or airspeed is None or not isinstance(span, list | tuple) or len(span) != 2:
         return
     lowest, highest = _number(span[0]), _number(span[1])
     if lowest is None or highest is None or lowest > highest or lowest <= airspeed <= highest:

@@ -30,10 +30,15 @@ EXPECTED = {
 REMEDIES = {
     "airspeed_range": "write [lowest, highest]",
     "airspeed_range_m_s": "write [lowest, highest]",
+    "easement_m": "shorten it, or leave it out",
     "line_given_twice": "remove one of the two",
     "line_without_course": "add course_deg, degrees clockwise from north, or slope",
     "line_without_slope": "add slope, or use point and course_deg",
 }
+
+
+WRITTEN_OUT = 10**15
+"""Whole numbers below this are quoted to the last digit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +64,8 @@ def described(value: object) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return f"'{shortened(value)}'"
+    if isinstance(value, int) and abs(value) < WRITTEN_OUT:
+        return str(value)
     if isinstance(value, int | float):
         # huge integers would make Python refuse to write them out
         return "such a huge number" if 1e300 < abs(value) < math.inf else f"{value:g}"
@@ -77,7 +84,7 @@ def _explain_one(detail: ErrorDetails) -> Explanation:
 def _meaning(place: Place) -> str:
     """The field's description, as a remedy of last resort."""
     field = place.known.get(str(place.location[-1])) if place.location else None
-    return (field.description or "").rstrip(".") if field else ""
+    return " ".join((field.description or "").split()).rstrip(".") if field else ""
 
 
 def _context(detail: ErrorDetails) -> Mapping[str, object]:
@@ -123,7 +130,7 @@ def _not_finite(detail: ErrorDetails, place: Place) -> Explanation:
 def _out_of_bounds(detail: ErrorDetails, place: Place) -> Explanation:
     words = {"gt": "above {}", "ge": "{} or more", "lt": "below {}", "le": "{} or less"}
     name, bound = next(iter(_context(detail).items()), ("", ""))
-    limit = f"{bound:g}" if isinstance(bound, int | float) else str(bound)
+    limit = f"{bound:g}" if isinstance(bound, float) else str(bound)
     side = "small" if name in {"gt", "ge"} else "large"
     message = f"{described(detail['input'])} is too {side}"
     allowed = words.get(name, "{}").format(limit)

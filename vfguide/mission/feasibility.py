@@ -19,7 +19,12 @@ from vfguide.mission.start_limits import (
     distant_starts,
     settling_after_the_end,
 )
-from vfguide.mission.turn_limits import field_beyond_bank, turns_beyond_bank
+from vfguide.mission.turn_limits import (
+    field_beyond_bank,
+    fields_beyond_the_loop,
+    followers_field_beyond_bank,
+    turns_beyond_bank,
+)
 
 OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     below_ground,
@@ -37,6 +42,8 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     turns_beyond_bank,
     slots_out_of_airspeed,
     field_beyond_bank,
+    followers_field_beyond_bank,
+    fields_beyond_the_loop,
     precision,
 )
 """Checks that ask what happens along the path; each needs a leader that can fly it."""

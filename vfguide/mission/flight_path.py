@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.quantity import Course, Gain, NotNegative, Number, Position, Positive, Section
@@ -99,6 +99,15 @@ class CirclePath(Section):
     """k of the article: how sharply the field turns onto the circle, 1/m."""
 
 
+USUAL_EASEMENT_M = 100.0
+
+
+def usual_easement(data: Mapping[str, object]) -> float:
+    """The easement of a racetrack that names none, m."""
+    lengths = (data.get("leg_m"), data.get("radius_m"))
+    return min([USUAL_EASEMENT_M, *(one for one in lengths if isinstance(one, float))])
+
+
 class RacetrackPath(Section):
     """Two parallel legs joined by two half circles, flown round and round.
 
@@ -123,19 +132,22 @@ class RacetrackPath(Section):
     direction: Literal["clockwise", "counterclockwise"] = "clockwise"
     """Sense of rotation seen from above."""
 
-    easement_m: Annotated[NotNegative, Field(le=100e3)] = 100.0
-    """Length over which the curvature changes between leg and half circle, m; 0 for none."""
+    easement_m: Annotated[NotNegative, Field(le=100e3)] = Field(default_factory=usual_easement)
+    """Length over which the curvature changes between leg and half circle, m; 0 for none, and if absent
+    100 m or as much as leg and radius leave room for."""
 
     gain: FieldGain = 0.03
     """k of the article: how sharply the field turns onto the path, 1/m."""
 
-    @model_validator(mode="after")
-    def _easement_fits(self) -> Self:
-        if self.easement_m > min(self.leg_m, self.radius_m):
+    @field_validator("easement_m")
+    @classmethod
+    def _easement_fits(cls, easement_m: float, info: ValidationInfo) -> float:
+        longest = min(info.data.get("leg_m", math.inf), info.data.get("radius_m", math.inf))
+        if easement_m > longest:
             kind = "easement_m"
-            message = "the easement is longer than the leg or the radius"
-            raise PydanticCustomError(kind, message)
-        return self
+            message = "is longer than the leg or the radius; {longest} m is the most"
+            raise PydanticCustomError(kind, message, {"longest": f"{longest:g}"})
+        return easement_m
 
 
 FlightPath = Annotated[LinePath | CirclePath | RacetrackPath, Field(discriminator="type")]

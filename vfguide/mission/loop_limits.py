@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from vfguide.guidance.course_law import boundary_layer
+from vfguide.guidance.settings import LEAST_PERIOD
 from vfguide.mission.controller import Controller
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
@@ -26,7 +27,7 @@ def effective_layer(controller: Controller, period: float) -> float:
     return boundary_layer(
         controller.kappa,
         controller.epsilon,
-        period=period,
+        period=max(period, LEAST_PERIOD),
         delay=controller.loop_delay_s,
         factor=controller.boundary_layer_factor,
     )
@@ -72,13 +73,13 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
 
 
 def mean_leader_age(mission: Mission) -> float:
-    """Mean age (s) of the newest leader state: delay, half the jitter, and what losses add.
+    """Mean age (s) of the newest leader state: delay, and what losses add; jitter goes either way.
 
     Of states sent every dt with a share p lost, the newest is older by dt p / (1 - p) on average.
     """
     rehearsal = mission.rehearsal
     wait = rehearsal.link_loss / (1.0 - rehearsal.link_loss) / rehearsal.rate_hz
-    return rehearsal.link_delay_s + rehearsal.link_jitter_s / 2.0 + wait
+    return rehearsal.link_delay_s + wait
 
 
 def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
@@ -86,7 +87,15 @@ def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
     if not mission.followers:
         return
     age = mean_leader_age(mission)
-    if age > STALE_S:
+    patience = mission.patience.leader_s
+    if age > patience:
+        message = (
+            f"leader states are {age:.1f} s old on average: no follower ever hears one that is fresh "
+            f"within patience.leader_s, {patience:g} s, and none joins"
+        )
+        remedy = f"a link below {patience:g} s, or a longer patience.leader_s"
+        yield Finding("error", ("rehearsal", "link_delay_s"), message, remedy)
+    elif age > STALE_S:
         message = f"leader states are {age:.1f} s old on average, more than prediction bridges well"
         yield Finding(
             "warning", ("rehearsal", "link_delay_s"), message, "expect a less precise formation"
@@ -109,7 +118,7 @@ def observer_out_of_tune(mission: Mission) -> Iterator[Finding]:
     location = ("controller", "observer", "sigma")
     pull = controller.observer.gamma * controller.observer.sigma
     if pull == 0.0:
-        message = "without sigma nothing holds the estimate to the measured ground speed: it drifts"
+        message = "without sigma nothing holds the estimate to the airspeed: it drifts"
         yield Finding("warning", location, message, "set sigma to 0.5 or so")
     elif pull / mission.rehearsal.rate_hz > LIMIT_CYCLE:
         rate = mission.rehearsal.rate_hz

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
+from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
 from vfguide.mission.quantity import Gain, Number, Section, Speed
 
 
@@ -41,7 +42,7 @@ class Vehicle(Section):
     beta_1_s: Annotated[Gain, Field(le=20.0)] = 0.8
     """beta of the article: bandwidth of the speed hold, 1/s."""
 
-    airspeed_range_m_s: AirspeedRange = (12.0, 32.0)
+    airspeed_range_m_s: AirspeedRange = DEFAULT_AIRSPEED_RANGE_M_S
     """Lowest and highest airspeed it may be asked for, m/s."""
 
     max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = 45.0

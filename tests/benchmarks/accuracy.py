@@ -1,0 +1,87 @@
+"""The tables of docs/accuracy.md, flown anew: run with `make accuracy`."""
+
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from vfguide.mission import Mission, load_mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+from vfguide.report.metrics import summarise
+from vfguide.report.summary import Summary
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+ARTICLE = ("line-calm", "line-wind", "circle-calm", "circle-wind")
+CREW = ("survey-racetrack", "transit-abreast")
+
+VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "as shipped": {},
+    "slow, lossy link and noise": {
+        "rehearsal": {
+            "link_delay_s": 0.2,
+            "link_jitter_s": 0.05,
+            "link_loss": 0.2,
+            "position_noise_m": 0.3,
+        }
+    },
+    "leader without ground speed": {"controller": {"leader_speed_source": "observer"}},
+    "article's field": {"controller": {"type": "article"}},
+    "50 Hz": {"rehearsal": {"rate_hz": 50.0}},
+}
+
+
+def changed(name: str, changes: dict[str, dict[str, Any]]) -> Mission:
+    """A shipped mission with some fields replaced."""
+    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+    for section, fields in changes.items():
+        content.setdefault(section, {}).update(fields)
+    return Mission.model_validate(content)
+
+
+def fly(task: tuple[str, str]) -> Summary:
+    """Summary of one mission in one variant."""
+    name, variant = task
+    return summarise(fly_lockstep(changed(name, VARIANTS[variant])).record)
+
+
+def main() -> None:
+    """Fly everything on all processors and print both tables."""
+    shipped = [(name, "as shipped") for name in (*ARTICLE, *CREW)]
+    others = [(name, variant) for variant in VARIANTS for name in ARTICLE]
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        summaries = dict(zip(shipped + others, pool.map(fly, shipped + others), strict=True))
+    say = sys.stdout.write
+    say(
+        f"{'metres, seconds':28}{'mean':>8}{'95 %':>8}{'max':>8}{'10 m':>8}{'1 m':>8}{'nearest':>9}\n"
+    )
+    for task in shipped:
+        figures = summaries[task].formation
+        row = (
+            figures.mean_error_m,
+            figures.p95_error_m,
+            figures.max_error_m,
+            figures.settle_10m_s,
+            figures.settle_1m_s,
+            figures.min_separation_m,
+        )
+        say(f"{task[0]:28}" + "".join(cell(value) for value in row) + "\n")
+    say(f"\n{'mean error, metres':28}" + "".join(f"{name:>14}" for name in ARTICLE) + "\n")
+    for variant in VARIANTS:
+        means = (summaries[name, variant].formation.mean_error_m for name in ARTICLE)
+        say(f"{variant:28}" + "".join(f"{cell(value):>14}" for value in means) + "\n")
+    say(f"\n{'course setpoint, rad/s':28}variation, and what of it is not net turning\n")
+    for name in ARTICLE:
+        for vehicle, figures in summaries[name, "as shipped"].vehicles.items():
+            variation = figures.course_setpoint_variation_rad_s
+            excess = figures.course_setpoint_excess_variation_rad_s
+            say(f"{name + ' ' + vehicle:28}{cell(variation)}{cell(excess)}\n")
+
+
+def cell(value: float | None) -> str:
+    """A figure, or a dash where there is none."""
+    return f"{'-':>8}" if value is None else f"{value:8.3f}" if value < 10.0 else f"{value:8.1f}"
+
+
+if __name__ == "__main__":
+    main()
