@@ -1,14 +1,19 @@
 """The command line: options in, exit status out."""
 
 import sys
+import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import ValidationError
 
-from vfguide.commands.check import report_findings
+from vfguide.commands.check import findings_of, report_findings
+from vfguide.commands.companion import run_companion
+from vfguide.commands.fly import BROKEN
 from vfguide.commands.fly import fly as fly_mission
+from vfguide.commands.fly_live import fly_live as fly_mission_live
 from vfguide.commands.overrides import (
     ControllerName,
     Overrides,
@@ -17,15 +22,24 @@ from vfguide.commands.overrides import (
     overridden,
 )
 from vfguide.commands.report import write_again
-from vfguide.errors import InputError
-from vfguide.mission import Mission, read_mission
+from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
+from vfguide.errors import InputError, VfguideError
+from vfguide.mission import Mission, MissionError, read_mission
 from vfguide.mission.explain import explain
 from vfguide.mission.feasibility import check_mission
+from vfguide.mission.location import Location
 
 WRONG_INPUT = 2
 
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""
+
+OPTIONS: dict[Location, str] = {
+    ("rehearsal", "duration_s"): "--duration",
+    ("rehearsal", "rate_hz"): "--rate",
+    ("rehearsal", "seed"): "--seed",
+}
+"""Fields that an option overrides, and that may be out of range."""
 
 app = typer.Typer(
     name="vfguide",
@@ -33,6 +47,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -62,12 +77,25 @@ def fly(
         Path | None,
         typer.Option(metavar="DIR", help="Where summary, report, record and .tlog files go."),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Real time, real sockets, a process for each program.")
+    ] = False,
+    speedup: Annotated[
+        float, typer.Option(metavar="X", help="With --live: times as fast as real time.")
+    ] = 1.0,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="With --live: a broker; an embedded one if absent."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fly a whole formation on this computer: one emulator and one companion for each vehicle.
+    """Fly a whole formation on this computer.
 
-    In virtual time, as fast as it goes and repeatable. Exit status: 0 flown and within the mission's
-    acceptance, 1 flown but not within it, 2 the input is wrong, 3 the flight broke or was stopped.
+    One emulator and one companion for each vehicle, in virtual time: as fast as it goes, and repeatable;
+    or with --live in real time, joined by UDP and an MQTT broker.
+
+    Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
     """
     loaded = read_mission(mission)
     overrides = Overrides(
@@ -80,12 +108,54 @@ def fly(
     )
     changed = apply_overrides(loaded.mission, overrides)
     findings = check_mission(changed, loaded.source)
+    errors = Terminal(stderr=True)
     for finding in findings:
         if finding.severity != "note":
-            sys.stderr.write(f"{finding}\n")
+            errors.tell(str(finding))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG_INPUT)
-    raise typer.Exit(fly_mission(changed, out=out, as_json=as_json))
+    if not live:
+        raise typer.Exit(fly_mission(changed, out=out, as_json=as_json))
+    status = fly_mission_live(changed, link=link, speedup=speedup, out=out, as_json=as_json)
+    raise typer.Exit(status)
+
+
+@app.command()
+def companion(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")],
+    *,
+    mission: Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")],
+    mavlink: Annotated[
+        str, typer.Option(metavar="URL", help="Its autopilot, such as udpin://0.0.0.0:14540.")
+    ],
+    link: Annotated[
+        str, typer.Option(metavar="URL", help="The formation's link, such as mqtt://host:1883.")
+    ],
+    engage: Annotated[
+        bool,
+        typer.Option(
+            "--engage", help="Put the autopilot into its guided mode, the first time, by itself."
+        ),
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep the vehicle's .tlog there.")
+    ] = None,
+    clock: Annotated[str | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Run the companion of one vehicle, until SIGTERM.
+
+    It never arms, and unless --engage says so it never changes the autopilot's mode: it steers while
+    the pilot has selected the guided mode. Exit status: 0 stopped cleanly, 2 the input is wrong, 3 broken.
+    """
+    run_companion(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        link=link,
+        engage=engage,
+        record=record,
+        clock=clock,
+    )
 
 
 @app.command()
@@ -95,11 +165,18 @@ def check(
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find out what can be known before take-off; one line for each finding.
+    """Find out what can be known before take-off.
 
-    Exit status: 0 ready to fly, 1 with warnings under --strict, 2 the mission cannot be flown.
+    One line for each finding. Exit status: 0 ready to fly, 1 with warnings under --strict, 2 the mission
+    cannot be flown.
     """
-    loaded = read_mission(mission)
+    try:
+        loaded = read_mission(mission)
+    except MissionError as error:
+        if not as_json:
+            raise
+        found = findings_of(error.faults)
+        raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
     findings = check_mission(loaded.mission, loaded.source)
     name = loaded.mission.name
     raise typer.Exit(report_findings(findings, name=name, strict=strict, as_json=as_json))
@@ -111,7 +188,10 @@ def report(
         Path, typer.Argument(metavar="DIR", help="What `vfguide fly --out DIR` wrote.")
     ],
 ) -> None:
-    """Write summary, plots and page of a recorded flight again."""
+    """Write summary, plots and page of a recorded flight again.
+
+    Exit status: 0 written, 2 there is no readable record, or the directory cannot be written to.
+    """
     write_again(directory)
 
 
@@ -124,18 +204,41 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
     try:
         return overridden(mission, overrides)
     except ValidationError as error:
-        lines = (f"{one.message}; {one.remedy}" for one in explain(error))
-        raise InputError("\n".join(f"command line: {line}" for line in lines)) from error
+        lines = (
+            f"{OPTIONS.get(one.location, 'command line')}: {one.message}; {one.remedy}"
+            for one in explain(error)
+        )
+        raise InputError("\n".join(lines)) from error
 
 
 def main() -> None:
     """Entry point: what a user can mend is one line for each fault, never a traceback."""
+    escape_what_cannot_be_encoded()
     try:
-        app()
+        app(prog_name="vfguide")
     except InputError as error:
-        lines = str(error).splitlines()
-        shown = lines[:SHOWN_FAULTS]
-        if len(lines) > SHOWN_FAULTS:
-            shown.append(f"and {len(lines) - SHOWN_FAULTS} more")
-        sys.stderr.write("\n".join(shown) + "\n")
+        complain(str(error))
         sys.exit(WRONG_INPUT)
+    except VfguideError as error:
+        complain(str(error))
+        sys.exit(BROKEN)
+    except OSError as error:
+        discard(sys.stdout)
+        place = f"{error.filename}: " if error.filename else ""
+        complain(f"{place}{error.strerror or error}")
+        sys.exit(BROKEN)
+    except Exception as error:
+        # Status 1 would say that the flight was flown.
+        traceback.print_exc()
+        raise SystemExit(BROKEN) from error
+
+
+def complain(text: str) -> None:
+    """Print what is wrong, but not a thousand lines of it."""
+    errors = Terminal(stderr=True)
+    lines = text.splitlines()
+    if len(lines) > SHOWN_FAULTS:
+        lines[SHOWN_FAULTS:] = [f"and {len(lines) - SHOWN_FAULTS} more"]
+    # Where even this cannot be written, the exit status has to do.
+    with suppress(OSError):
+        errors.tell("\n".join(lines))

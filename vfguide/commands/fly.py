@@ -3,15 +3,12 @@
 import json
 import os
 import signal
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from rich.console import Console
-
-from vfguide.commands.terminal import flight_progress
+from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import Flight, fly_lockstep
@@ -23,6 +20,9 @@ from vfguide.report.table import summary_table
 RECORD_NAME = "flight.npz"
 SUMMARY_NAME = "summary.json"
 
+EPOCH_S = 1_767_225_600.0
+"""Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
+
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 
 
@@ -32,7 +32,7 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
     Raises:
         InputError: the directory cannot be written to.
     """
-    errors = Console(stderr=True)
+    errors = Terminal(stderr=True)
     if out is not None:
         prepare(out)
     title = f"flying {mission.name}"
@@ -43,7 +43,7 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
         flight = fly_lockstep(
             mission,
             processes=os.cpu_count() or 1,
-            epoch_s=None if out is None else time.time(),
+            epoch_s=None if out is None else EPOCH_S,
             progress=progress,
             stop=stop,
         )
@@ -52,7 +52,7 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
         keep(flight, summary, out)
     show(summary, flight, out, as_json=as_json)
     if flight.interrupted:
-        errors.print(f"stopped after {flight.record.duration_s:.1f} s of flight", highlight=False)
+        errors.tell(f"stopped after {flight.record.duration_s:.1f} s of flight")
         return BROKEN
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
 
@@ -65,8 +65,9 @@ def prepare(out: Path) -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
         raise InputError(
-            f"{out}: cannot be written to ({error.strerror}); give another directory with --out"
+            f"{out}: cannot be written to ({reason}); give another directory with --out"
         ) from error
 
 
@@ -82,17 +83,17 @@ def keep(flight: Flight, summary: Summary, out: Path) -> None:
 
 def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -> None:
     """Print the summary: JSON alone, or a table with what the companions had to say."""
-    console = Console()
+    output = Terminal()
     if as_json:
-        console.print_json(json.dumps(summary_json(summary)))
+        output.tell(json.dumps(summary_json(summary), indent=2))
         return
     for name, events in flight.events.items():
         for event in events:
             if event.warning:
-                console.print(f"{event.time_s:7.2f} s  {name}: {event.text}", highlight=False)
-    console.print(summary_table(summary))
+                output.tell(f"{event.time_s:7.2f} s  {name}: {event.text}")
+    output.print(summary_table(summary))
     if out is not None:
-        console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
+        output.tell(f"report: {out / 'report.html'}")
 
 
 @contextmanager

@@ -1,12 +1,10 @@
 """`vfguide report`: the report of a flight that was recorded before."""
 
 import json
-import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from vfguide.commands.fly import RECORD_NAME, SUMMARY_NAME
+from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord
 from vfguide.report.metrics import summarise, summary_json
@@ -23,6 +21,10 @@ def write_again(directory: Path) -> None:
     path = directory / RECORD_NAME
     if not directory.is_dir():
         raise InputError(f"{directory}: no such directory; give one that `vfguide fly --out` wrote")
+    if not path.exists():
+        raise InputError(
+            f"{directory}: holds no {RECORD_NAME}; give a directory that `vfguide fly --out` wrote"
+        )
     record = FlightRecord.load(path)
     summary = summarise(record)
     try:
@@ -31,5 +33,6 @@ def write_again(directory: Path) -> None:
         page = write_report(record, directory)
     except OSError as error:
         raise InputError(f"{directory}: cannot be written to ({error.strerror})") from error
-    Console().print(summary_table(summary))
-    sys.stdout.write(f"report: {page}\n")
+    output = Terminal()
+    output.print(summary_table(summary))
+    output.tell(f"report: {page}")

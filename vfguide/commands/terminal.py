@@ -1,7 +1,12 @@
-"""Progress that is a bar on a terminal and plain lines elsewhere."""
+"""What is said to the user; progress is a bar on a terminal and plain lines elsewhere."""
 
+import os
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper, UnsupportedOperation
+from pathlib import Path
+from typing import IO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -13,9 +18,44 @@ BAR_PERIOD_S = 5.0
 """Virtual seconds between two movements of the bar."""
 
 
+NARROWEST = 60
+"""Columns that are written to the narrowest terminal; what does not fit, it wraps."""
+
+
+class Terminal(Console):
+    """Standard output or standard error, where it does not matter whether anybody still reads them."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr)
+        # Squeezed further, a table is nothing but ellipses; a width of 0 would show nothing at all.
+        self.width = max(self.width, NARROWEST)
+
+    def tell(self, text: str) -> None:
+        """Print one line as it is, neither wrapped nor coloured."""
+        self.out(text, highlight=False)
+
+    def on_broken_pipe(self) -> None:
+        """Fall silent, as after `| head -1`, where rich would end the program in the middle of a flight."""
+        self.quiet = True
+        discard(self.file)
+
+
+def discard(stream: IO[str]) -> None:
+    """Send what a stream still holds, and all that follows, to nowhere."""
+    with suppress(UnsupportedOperation), Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def escape_what_cannot_be_encoded() -> None:
+    """Let a terminal without the letters of a message show escapes in their place."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 @contextmanager
 def flight_progress(
-    console: Console, title: str, duration_s: float
+    console: Terminal, title: str, duration_s: float
 ) -> Iterator[Callable[[float], None]]:
     """Something to call with the virtual time as it passes."""
     if not console.is_terminal:
@@ -40,7 +80,7 @@ def flight_progress(
         yield show
 
 
-def plain_progress(console: Console, title: str, duration_s: float) -> Callable[[float], None]:
+def plain_progress(console: Terminal, title: str, duration_s: float) -> Callable[[float], None]:
     """A line for each fifth of the flight."""
     shown = 0
 
@@ -49,6 +89,6 @@ def plain_progress(console: Console, title: str, duration_s: float) -> Callable[
         step = int(PLAIN_STEPS * now / duration_s)
         if step > shown:
             shown = step
-            console.print(f"{title}: {now:.0f} of {duration_s:.0f} s", highlight=False)
+            console.tell(f"{title}: {now:g} of {duration_s:g} s")
 
     return show

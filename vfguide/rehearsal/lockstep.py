@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 from vfguide.companion.core import Event
@@ -52,7 +53,7 @@ def fly_lockstep(
         processes: to spread the aircraft over; what happens is the same for any number.
         epoch_s: time 0 of the flight in seconds since 1970: telemetry logs are kept. None: they are not.
         progress: hears the virtual time.
-        stop: asked before each step whether to end here.
+        stop: asked before each step whether to end here; the first is flown in any case.
 
     Raises:
         VfguideError: one of the processes died.
@@ -60,22 +61,26 @@ def fly_lockstep(
     began = time.perf_counter()
     names = [mission.leader.vehicle, *mission.followers_by_name]
     processes = min(processes, len(names))
-    squads = [Squad(mission, names[number::processes], epoch_s) for number in range(1, processes)]
-    formation = launch(mission, names[::processes], epoch_s)
     times: list[float] = []
     interrupted = False
-    for now in instants(mission):
-        if interrupted := stop():
-            break
-        published = step_all(formation, now, [])
-        times.append(now)
+    with ExitStack() as stack:
+        squads = [
+            stack.enter_context(closing(Squad(mission, names[number::processes], epoch_s)))
+            for number in range(1, processes)
+        ]
+        formation = launch(mission, names[::processes], epoch_s)
+        for now in instants(mission):
+            if interrupted := stop() and bool(times):
+                break
+            published = step_all(formation, now, [])
+            times.append(now)
+            for squad in squads:
+                squad.pass_on(now, published)
+            if progress is not None:
+                progress(now)
+        outcomes = [outcome_of(aircraft) for aircraft in formation]
         for squad in squads:
-            squad.pass_on(now, published)
-        if progress is not None:
-            progress(now)
-    outcomes = [outcome_of(aircraft) for aircraft in formation]
-    for squad in squads:
-        outcomes += squad.land()
+            outcomes += squad.land()
     records = {outcome.name: outcome.record for outcome in outcomes}
     return Flight(
         record=flight_record(

@@ -8,9 +8,10 @@ as in one process.
 import multiprocessing
 import signal
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
 
 from vfguide.companion.core import Event
 from vfguide.errors import VfguideError
@@ -18,9 +19,6 @@ from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.rehearsal.aircraft import Aircraft, step_all
-
-if TYPE_CHECKING:
-    from multiprocessing.queues import Queue
 
 Instant = tuple[float, list[bytes]]
 """Virtual time, and what was published then."""
@@ -67,18 +65,30 @@ class Squad:
     def __init__(self, mission: Mission, names: Sequence[str], epoch_s: float | None) -> None:
         """Start the process and launch these aircraft in it."""
         context = multiprocessing.get_context("spawn")
-        self._instants: Queue[list[Instant] | None] = context.Queue()
-        self._outcomes, far_end = context.Pipe(duplex=False)
+        instants, self._instants = context.Pipe(duplex=False)
+        self._outcomes, outcomes = context.Pipe(duplex=False)
         self._batch: list[Instant] = []
-        # A daemon: should this process die, that one does not stay.
         self._process = context.Process(
-            target=fly_squad, args=(mission, names, epoch_s, self._instants, far_end), daemon=True
+            target=fly_squad, args=(mission, names, epoch_s, instants, outcomes), daemon=True
         )
-        self._process.start()
-        far_end.close()
+        # Started by the first process otherwise, and with that it would lift the blocking of signals.
+        resource_tracker.ensure_running()
+        # Ctrl-C and SIGTERM may reach a whole group of processes; the near end tells this one when to stop.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        # With one holder for each end, the death of either process is an end of file for the other.
+        instants.close()
+        outcomes.close()
 
     def pass_on(self, now: float, published: list[bytes]) -> None:
-        """Let the squad fly the instant at which this was published."""
+        """Let the squad fly the instant at which this was published.
+
+        Raises:
+            VfguideError: the process died.
+        """
         self._batch.append((now, published))
         if len(self._batch) >= BATCH:
             self._hand_over()
@@ -90,33 +100,45 @@ class Squad:
             VfguideError: the process died.
         """
         self._hand_over()
-        self._instants.put(None)
         try:
+            self._instants.send(None)
             outcomes: list[Outcome] = self._outcomes.recv()
-        except EOFError as error:
-            self._process.join()
-            code = self._process.exitcode
-            raise VfguideError(f"a flight process died (exit code {code})") from error
+        except (EOFError, OSError) as error:
+            raise self._death() from error
         self._process.join()
         return outcomes
 
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+        self._process.join()
+        self._instants.close()
+        self._outcomes.close()
+
     def _hand_over(self) -> None:
-        self._instants.put(self._batch)
+        try:
+            self._instants.send(self._batch)
+        except OSError as error:
+            raise self._death() from error
         self._batch = []
+
+    def _death(self) -> VfguideError:
+        self._process.join()
+        return VfguideError(f"a flight process died (exit code {self._process.exitcode})")
 
 
 def fly_squad(
     mission: Mission,
     names: Sequence[str],
     epoch_s: float | None,
-    instants: "Queue[list[Instant] | None]",
+    instants: Connection,
     outcomes: Connection,
 ) -> None:
     """The far end: fly every instant that comes, then send home what was brought along."""
-    # Ctrl-C reaches every process of a terminal; the near end tells this one when to stop.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     squad = launch(mission, names, epoch_s)
-    while (batch := instants.get()) is not None:
-        for now, published in batch:
-            step_all(squad, now, published)
-    outcomes.send([outcome_of(aircraft) for aircraft in squad])
+    # Without a near end there is nobody to fly for.
+    with suppress(EOFError, BrokenPipeError):
+        while (batch := instants.recv()) is not None:
+            for now, published in batch:
+                step_all(squad, now, published)
+        outcomes.send([outcome_of(aircraft) for aircraft in squad])

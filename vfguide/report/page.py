@@ -15,12 +15,13 @@ from vfguide.report.summary import LeaderSummary, Summary
 from vfguide.report.wording import (
     NOT_REQUIRED,
     ComparedFigure,
-    circumstances,
     compare,
     in_digits,
     in_percent,
     main_error,
     mean_in_digits,
+    pace,
+    setting,
     verdict,
 )
 
@@ -65,7 +66,7 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
     body = "".join(
         (
             f"<h1>{escape(summary.mission)}</h1>",
-            f'<p class="quiet">{escape(circumstances(summary))}</p>',
+            f'<p class="quiet">{escape(setting(summary))}, {escape(pace(summary))}</p>',
             _render_verdict(summary),
             _render_figures(summary),
             _render_vehicles(record, summary),

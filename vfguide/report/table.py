@@ -1,27 +1,27 @@
 """The figures of a flight for a terminal."""
 
 from rich import box
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from vfguide.report.summary import LeaderSummary, Summary
 from vfguide.report.wording import (
-    circumstances,
     in_digits,
     in_percent,
     main_error,
+    pace,
+    setting,
     settled_after,
     verdict,
 )
 
 
-def summary_table(summary: Summary) -> Table:
+def summary_table(summary: Summary) -> Group:
     """Errors of each vehicle and of the formation, and the verdict with its reasons below."""
     begin, end = summary.formation.window_s
     table = Table(
         title=Text(summary.mission, style="bold"),
-        caption=verdict_text(summary),
-        caption_justify="left",
         title_justify="left",
         box=box.SIMPLE_HEAD,
     )
@@ -45,19 +45,20 @@ def summary_table(summary: Summary) -> Table:
             in_digits(formation.max_error_m),
             "",
         )
-    return table
+    # A caption would be wrapped to the table's width; a text below it has the whole terminal.
+    return Group(table, verdict_text(summary))
 
 
 def verdict_text(summary: Summary) -> Text:
-    """Settling, separation, circumstances, and the verdict; a line for each reason against it."""
-    lines = [Text(circumstances(summary), style="dim")]
+    """Circumstances, settling, separation, and the verdict; a line for each reason against it."""
+    lines = [Text(text, style="dim") for text in (setting(summary), pace(summary))]
     if len(summary.vehicles) > 1:
         formation = summary.formation
         lines.append(
             Text(
-                f"all within 10 m {settled_after(formation.settle_10m_s)}, "
-                f"within 1 m {settled_after(formation.settle_1m_s)}; "
-                f"nearest two vehicles {in_digits(formation.min_separation_m, 'm')}"
+                f"within 10 m: {settled_after(formation.settle_10m_s)}; "
+                f"within 1 m: {settled_after(formation.settle_1m_s)}; "
+                f"least separation: {in_digits(formation.min_separation_m, 'm')}"
             )
         )
     lines.append(Text(verdict(summary), style="bold green" if summary.accepted else "bold red"))

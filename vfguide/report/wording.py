@@ -102,15 +102,20 @@ def _compare_settling(
     )
 
 
-def circumstances(summary: Summary) -> str:
-    """How the flight was flown, in a line."""
+def setting(summary: Summary) -> str:
+    """What was flown, and how."""
+    return (
+        f"controller {summary.controller}, plant {summary.plant}, wind {summary.wind}, "
+        f"{summary.mode}, {summary.rate_hz:g} Hz, seed {summary.seed}"
+    )
+
+
+def pace(summary: Summary) -> str:
+    """How long the flight was, and how long it took."""
     flown = f"{summary.duration_s:g} s in {summary.wall_s:.1f} s"
     if summary.real_time_factor is not None:
         flown += f" ({summary.real_time_factor:.3g} times real time)"
-    return (
-        f"controller {summary.controller}, plant {summary.plant}, wind {summary.wind}, "
-        f"{summary.mode}, {summary.rate_hz:g} Hz, seed {summary.seed}, {flown}"
-    )
+    return flown
 
 
 def main_error(vehicle: LeaderSummary | FollowerSummary) -> tuple[str, str, str]:

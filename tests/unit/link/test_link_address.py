@@ -1,0 +1,141 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from vfguide.errors import InputError
+from vfguide.link.address import LinkAddress, parse_link
+
+HIDDEN = "hunter2"
+AWKWARD = "p/w:@"
+
+
+def outcome(text: str) -> LinkAddress | str:
+    """The address, or what is said against it."""
+    try:
+        return parse_link(text, {})
+    except InputError as fault:
+        return str(fault)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("mqtt://broker", LinkAddress(host="broker", port=1883)),
+        ("mqtts://broker", LinkAddress(host="broker", port=8883, secure=True)),
+        ("MQTT://10.0.0.1:1884/", LinkAddress(host="10.0.0.1", port=1884)),
+        ("mqtt://[fd00::10]:1883/a/b", LinkAddress(host="fd00::10", port=1883, prefix="a/b")),
+        ("mqtt://crew@broker", LinkAddress(host="broker", port=1883, user="crew")),
+        (
+            "mqtt://crew%40north:p%2Fw%3A%40@broker:1883",
+            LinkAddress(host="broker", port=1883, user="crew@north", password=AWKWARD),
+        ),
+        (
+            "mqtts://crew:hunter2@broker/team?ca=/etc/ca.pem&cert=c.pem&key=k.pem",
+            LinkAddress(
+                host="broker",
+                port=8883,
+                prefix="team",
+                secure=True,
+                user="crew",
+                password=HIDDEN,
+                ca=Path("/etc/ca.pem"),
+                cert=Path("c.pem"),
+                key=Path("k.pem"),
+            ),
+        ),
+    ],
+)
+def test_addresses(text: str, expected: LinkAddress) -> None:
+    assert parse_link(text, {}) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("", "mqtt://HOST:1883/PREFIX"),
+        ("broker:1883", "mqtt://HOST:1883/PREFIX"),
+        ("mqtt:broker", "mqtt://HOST:1883/PREFIX"),
+        ("http://broker", "begin with mqtt:// or mqtts://"),
+        ("mqtt://", "the host is missing"),
+        ("mqtt://bro ker", "blanks"),
+        ("mqtt://broker\n", "blanks or control"),
+        ("mqtt://-broker", "the host is no name"),
+        ("mqtt://1.2.3", "the host is no number"),
+        ("mqtt://[::zz]", "the host is no"),
+        ("mqtt://[::1", "the host is no"),
+        ("mqtt://broker:0", "within 1 to 65535"),
+        ("mqtt://broker:65536", "within 1 to 65535"),
+        ("mqtt://broker:port", "within 1 to 65535"),
+        ("mqtt://:pw@broker", "the user name is missing"),
+        ("mqtt://broker/a#b", "%23"),
+        ("mqtt://broker/a+b", "the prefix cannot begin a topic"),
+        ("mqtt://broker/$SYS", "the prefix cannot begin a topic"),
+        ("mqtt://broker/a//b", "the prefix cannot begin a topic"),
+        ("mqtt://broker?ca=x", "mqtts://"),
+        ("mqtts://broker?ca", "not understood"),
+        ("mqtts://broker?ca=", "a file name is missing"),
+        ("mqtts://broker?ca=x&ca=y", "once each"),
+        ("mqtts://broker?password=x", "ca=, cert= and key="),
+        ("mqtts://broker?cert=x", "cert= and key= go together"),
+    ],
+)
+def test_a_wrong_address_is_one_line_with_the_remedy(text: str, remedy: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_link(text, {})
+    line = str(caught.value)
+    assert line.startswith("link address: ")
+    assert remedy in line
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "mqtt://crew:hunter2@broker:1883/p",
+        "mqtt://crew:hunter2/x@broker:1883",
+        "mqtt://crew:hunter2",
+        "mqtt:crew:hunter2@broker",
+        "crew:hunter2@broker",
+        "mqtt://crew:#hunter2@broker",
+        "mqtt://crew:hunter2@broker:port",
+        "mqtts://crew:hunter2@broker?password=hunter2",
+        "mqtts://crew:hunter2@broker?hunter2",
+        "mqtt://:hunter2@broker",
+        "mqtt://crew:x?hunter2@broker",
+        "mqtt://crew:hunter2@[broker",
+        "mqtt://crew:hunter2 @broker",
+        "mqtt://broker/+hunter2",
+    ],
+)
+def test_the_password_is_never_shown(text: str) -> None:
+    found = outcome(text)
+    assert HIDDEN not in repr(found) + str(found) + f"{found}"
+    assert isinstance(found, str) or found.password == HIDDEN
+
+
+def test_the_environment_has_the_password_that_the_address_leaves_out() -> None:
+    environment = {"VFGUIDE_LINK_PASSWORD": HIDDEN}
+    assert parse_link("mqtt://crew@broker", environment).password == HIDDEN
+    assert parse_link("mqtt://crew:p%2Fw%3A%40@broker", environment).password == AWKWARD
+    # Nobody to whom it could belong.
+    assert parse_link("mqtt://broker", environment).password is None
+
+
+def test_an_address_reads_as_it_was_written_without_its_user() -> None:
+    assert str(parse_link("mqtt://crew:pw@[fd00::1]/p", {})) == "mqtt://[fd00::1]:1883/p"
+    assert str(parse_link("mqtts://broker", {})) == "mqtts://broker:8883/vfguide"
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@example(text="mqtt://\u2100")
+@example(text="mqtt://a\ud800")
+@given(text=st.text() | st.text().map("mqtt://{}".format) | st.text().map("mqtts://h?{}".format))
+def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
+    found = outcome(text)
+    if isinstance(found, str):
+        assert len(found.splitlines()) == 1
+    else:
+        assert 1 <= found.port <= 65_535
+        assert not set("+#") & set(found.prefix)

@@ -1,0 +1,148 @@
+import asyncio
+from collections import Counter
+
+from aiomqtt import Message
+
+from vfguide.link.backoff import retry_delay
+from vfguide.link.echo import Echo
+from vfguide.link.inbox import MOST_TOPICS, Inbox, NewestOnly
+from vfguide.link.topics import Topics
+
+TOPICS = Topics(prefix="p/q", formation="circle", vehicle="f1")
+
+
+def message(topic: str, payload: bytes) -> Message:
+    return Message(topic, payload, 0, retain=False, mid=1, properties=None)
+
+
+def test_only_the_newest_of_each_topic_is_kept() -> None:
+    counters: Counter[str] = Counter()
+    mail = NewestOnly(lambda: counters.update(["replaced"]))
+    for number in range(5):
+        mail.put("a", b"a%d" % number)
+        mail.put("b", b"b%d" % number)
+    assert [mail.take() for _ in range(3)] == [("a", b"a4"), ("b", b"b4"), None]
+    assert counters == {"replaced": 8}
+
+
+def test_a_flood_of_topics_is_bounded() -> None:
+    counters: Counter[str] = Counter()
+    mail = NewestOnly(lambda: counters.update(["replaced"]))
+    for number in range(1000):
+        mail.put(f"topic {number}", b"")
+    assert len(mail) == MOST_TOPICS
+    assert counters == {"replaced": 1000 - MOST_TOPICS}
+
+
+def test_whoever_waits_for_mail_is_woken_and_not_twice() -> None:
+    async def scenario() -> None:
+        mail = NewestOnly(lambda: None)
+        waiting = asyncio.create_task(mail.wait())
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        mail.put("a", b"1")
+        await asyncio.wait_for(waiting, 5.0)
+        mail.clear()
+        waiting = asyncio.create_task(mail.wait())
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        waiting.cancel()
+
+    asyncio.run(scenario())
+
+
+def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
+    counters: Counter[str] = Counter()
+    inbox = Inbox(counters)
+    inbox.deliver(message("a", b"x" * 4096))
+    inbox.deliver(message("a", b"y" * 4097))
+    assert inbox.mail.take() == ("a", b"x" * 4096)
+    assert counters == {"dropped: too long": 1}
+
+
+def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
+    async def scenario() -> None:
+        inbox = Inbox(Counter())
+
+        async def flood() -> None:
+            while True:
+                inbox.deliver(message("a", b""))
+                await asyncio.sleep(0)
+
+        flooding = asyncio.create_task(flood())
+        await asyncio.wait_for(inbox.settle(), 5.0)
+        flooding.cancel()
+
+    asyncio.run(scenario())
+
+
+def test_delays_grow_by_half_from_a_fifth_of_a_second_to_five() -> None:
+    delays = [round(retry_delay(failures, 1.0), 3) for failures in range(1, 11)]
+    assert delays == [0.2, 0.3, 0.45, 0.675, 1.012, 1.519, 2.278, 3.417, 5.0, 5.0]
+    assert retry_delay(10**9, 1.0) == 5.0
+    assert retry_delay(1, 0.0) == 0.1
+
+
+def test_after_two_seconds_of_outage_the_next_try_is_less_than_a_second_away() -> None:
+    time_s, failures = 0.0, 0
+    while time_s < 2.0:
+        failures += 1
+        time_s += retry_delay(failures, 1.0)
+    assert time_s < 3.0
+
+
+def test_topics_of_a_vehicle() -> None:
+    assert TOPICS.state("lead") == "p/q/circle/lead/state"
+    assert TOPICS.presence("f1") == "p/q/circle/f1/presence"
+    assert TOPICS.ask("lead") == "p/q/circle/lead/clock/ask/f1"
+    assert TOPICS.tell("lead") == "p/q/circle/lead/clock/tell/f1"
+    assert TOPICS.every_ask() == "p/q/circle/f1/clock/ask/+"
+
+
+def test_questions_are_answered_where_they_belong() -> None:
+    assert TOPICS.answer_to("p/q/circle/f1/clock/ask/f2") == "p/q/circle/f1/clock/tell/f2"
+    for other in ("p/q/circle/f2/clock/ask/f1", "p/q/circle/f1/clock/ask/", "f2", "", "/", "a/+"):
+        assert TOPICS.answer_to(other) is None
+
+
+def test_names_cannot_reach_into_other_topics() -> None:
+    assert TOPICS.state("a/b+#%") == "p/q/circle/a%2Fb%2B%23%25/state"
+
+
+def test_the_echo_has_no_age_while_states_come_back() -> None:
+    echo = Echo()
+    assert echo.age(5.0) == 0.0
+    for number in range(10):
+        echo.speak(b"%d" % number, float(number))
+        assert echo.hear(b"%d" % number)
+        assert not echo.check()
+    assert echo.age(99.0) == 0.0
+
+
+def test_states_that_do_not_come_back_age_from_the_first_of_them() -> None:
+    echo = Echo()
+    for number in range(3):
+        echo.speak(b"%d" % number, float(number))
+    assert echo.age(5.0) == 5.0
+    assert echo.hear(b"2")
+    assert echo.age(5.0) == 0.0
+
+
+def test_the_state_of_somebody_else_is_no_echo() -> None:
+    echo = Echo()
+    echo.speak(b"own", 0.0)
+    assert not echo.hear(b"other")
+    assert echo.age(1.0) == 1.0
+
+
+def test_two_checks_without_an_echo_make_the_broker_deaf() -> None:
+    echo, found = Echo(), []
+    for _ in range(3):
+        echo.speak(b"own", 0.0)
+        found.append(echo.check())
+    assert found == [False, True, True]
+    echo.hear(b"own")
+    assert not echo.check()
+    # Nor is it deaf to someone who says nothing.
+    assert not echo.check()

@@ -1,0 +1,111 @@
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from vfguide.link.codec import LinkDataError
+from vfguide.link.presence import Presence, decode_presence, encode_presence
+
+PLAIN = Presence(
+    status="online", mode="tracking", time_s=12.5, version="0.1.0", figures={"delay_ms": 0.25}
+)
+TEXTS = st.text("abc xyz-_äö", max_size=100)
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+SOUND = st.builds(
+    Presence,
+    status=st.sampled_from(["online", "offline"]),
+    mode=TEXTS,
+    time_s=FINITE,
+    version=TEXTS,
+    figures=st.dictionaries(st.text("abc_", max_size=8), FINITE, max_size=10),
+)
+JSON: Any = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=8,
+)
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(presence=SOUND)
+def test_what_goes_in_comes_out(presence: Presence) -> None:
+    assert decode_presence(encode_presence(presence)) == presence
+
+
+def test_a_presence_is_json_that_anybody_can_read() -> None:
+    assert json.loads(encode_presence(PLAIN)) == {
+        "status": "online",
+        "mode": "tracking",
+        "time_s": 12.5,
+        "version": "0.1.0",
+        "figures": {"delay_ms": 0.25},
+    }
+
+
+def test_figures_that_are_not_finite_are_left_out() -> None:
+    figures = {"a": float("nan"), "b": 1.0, "c": float("inf")}
+    assert decode_presence(encode_presence(replace(PLAIN, figures=figures))).figures == {"b": 1.0}
+
+
+def test_fields_that_are_not_known_are_ignored_and_some_may_be_missing() -> None:
+    data = b'{"status":"offline","time_s":1,"colour":"red"}'
+    assert decode_presence(data) == Presence(status="offline", mode="", time_s=1.0, version="")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"online",
+        b"\xff\xfe",
+        b"[]",
+        b"{}",
+        b'{"status":"online"}',
+        b'{"status":"ONLINE","time_s":1}',
+        b'{"status":"online","time_s":true}',
+        b'{"status":"online","time_s":NaN}',
+        b'{"status":"online","time_s":1e999}',
+        b'{"status":"online","time_s":"1"}',
+        b'{"status":"online","time_s":1,"mode":7}',
+        b'{"status":"online","time_s":1,"mode":"a\\nb"}',
+        b'{"status":"online","time_s":1,"version":"' + b"v" * 101 + b'"}',
+        b'{"status":"online","time_s":1,"figures":[1]}',
+        b'{"status":"online","time_s":1,"figures":{"a":"b"}}',
+        b'{"status":"online","time_s":1,"figures":{"a":null}}',
+        b'{"status":"online","time_s":' + b"9" * 400 + b"}",
+        b"[" * 4000,
+        b'{"status":"online","time_s":1}' + b" " * 5000,
+        json.dumps(
+            {"status": "online", "time_s": 1, "figures": {str(i): 1 for i in range(101)}}
+        ).encode(),
+    ],
+)
+def test_whatever_is_no_presence_is_refused(data: bytes) -> None:
+    with pytest.raises(LinkDataError):
+        decode_presence(data)
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@example(content={"status": "online", "time_s": 10**400})
+@given(
+    content=JSON
+    | st.fixed_dictionaries(
+        {"status": st.just("online"), "time_s": FINITE, "figures": JSON, "mode": JSON}
+    )
+)
+def test_any_json_is_a_presence_or_refused(content: object) -> None:
+    try:
+        presence = decode_presence(json.dumps(content).encode())
+    except LinkDataError:
+        return
+    assert decode_presence(encode_presence(presence)) == presence
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(data=st.binary(max_size=200))
+def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
+    with pytest.raises(LinkDataError):
+        decode_presence(data)

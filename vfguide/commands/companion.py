@@ -1,0 +1,64 @@
+"""`vfguide companion`: the daemon for one real vehicle."""
+
+import asyncio
+from pathlib import Path
+
+from vfguide.commands.logs import log_to_standard_error
+from vfguide.companion.clock import Clock
+from vfguide.companion.daemon import Surroundings, run_until_stopped
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.errors import InputError
+from vfguide.link.address import parse_link
+from vfguide.mavlink.address import parse_address
+from vfguide.mission import Mission
+
+
+def run_companion(
+    mission: Mission,
+    vehicle: str,
+    *,
+    mavlink: str,
+    link: str,
+    engage: bool,
+    record: Path | None,
+    clock: str | None,
+) -> None:
+    """Run the companion of a vehicle until SIGTERM.
+
+    Raises:
+        InputError: the vehicle is not in the mission, or an address is wrong.
+    """
+    flying = [mission.leader.vehicle, *mission.followers_by_name]
+    if vehicle not in flying:
+        raise InputError(
+            f"{vehicle!r} does not fly in {mission.name}; one of {', '.join(flying)} does"
+        )
+    surroundings = Surroundings(
+        mavlink=parse_address(mavlink),
+        link=parse_link(link),
+        formation=mission.name,
+        leader=mission.leader.vehicle,
+        clock=parse_clock(clock),
+        engage=engage,
+        record=record,
+    )
+    log_to_standard_error()
+    plan = flight_plan(mission, vehicle)
+    asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
+
+
+def parse_clock(text: str | None) -> Clock:
+    """`EPOCH,RATE` as a rehearsal hands it to its companions; the real clock where there is none.
+
+    Raises:
+        InputError: it is not two numbers.
+    """
+    if text is None:
+        return Clock()
+    try:
+        epoch_s, rate = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"--clock: {text!r} is not EPOCH,RATE") from error
+    if not rate > 0.0:
+        raise InputError(f"--clock: the rate {rate:g} is not above 0")
+    return Clock(epoch_s=epoch_s, rate=rate)

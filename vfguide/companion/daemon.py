@@ -1,0 +1,191 @@
+"""The companion as a process: the one place with tasks, sockets and a clock."""
+
+import asyncio
+import logging
+import signal
+import time
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from random import Random
+
+from vfguide.companion.clock import Clock
+from vfguide.companion.core import Companion, Outgoing
+from vfguide.companion.latency import Quantiles
+from vfguide.companion.plan import FlightPlan
+from vfguide.link.address import LinkAddress
+from vfguide.link.mqtt import Link, open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.address import Address
+from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.record.tlog import TelemetryLog
+
+logger = logging.getLogger(__name__)
+
+POLL_S = 0.1
+"""Between looks at what is due by time alone, s of the companion's clock."""
+
+ANNOUNCE_S = 1.0
+"""Between presences, s of the companion's clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """Where a companion runs."""
+
+    mavlink: Address
+    """Its autopilot."""
+    link: LinkAddress
+    """The formation's link."""
+    formation: str
+    """Name of the formation on the link."""
+    leader: str
+    """Vehicle whose states are listened to."""
+    clock: Clock
+    """Its clock."""
+    engage: bool
+    """Whether it may put the autopilot into the guided mode by itself, the first time."""
+    record: Path | None
+    """Directory for its telemetry log."""
+
+
+class Daemon:
+    """One companion with its sockets; everything it decides is in `Companion`."""
+
+    def __init__(
+        self, plan: FlightPlan, adapter: AutopilotAdapter, surroundings: Surroundings
+    ) -> None:
+        """Make a daemon that is not connected to anything yet."""
+        self._name = plan.name
+        self._clock = surroundings.clock
+        self._surroundings = surroundings
+        self._peer_clock = None if plan.leads else PeerClock()
+        to_own_time = float if self._peer_clock is None else self._peer_clock.to_local
+        self._companion = Companion(
+            plan, adapter, engage=surroundings.engage, to_own_time=to_own_time
+        )
+        self._log = None if surroundings.record is None else TelemetryLog(time.time())
+        self._began = self._clock.now()
+        self._connection: Connection | None = None
+        self._link: Link | None = None
+        self._response = Quantiles()
+        self._leader_age = Quantiles()
+        self._announced = -ANNOUNCE_S
+        self._stopped = False
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Fly until told to stop; then hand back and close everything."""
+        random = Random()
+        where = self._surroundings
+        async with AsyncExitStack() as stack:
+            self._connection = await stack.enter_async_context(
+                open_connection(where.mavlink, self._take_mavlink, random=random)
+            )
+            self._link = await stack.enter_async_context(
+                open_link(
+                    where.link,
+                    formation=where.formation,
+                    vehicle=self._name,
+                    listen_to=None if self._peer_clock is None else where.leader,
+                    receive=self._take_link,
+                    random=random,
+                    peer_clock=self._peer_clock,
+                    clock=self._clock.now,
+                )
+            )
+            while not stop.is_set():
+                self._dispatch(self._companion.poll(self._clock.now()))
+                self._announce()
+                try:
+                    async with asyncio.timeout(self._clock.real_seconds(POLL_S)):
+                        await stop.wait()
+                except TimeoutError:
+                    continue
+            self._dispatch(self._companion.stop(self._clock.now()))
+            self._stopped = True
+        self._write_log()
+
+    def _take_mavlink(self, datagram: bytes) -> None:
+        """One datagram in, one out, at once."""
+        if self._stopped:
+            # Handed back: while connections close, its telemetry must not bring new setpoints.
+            return
+        began = time.perf_counter()
+        now = self._clock.now()
+        out = self._companion.receive_mavlink(datagram, now)
+        self._dispatch(out)
+        if out.steered:
+            self._response.add(time.perf_counter() - began)
+            self._leader_age.add(self._companion.leader_age(now))
+        if self._log is not None:
+            self._log.add(now - self._began, datagram)
+
+    def _take_link(self, data: bytes) -> None:
+        self._companion.receive_link(data, self._clock.now())
+
+    def _dispatch(self, out: Outgoing) -> None:
+        """Send what the companion wants sent, and log what it has to say."""
+        if out.to_autopilot and self._connection is not None:
+            self._connection.send(out.to_autopilot)
+            if self._log is not None:
+                self._log.add(self._clock.now() - self._began, out.to_autopilot)
+        if self._link is not None:
+            for data in out.to_link:
+                self._link.publish(data)
+        for event in out.events:
+            level = logging.WARNING if event.warning else logging.INFO
+            logger.log(level, event.text, extra={"vehicle": self._name})
+        if any(not event.warning for event in out.events):
+            self._announced = -ANNOUNCE_S
+
+    def _announce(self) -> None:
+        """Tell the formation, once a second and after each change of mode, how this companion is."""
+        now = self._clock.now()
+        if self._link is None or now - self._announced < ANNOUNCE_S:
+            return
+        self._announced = now
+        self._link.announce(
+            Presence(
+                status="online",
+                mode=self._companion.snapshot.mode.value,
+                time_s=now,
+                version=version("vfguide"),
+                figures=self._figures(),
+            )
+        )
+
+    def _figures(self) -> dict[str, float]:
+        """Latencies in milliseconds and counters, for operators."""
+        series = {"response_ms": self._response, "leader_age_ms": self._leader_age}
+        figures: dict[str, float] = {}
+        for name, quantiles in series.items():
+            for label, share in (("p50", 0.5), ("p99", 0.99)):
+                value = quantiles.quantile(share)
+                if value is not None:
+                    figures[f"{name}_{label}"] = round(value * 1e3, 3)
+            figures[f"{name}_max"] = round(quantiles.greatest * 1e3, 3)
+        return figures
+
+    def _write_log(self) -> None:
+        record = self._surroundings.record
+        if record is not None and self._log is not None:
+            record.mkdir(parents=True, exist_ok=True)
+            self._log.write(record / f"{self._name}.tlog")
+
+
+async def run_until_stopped(
+    plan: FlightPlan, adapter: AutopilotAdapter, surroundings: Surroundings
+) -> None:
+    """Run a companion until SIGTERM or SIGINT.
+
+    Raises:
+        InputError: an address cannot be used.
+    """
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    await Daemon(plan, adapter, surroundings).run(stop)

@@ -1,0 +1,29 @@
+"""How long to wait before the broker is called again."""
+
+SHORTEST_DELAY = 0.2
+"""s, before the first new try: most losses are a matter of a moment."""
+
+LONGEST_DELAY = 5.0
+"""s: a broker that comes back is not kept waiting longer."""
+
+GROWTH = 1.5
+"""Of the delay from one try to the next. Slower than doubling: after an outage of two seconds the next try is
+never more than a second away."""
+
+STEPS = 10
+"""More than it takes from the shortest delay to the longest."""
+
+
+def retry_delay(failures: int, share: float) -> float:
+    """Seconds to wait after some failures in a row: growing, bounded, and never in step with others.
+
+    Args:
+        failures: in a row, from 1.
+        share: random, in [0, 1): companions that lost the same broker do not all come back at once.
+
+    Returns:
+        Between half and the whole of 0.2, 0.3, 0.45 ... 5 s.
+    """
+    steps = min(max(failures - 1, 0), STEPS)
+    whole = min(SHORTEST_DELAY * GROWTH**steps, LONGEST_DELAY)
+    return whole * (0.5 + 0.5 * share)

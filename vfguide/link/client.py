@@ -1,0 +1,178 @@
+"""One connection to a broker, which opens and closes in bounded time and leaves nothing behind."""
+
+import asyncio
+import re
+import socket
+import ssl
+from collections.abc import Callable
+from contextlib import suppress
+
+from aiomqtt import Client, Message, MqttError, Will
+from aiomqtt.types import PahoSocket
+from paho.mqtt.client import Client as Engine
+
+from vfguide.errors import InputError
+from vfguide.link.address import LinkAddress
+
+KEEPALIVE_S = 2
+"""After this long without a word from the broker it is asked whether it lives."""
+
+DIAL_S = 2.0
+"""s for the TCP connection, and again for TLS."""
+
+ANSWER_S = 1.5
+"""s for each answer of the broker."""
+
+SEND_BUFFER = 8 * 1024
+"""Bytes in the kernel: by default minutes of states would wait there for a broker that does not read."""
+
+LONGEST_SILENCE = 5_000
+"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
+
+SOCKET_OPTIONS = (
+    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE),
+    (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
+)
+
+UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
+NUMBERED = re.compile(r"^\[(Errno -?\d+|SSL: \w+|SSL)\] *| \(_ssl\.c:\d+\)$")
+REFUSALS = (134, 135)
+"""Bad user name or password, and not authorized; brokers use either for a wrong password."""
+
+
+class BrokerClient(Client):
+    """A client of aiomqtt for one connection, with the ends that it leaves loose tied up."""
+
+    def __init__(
+        self,
+        address: LinkAddress,
+        *,
+        identifier: str,
+        will: Will,
+        queue: type[asyncio.Queue[Message]],
+        context: ssl.SSLContext | None,
+    ) -> None:
+        super().__init__(
+            address.host,
+            address.port,
+            username=address.user,
+            password=address.password,
+            identifier=identifier,
+            queue_type=queue,
+            will=will,
+            timeout=ANSWER_S,
+            keepalive=KEEPALIVE_S,
+            tls_context=context,
+            socket_options=SOCKET_OPTIONS,
+        )
+        # aiomqtt passes no time-out on to the engine that dials.
+        self._client.connect_timeout = DIAL_S
+        self._secure = address.secure
+        self._gone = asyncio.Event()
+        self._client.on_socket_close = self._noting(self._client.on_socket_close)
+
+    def _noting(
+        self, close: Callable[[Engine, object, PahoSocket], None] | None
+    ) -> Callable[[Engine, object, PahoSocket], None]:
+        """Note that the socket is closed, after whatever is to be done then."""
+
+        def closing(engine: Engine, userdata: object, sock: PahoSocket) -> None:
+            if close is not None:
+                close(engine, userdata, sock)
+            # Dialling runs in a thread of its own.
+            self._loop.call_soon_threadsafe(self._gone.set)
+
+        return closing
+
+    async def open(self) -> None:
+        """Connect. Not to be cancelled: it ends by itself, one way or the other, after some seconds.
+
+        Raises:
+            MqttError: it does not work; nothing is left behind.
+        """
+        entering = asyncio.ensure_future(self.__aenter__())
+        gone = asyncio.ensure_future(self._gone.wait())
+        await asyncio.wait({entering, gone}, return_when=asyncio.FIRST_COMPLETED)
+        gone.cancel()
+        # A broker that refuses says so and closes: let what it says arrive.
+        await asyncio.wait({entering}, timeout=0.1)
+        if not entering.done():
+            entering.cancel()
+            await asyncio.wait({entering})
+        if entering.cancelled():
+            hint = ", perhaps for want of another client certificate" if self._secure else ""
+            raise MqttError(f"the broker closed the connection without a word{hint}")
+        if entering.exception() is not None:
+            await self._hang_up()
+        await entering
+
+    async def close(self) -> None:
+        """Disconnect, politely if that works at once."""
+        with suppress(MqttError):
+            await self.__aexit__(None, None, None)
+        await self._hang_up()
+
+    async def _hang_up(self) -> None:
+        """Close the socket if it is still open, and wait for that."""
+        sock = self._client.socket()
+        if not isinstance(sock, socket.socket):
+            return
+        with suppress(OSError):
+            # The engine finds the end of the stream and closes; it has no call for closing at once.
+            sock.shutdown(socket.SHUT_RDWR)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(ANSWER_S):
+                await self._gone.wait()
+
+
+class TidySocket(ssl.SSLSocket):
+    """Closes itself when the two sides cannot agree; the engine would forget it open."""
+
+    def do_handshake(self, block: bool = False) -> None:
+        """Agree on a cipher and on who is who."""
+        try:
+            super().do_handshake(block)
+        except BaseException:
+            self.close()
+            raise
+
+
+def security_of(address: LinkAddress) -> ssl.SSLContext | None:
+    """What an encrypted connection needs; None for one that is not.
+
+    Raises:
+        InputError: a certificate cannot be read.
+    """
+    if not address.secure:
+        return None
+    name = address.ca
+    try:
+        context = ssl.create_default_context(cafile=address.ca)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.sslsocket_class = TidySocket
+        if address.cert is not None:
+            name = address.cert
+            # A key with a pass phrase must not stop a daemon with a question on the terminal.
+            context.load_cert_chain(address.cert, address.key, password=lambda: b"")
+    except ssl.SSLError:
+        what = "certificate" if name == address.ca else "certificate with its unencrypted key"
+        raise InputError(f"link {address}: {name} is no {what} in PEM form") from None
+    except OSError as error:
+        missing = error.filename or name
+        raise InputError(f"link {address}: {missing}: {error.strerror}") from None
+    return context
+
+
+def reason_of(error: Exception) -> str:
+    """Why there is no connection, in one line."""
+    code = getattr(getattr(error, "rc", None), "value", None)
+    if code in REFUSALS:
+        return "refused: wrong user name or password, or not allowed"
+    text = " ".join(str(error).split()) or type(error).__name__
+    untrusted = UNTRUSTED.search(text)
+    if untrusted:
+        return f"the broker's certificate is not trusted: {untrusted['why']}"
+    if text in {"Operation timed out", "timed out"}:
+        return "the broker does not answer"
+    return NUMBERED.sub("", text)

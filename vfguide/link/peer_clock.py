@@ -1,0 +1,183 @@
+"""How far the clock of another computer is from one's own.
+
+By exchanges of four stamps as in RFC 5905, section 8: a question leaves at t0 and its answer arrives at t3
+on one's own clock, the question arrives at t1 and the answer leaves at t2 on the peer's. Nothing here reads
+a clock.
+"""
+
+import math
+from collections import Counter, deque
+from dataclasses import dataclass
+
+from vfguide.link.clock_codec import Ask, Tell, decode_ask, decode_tell, encode_ask, encode_tell
+from vfguide.link.codec import LinkDataError
+
+KEPT = 16
+"""Exchanges that are remembered."""
+
+OPEN = 8
+"""Questions that an answer is still awaited for."""
+
+GREATEST_DELAY_S = 2.0
+"""An exchange that took longer says too little."""
+
+DRIFT = 100e-6
+"""s/s by which the two clocks may run apart: two quartz clocks of 50 ppm each."""
+
+ROUNDING_S = 1e-5
+"""More than sums and differences of stamps round to, on clocks that count years."""
+
+SETTLED = 5
+"""Exchanges after which there is no more hurry."""
+
+HURRIED_S, CALM_S = 0.2, 2.0
+"""Between questions: at first or when something is odd, and else."""
+
+CERTAIN = 2
+"""Exchanges in a row that disagree with the rest, and agree with each other, before the rest is forgotten."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """What one question and its answer say."""
+
+    offset_s: float
+    """The peer's clock less one's own, s."""
+    delay_s: float
+    """On the way, there and back, s; the offset is wrong by at most half of it."""
+    began_s: float
+    """When the question left, s on one's own clock."""
+
+    def bound_s(self, now: float) -> float:
+        """Greatest error of the offset at a time, s, if both clocks have run on without a step."""
+        return 0.5 * self.delay_s + DRIFT * abs(now - self.began_s)
+
+    def agrees(self, other: "Exchange") -> bool:
+        """Whether both can be true of clocks that have not stepped between them."""
+        apart = abs(self.offset_s - other.offset_s)
+        # The later one took some time too.
+        slack = ROUNDING_S + DRIFT * GREATEST_DELAY_S
+        return apart <= self.bound_s(other.began_s) + other.bound_s(other.began_s) + slack
+
+
+def exchange_of(tell: Tell, arrived_s: float) -> Exchange:
+    """What four stamps say, RFC 5905 section 8.
+
+    Offset = ((t1 - t0) + (t2 - t3)) / 2, delay = (t3 - t0) - (t2 - t1), all in s.
+    """
+    there = tell.receive_s - tell.originate_s
+    back = tell.transmit_s - arrived_s
+    delay = there - back
+    # Less than nothing by a rounding error is nothing.
+    delay = 0.0 if -ROUNDING_S < delay < 0.0 else delay
+    return Exchange(offset_s=0.5 * (there + back), delay_s=delay, began_s=tell.originate_s)
+
+
+class PeerClock:
+    """The clock of one peer, as known from exchanges with it."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        """Answers that were not used, by reason, and steps of either clock."""
+        self._number = 0
+        self._open: dict[int, float] = {}
+        self._kept: deque[Exchange] = deque(maxlen=KEPT)
+        self._odd: list[Exchange] = []
+        self._best: Exchange | None = None
+        self._bound_s = math.inf
+
+    @property
+    def ready(self) -> bool:
+        """Whether the offset is known."""
+        return self._best is not None
+
+    @property
+    def offset_s(self) -> float:
+        """The peer's clock less one's own, s; NaN while not known."""
+        return math.nan if self._best is None else self._best.offset_s
+
+    @property
+    def bound_s(self) -> float:
+        """Greatest error of the offset when the last answer came, s; infinite while it is not known."""
+        return self._bound_s
+
+    @property
+    def pause_s(self) -> float:
+        """How long to wait before the next question, s."""
+        hurried = len(self._kept) < SETTLED or self._odd
+        return HURRIED_S if hurried else CALM_S
+
+    def to_local(self, peer_time: float) -> float:
+        """A time of the peer's clock on one's own, s; NaN while the offset is not known."""
+        return peer_time - self.offset_s
+
+    def request(self, now: float) -> bytes:
+        """A question to send at once."""
+        self._number = (self._number + 1) % 2**32
+        self._open[self._number] = now
+        while len(self._open) > OPEN:
+            del self._open[next(iter(self._open))]
+        return encode_ask(Ask(number=self._number, originate_s=now))
+
+    @staticmethod
+    def answer(data: bytes, received: float, now: float) -> bytes:
+        """The answer to a question, to be sent at once.
+
+        Args:
+            data: the question.
+            received: when it came, s on the clock that it asks for.
+            now: what that clock shows, s.
+
+        Raises:
+            LinkDataError: it is no question.
+        """
+        ask = decode_ask(data)
+        tell = Tell(
+            number=ask.number, originate_s=ask.originate_s, receive_s=received, transmit_s=now
+        )
+        return encode_tell(tell)
+
+    def take(self, data: bytes, now: float) -> bool:
+        """Learn from an answer that has just come.
+
+        Returns:
+            Whether it shows that one of the clocks has stepped.
+        """
+        try:
+            tell = decode_tell(data)
+        except LinkDataError:
+            self.counters["malformed"] += 1
+            return False
+        # Each question is answered once, whoever repeats the answer.
+        if self._open.get(tell.number) != tell.originate_s:
+            self.counters["not asked for"] += 1
+            return False
+        del self._open[tell.number]
+        exchange = exchange_of(tell, now)
+        if not 0.0 <= exchange.delay_s <= GREATEST_DELAY_S or tell.transmit_s < tell.receive_s:
+            self.counters["odd delay"] += 1
+            return False
+        stepped = self._weigh(exchange)
+        self._choose(now)
+        return stepped
+
+    def _weigh(self, exchange: Exchange) -> bool:
+        """Keep an exchange, or put it aside for as long as only it says that a clock has stepped."""
+        if self._best is None or self._best.agrees(exchange):
+            self._kept.append(exchange)
+            self._odd.clear()
+            return False
+        self._odd = [odd for odd in self._odd if odd.agrees(exchange)]
+        self._odd.append(exchange)
+        self.counters["disagrees"] += 1
+        if len(self._odd) < CERTAIN:
+            return False
+        self.counters["step"] += 1
+        self._kept = deque(self._odd, maxlen=KEPT)
+        self._odd.clear()
+        return True
+
+    def _choose(self, now: float) -> None:
+        """The exchange of the least possible error, aged as it is, tells the offset."""
+        self._best = min(self._kept, key=lambda exchange: exchange.bound_s(now))
+        self._bound_s = self._best.bound_s(now)

@@ -1,0 +1,105 @@
+"""Whether a vehicle is there, as JSON: what ground stations and people at the broker read."""
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Literal
+
+from vfguide.link.codec import LinkDataError
+
+LARGEST = 4096
+"""Bytes of a presence: whatever is longer is not read."""
+
+LONGEST_TEXT = 100
+"""Characters of each text."""
+
+MOST_FIGURES = 100
+"""Figures in one presence."""
+
+Status = Literal["online", "offline"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presence:
+    """What a vehicle says about itself."""
+
+    status: Status
+    """The broker itself says "offline" for a vehicle that it has lost."""
+    mode: str
+    """Of the supervisor; empty while not known."""
+    time_s: float
+    """When this was true, on the vehicle's own clock, s; in a last will, when it had connected."""
+    version: str
+    """Of the vehicle's companion."""
+    figures: dict[str, float] = field(default_factory=dict)
+    """Latencies, counters and the like, by names that end in their units."""
+
+
+def encode_presence(presence: Presence) -> bytes:
+    """JSON of a presence; figures that are not finite are left out, since JSON has none.
+
+    Raises:
+        ValueError: the time is not finite.
+    """
+    content = asdict(presence)
+    content["figures"] = {
+        name: value for name, value in presence.figures.items() if math.isfinite(value)
+    }
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+def decode_presence(data: bytes) -> Presence:
+    """Presence of these bytes; fields that are not known are ignored, so that others can add some.
+
+    Raises:
+        LinkDataError: it is no presence.
+    """
+    if len(data) > LARGEST:
+        raise LinkDataError(f"{len(data)} bytes where a presence has at most {LARGEST}")
+    try:
+        content: object = json.loads(data)
+    # Deep nesting exhausts the parser, and a number of a thousand digits is refused as a ValueError.
+    except (ValueError, RecursionError):
+        raise LinkDataError("not JSON") from None
+    if not isinstance(content, dict):
+        raise LinkDataError("not a presence")
+    return Presence(
+        status=_status(content.get("status")),
+        mode=_text(content.get("mode", "")),
+        time_s=_number(content.get("time_s")),
+        version=_text(content.get("version", "")),
+        figures=_figures(content.get("figures", {})),
+    )
+
+
+def _status(value: object) -> Status:
+    if value == "online":
+        return "online"
+    if value == "offline":
+        return "offline"
+    raise LinkDataError("the status is neither online nor offline")
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
+        raise LinkDataError("a text is none, too long or not printable")
+    return value
+
+
+def _number(value: object) -> float:
+    # A truth value is an int to Python.
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise LinkDataError("a number is none")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise LinkDataError("a number is not finite")
+    return number
+
+
+def _figures(value: object) -> dict[str, float]:
+    if not isinstance(value, dict) or len(value) > MOST_FIGURES:
+        raise LinkDataError("the figures are none, or too many")
+    return {_text(name): _number(figure) for name, figure in value.items()}

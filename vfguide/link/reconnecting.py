@@ -1,0 +1,85 @@
+"""A connection to the broker that comes back by itself."""
+
+import asyncio
+import logging
+import ssl
+from contextlib import suppress
+from dataclasses import replace
+from random import Random
+
+from aiomqtt import MqttError, Will
+
+from vfguide.link.address import LinkAddress
+from vfguide.link.backoff import retry_delay
+from vfguide.link.client import BrokerClient, reason_of
+from vfguide.link.inbox import Inbox
+from vfguide.link.presence import encode_presence
+from vfguide.link.session import Parts, Session
+
+logger = logging.getLogger(__name__)
+
+STABLE_S = 5.0
+"""A connection that lasted this long was a success: the next try follows soon."""
+
+
+class Reconnecting:
+    """Keeps a link connected until told to stop."""
+
+    def __init__(
+        self, address: LinkAddress, security: ssl.SSLContext | None, parts: Parts, random: Random
+    ) -> None:
+        self._address = address
+        self._security = security
+        self._parts = parts
+        self._random = random
+        self._stop = asyncio.Event()
+        self._topic = parts.topics.presence(parts.topics.vehicle)
+        # The same name each time: the broker then ends what is left of an earlier connection before this one
+        # speaks, and not some seconds later, with "offline".
+        self._identifier = self._topic.removesuffix("/presence")
+
+    def stop(self) -> None:
+        """Say goodbye; `run` ends soon after, within seconds even if the broker does not answer."""
+        self._stop.set()
+
+    async def run(self) -> None:
+        """Connect, and again whenever the connection is lost."""
+        loop, failures = asyncio.get_running_loop(), 0
+        while not self._stop.is_set():
+            began = loop.time()
+            try:
+                await self._visit()
+                reason = "closed"
+            except (MqttError, OSError) as error:
+                reason = reason_of(error)
+            except Exception as error:
+                # Whatever it is, a vehicle in the air is better off with another try.
+                logger.exception("link: unforeseen")
+                reason = reason_of(error)
+            if self._stop.is_set():
+                return
+            self._parts.status.down(reason)
+            failures = 1 if loop.time() - began >= STABLE_S else failures + 1
+            with suppress(TimeoutError):
+                async with asyncio.timeout(retry_delay(failures, self._random.random())):
+                    await self._stop.wait()
+
+    async def _visit(self) -> None:
+        """One connection, from the call to its end."""
+        parts = self._parts
+        inbox = Inbox(parts.status.counters)
+        will = replace(parts.presence, status="offline", time_s=parts.clock(), figures={})
+        client = BrokerClient(
+            self._address,
+            identifier=self._identifier,
+            will=Will(self._topic, encode_presence(will), qos=1, retain=True),
+            queue=inbox.as_queue(),
+            context=self._security,
+        )
+        await client.open()
+        try:
+            session = Session(client, inbox, parts)
+            await session.run(self._stop)
+            await session.announce(replace(parts.presence, status="offline"))
+        finally:
+            await client.close()

@@ -1,0 +1,191 @@
+"""The formation in real time: emulators and companions as processes of their own, joined by sockets."""
+
+import asyncio
+import socket
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import yaml
+
+from vfguide.companion.core import Snapshot
+from vfguide.companion.plan import local_frame
+from vfguide.companion.supervisor import Mode
+from vfguide.errors import VfguideError
+from vfguide.mission.model import Mission
+from vfguide.mission.rehearsal import ArticleWind, SteadyWind
+from vfguide.record.flight import FlightRecord
+from vfguide.rehearsal.emulators import start_of
+from vfguide.rehearsal.judge import Judge
+from vfguide.rehearsal.processes import Process, free_port, python_module
+from vfguide.rehearsal.recorder import VehicleRecorder, flight_record
+
+LEAD_S = 3.0
+"""Real time that processes get to start before simulation time 0."""
+
+START_PATIENCE_S = 30.0
+"""Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
+
+
+def wind_option(mission: Mission) -> str:
+    """The wind of a mission as `sitl-stub` takes it."""
+    wind = mission.wind
+    if isinstance(wind, ArticleWind):
+        return "article"
+    if isinstance(wind, SteadyWind):
+        return f"steady:{wind.speed_m_s},{wind.toward_deg}"
+    return "calm"
+
+
+def emulator_command(
+    mission: Mission, name: str, *, port: int, truth_port: int, epoch_s: float, speedup: float
+) -> list[str]:
+    """How to run the emulator of a vehicle that speaks to a companion at this port."""
+    vehicle, start = mission.vehicles[name], start_of(mission, name)
+    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
+    ground = mission.origin.altitude_amsl_m
+    altitude = ground + mission.height_above_origin_m + start.up_m
+    lowest, highest = vehicle.airspeed_range_m_s
+    options = {
+        "system-id": vehicle.system_id,
+        "mavlink": f"udpout://127.0.0.1:{port}",
+        "autopilot": vehicle.autopilot,
+        "plant": vehicle.plant,
+        "alpha": vehicle.alpha_1_s,
+        "beta": vehicle.beta_1_s,
+        "wind": wind_option(mission),
+        "start": f"{latitude!r},{longitude!r},{altitude},{start.course_deg}",
+        "airspeed": min(max(mission.leader.airspeed_m_s, lowest), highest),
+        "airspeed-range": f"{lowest},{highest}",
+        "max-bank": vehicle.max_bank_deg,
+        "home-altitude": ground,
+        "position-noise": mission.rehearsal.position_noise_m,
+        "speedup": speedup,
+        "seed": mission.rehearsal.seed,
+        "truth": f"udpout://127.0.0.1:{truth_port}",
+        "truth-rate": mission.rehearsal.rate_hz,
+        "epoch": repr(epoch_s),
+    }
+    pairs = (f"--{option}={value}" for option, value in options.items())
+    return python_module("sitl_stub", *pairs, "--airborne")
+
+
+class LiveFlight:
+    """The processes of a live rehearsal and what its judge has seen."""
+
+    def __init__(self, mission: Mission, *, directory: Path, link: str, speedup: float) -> None:
+        """Prepare the processes; `fly` starts them.
+
+        Args:
+            mission: the mission.
+            directory: for logs and for the mission file that companions read.
+            link: address of the broker.
+            speedup: simulation seconds for each real one.
+        """
+        self.mission = mission
+        self.judge = Judge(mission)
+        self.emulators: dict[str, Process] = {}
+        self.companions: dict[str, Process] = {}
+        self._directory = directory
+        self._link = link
+        self._speedup = speedup
+        self._epoch_s = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """Vehicles, leader first."""
+        return [self.mission.leader.vehicle, *self.mission.followers_by_name]
+
+    @property
+    def time_s(self) -> float:
+        """Simulation time by the clock; negative before the flight begins."""
+        return (time.time() - self._epoch_s) * self._speedup
+
+    async def start(self, truth_port: int) -> None:
+        """Start every process."""
+        mission_file = self._directory / "mission.yaml"
+        content = self.mission.model_dump(mode="json", exclude_unset=True)
+        mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        self._epoch_s = time.time() + LEAD_S
+        clock = f"{time.monotonic()!r},{self._speedup!r}"
+        for name in self.names:
+            port = free_port(socket.SOCK_DGRAM)
+            options = [
+                f"--mission={mission_file}",
+                f"--mavlink=udpin://127.0.0.1:{port}",
+                f"--link={self._link}",
+                f"--record={self._directory}",
+                f"--clock={clock}",
+                "--engage",
+            ]
+            companion = python_module("vfguide", "companion", name, *options)
+            emulator = emulator_command(
+                self.mission,
+                name,
+                port=port,
+                truth_port=truth_port,
+                epoch_s=self._epoch_s,
+                speedup=self._speedup,
+            )
+            log = self._directory / f"{name}.companion.log"
+            self.companions[name] = Process(f"companion of {name}", companion, log)
+            log = self._directory / f"{name}.emulator.log"
+            self.emulators[name] = Process(f"emulator of {name}", emulator, log)
+        await asyncio.gather(*(one.start() for one in self.companions.values()))
+        await asyncio.gather(*(one.start() for one in self.emulators.values()))
+
+    async def stop(self) -> None:
+        """Stop every process, companions first: they hand their vehicles back."""
+        for group in (self.companions, self.emulators):
+            await asyncio.gather(*(one.stop() for one in group.values()))
+
+    def check(self) -> None:
+        """Look after the processes.
+
+        Raises:
+            VfguideError: an emulator has ended, or nothing has been seen of the flight for too long.
+        """
+        for process in self.emulators.values():
+            if not process.running:
+                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
+        late = self.time_s / self._speedup > START_PATIENCE_S
+        if late and self.judge.time_s < 0.0:
+            raise VfguideError("no emulator has flown")
+
+    def record(self, *, wall_s: float) -> FlightRecord:
+        """What has been seen so far.
+
+        Raises:
+            VfguideError: nothing has.
+        """
+        samples = self.judge.common_samples()
+        if not samples:
+            raise VfguideError("nothing was seen of the flight")
+        times = [sample / self.mission.rehearsal.rate_hz for sample in samples]
+        unseen = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
+        vehicles = []
+        for name in self.names:
+            recorder = VehicleRecorder(self.mission, name)
+            for sample in samples:
+                recorder.sample(self.judge.truths[name][sample], unseen)
+            vehicles.append(recorder.record())
+        return flight_record(self.mission, times, vehicles, wall_s=wall_s, mode="live")
+
+
+@asynccontextmanager
+async def live_flight(
+    mission: Mission, *, directory: Path, link: str, speedup: float = 1.0
+) -> AsyncIterator[LiveFlight]:
+    """A live rehearsal in the air, over a broker that runs already."""
+    flight = LiveFlight(mission, directory=directory, link=link, speedup=speedup)
+    loop = asyncio.get_running_loop()
+    transport, _ = await loop.create_datagram_endpoint(
+        lambda: flight.judge, local_addr=("127.0.0.1", 0)
+    )
+    try:
+        await flight.start(transport.get_extra_info("sockname")[1])
+        yield flight
+    finally:
+        await flight.stop()
+        transport.close()

@@ -1,0 +1,91 @@
+"""The processes of a live rehearsal, and how they are started, killed and waited for."""
+
+import asyncio
+import os
+import signal
+import socket
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+PATIENCE_S = 5.0
+"""Real time that a process gets to end cleanly before it is killed."""
+
+
+class Process:
+    """One program of a rehearsal, restarted as often as somebody wants."""
+
+    def __init__(self, name: str, command: Sequence[str], log: Path) -> None:
+        """Remember a program; nothing is started yet.
+
+        Args:
+            name: what it is called in messages.
+            command: program and arguments.
+            log: file that its output is added to.
+        """
+        self.name = name
+        self._command = command
+        self._log = log
+        self._process: asyncio.subprocess.Process | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether it runs now."""
+        return self._process is not None and self._process.returncode is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """How it ended; None while it runs."""
+        return None if self._process is None else self._process.returncode
+
+    async def start(self) -> None:
+        """Start it, or start it again."""
+        with self._log.open("ab") as output:
+            self._process = await asyncio.create_subprocess_exec(
+                *self._command,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                # Ctrl-C is for the rehearsal alone; it then tells its processes to stop.
+                start_new_session=True,
+            )
+
+    async def kill(self) -> None:
+        """End it as `kill -9` does."""
+        if self._process is not None and self.running:
+            self._process.kill()
+            await self._process.wait()
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        if self._process is not None and self.running:
+            self._process.send_signal(number)
+
+    async def stop(self) -> None:
+        """Ask it to end, and end it if it does not."""
+        self.signal(signal.SIGTERM)
+        if self._process is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(PATIENCE_S):
+                    await self._process.wait()
+            await self.kill()
+
+    def last_words(self) -> str:
+        """The last line that it wrote."""
+        lines = self._log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else ""
+
+
+def python_module(module: str, *arguments: str) -> list[str]:
+    """A command that runs a module of this installation."""
+    return [sys.executable, "-m", module, *arguments]
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    """A port of the loopback interface that nobody uses at the moment."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
