@@ -1,0 +1,145 @@
+"""`vfguide fly`: its exit status, and one line for each fault."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from vfguide.errors import VfguideError
+
+Make = Callable[..., Any]
+
+
+def test_a_flight_within_its_acceptance_ends_with_0(flown: SimpleNamespace) -> None:
+    assert flown.outcome.status == 0
+
+
+def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(
+    command: Make, pair_with: Make
+) -> None:
+    mission = pair_with(("mean_error_m: 1,", "mean_error_m: 0.0001,"))
+    outcome = command("fly", mission, "--duration", 12)
+    assert outcome.status == 1
+    assert "Not accepted" in outcome.out
+    assert "is above 0.0001 m" in outcome.out
+
+
+def test_a_leader_alone_is_flown_and_accepted(command: Make, alone_with: Make) -> None:
+    outcome = command("fly", alone_with(), "--duration", 10)
+    assert outcome.status == 0
+    assert "one, from its path" in outcome.out
+    assert "Accepted" in outcome.out
+
+
+def test_the_shortest_flight_is_one_second(command: Make, pair_with: Make) -> None:
+    outcome = command("fly", pair_with(), "--duration", 1)
+    assert outcome.status == 1
+    assert "still out at the end" not in outcome.out.split("within 1 m")[0]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "complaint"),
+    [
+        ("--duration", "-1", "--duration: -1 is too small; choose 1 or more"),
+        ("--duration", "0", "--duration: 0 is too small; choose 1 or more"),
+        ("--duration", "nan", "--duration: nan is not a finite number; write a finite number"),
+        ("--duration", "1e999", "--duration: inf is not a finite number; write a finite number"),
+        ("--rate", "0", "--rate: 0 is too small; choose 1 or more"),
+        ("--rate", "-20", "--rate: -20 is too small; choose 1 or more"),
+        ("--rate", "201", "--rate: 201 is too large; choose 200 or less"),
+        ("--rate", "nan", "--rate: nan is not a finite number; write a finite number"),
+        ("--seed", "-1", "--seed: -1 is too small; choose 0 or more"),
+        ("--seed", "4294967296", "--seed: 4294967296 is too large; choose 4294967295 or less"),
+    ],
+)
+def test_a_value_out_of_range_is_one_line_that_names_the_option(
+    command: Make, alone_with: Make, option: str, value: str, complaint: str
+) -> None:
+    outcome = command("fly", alone_with(), option, value)
+    assert outcome.status == 2
+    assert outcome.out == ""
+    assert outcome.lines == [complaint]
+
+
+def test_every_option_out_of_range_has_its_line(command: Make, alone_with: Make) -> None:
+    outcome = command("fly", alone_with(), "--duration", -1, "--rate", 0, "--seed", -1)
+    assert outcome.status == 2
+    assert [line.split(":")[0] for line in outcome.lines] == ["--duration", "--rate", "--seed"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--controller", "bang-bang"), "--controller"),
+        (("--plant", "rocket"), "--plant"),
+        (("--wind", "storm"), "--wind"),
+        (("--duration", "long"), "--duration"),
+        (("--duration",), "--duration"),
+        (("--seed", "1.5"), "--seed"),
+        (("--rate", ""), "--rate"),
+        (("--bogus",), "--bogus"),
+        (("another.yaml",), "another.yaml"),
+    ],
+)
+def test_options_that_make_no_sense_end_with_2_and_are_named(
+    command: Make, alone_with: Make, arguments: tuple[str, ...], named: str
+) -> None:
+    outcome = command("fly", alone_with(), *arguments)
+    assert outcome.status == 2
+    assert outcome.out == ""
+    assert named in outcome.lines[-1]
+
+
+def test_a_missing_file_is_one_line(command: Make, tmp_path: Path) -> None:
+    path = tmp_path / "none.yaml"
+    outcome = command("fly", path)
+    assert outcome.status == 2
+    assert outcome.lines == [f"{path}: there is no such file; give the path of a mission file"]
+
+
+def test_a_misspelt_field_is_one_line_with_its_place(command: Make, alone_with: Make) -> None:
+    path = alone_with(("radius_m", "raduis_m"))
+    outcome = command("fly", path)
+    assert outcome.status == 2
+    assert f"{path}:3: path.raduis_m: unknown field 'raduis_m'; did you mean 'radius_m'?" in (
+        outcome.lines
+    )
+
+
+def test_a_mission_that_cannot_be_flown_is_refused_before_flying(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    path = alone_with(("radius_m: 150", "radius_m: 20"))
+    outcome = command("fly", path, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith(f"{path}:3: error: path: 'one' has to bank")
+    assert not (tmp_path / "out").exists()
+
+
+def test_warnings_are_told_and_flown(command: Make, pair_with: Make) -> None:
+    outcome = command("fly", pair_with(), "--duration", 2)
+    warnings = [line for line in outcome.lines if " warning: " in line]
+    assert len(warnings) == 1
+    assert "acceptance.settle_10m_s: 15 s is no shorter than the rehearsal of 2 s" in warnings[0]
+
+
+def test_progress_is_plain_lines_where_there_is_no_terminal(
+    command: Make, alone_with: Make
+) -> None:
+    outcome = command("fly", alone_with(), "--duration", 10)
+    assert outcome.lines == [f"flying alone: {now} of 10 s" for now in (2, 4, 6, 8, 10)]
+
+
+def test_a_flight_that_breaks_ends_with_3(
+    command: Make, alone_with: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def break_down(*_arguments: object, **_named: object) -> None:
+        raise VfguideError("a flight process died (exit code -9)")
+
+    monkeypatch.setattr("vfguide.commands.fly.fly_lockstep", break_down)
+    outcome = command("fly", alone_with())
+    assert outcome.status == 3
+    assert outcome.lines == ["a flight process died (exit code -9)"]

@@ -1,0 +1,187 @@
+"""What `vfguide fly` prints with --json, and what it leaves in its directory."""
+
+import json
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+
+from vfguide.record.flight import FlightRecord
+
+Make = Callable[..., Any]
+
+NUMBER = (int, float)
+SPREAD = {"mean": NUMBER, "p95": NUMBER, "max": NUMBER}
+SUMMARY = {
+    "mission": str,
+    "controller": str,
+    "plant": str,
+    "wind": str,
+    "mode": str,
+    "rate_hz": NUMBER,
+    "seed": int,
+    "duration_s": NUMBER,
+    "wall_s": NUMBER,
+    "real_time_factor": NUMBER,
+    "accepted": bool,
+    "formation": {
+        "mean_error_m": NUMBER,
+        "p95_error_m": NUMBER,
+        "max_error_m": NUMBER,
+        "settle_10m_s": NUMBER,
+        "settle_1m_s": NUMBER,
+        "min_separation_m": NUMBER,
+    },
+    "vehicles": {
+        "lead": {
+            "role": str,
+            "cross_track_error_m": SPREAD,
+            "course_setpoint_variation_rad_s": NUMBER,
+        },
+        "wing": {
+            "role": str,
+            "formation_error_m": SPREAD,
+            "along_track_error_m": SPREAD,
+            "cross_track_error_m": SPREAD,
+            "limited_fraction": NUMBER,
+        },
+    },
+}
+
+COURSE = 43002
+"""MAV_CMD_GUIDED_CHANGE_HEADING."""
+
+
+def refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON")
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """One JSON document without NaN or infinities, and nothing besides."""
+    document: dict[str, Any] = json.loads(text, parse_constant=refuse)
+    return document
+
+
+def assert_shaped(value: dict[str, Any], shape: dict[str, Any], place: str = "") -> None:
+    for name, kind in shape.items():
+        here = f"{place}.{name}"
+        assert name in value, here
+        if isinstance(kind, dict):
+            assert_shaped(value[name], kind, here)
+        else:
+            assert isinstance(value[name], kind), here
+            assert isinstance(value[name], bool) == (kind is bool), here
+
+
+def test_standard_output_is_one_document_with_every_promised_field(flown: SimpleNamespace) -> None:
+    summary = parsed(flown.outcome.out)
+    assert_shaped(summary, SUMMARY)
+    assert summary["formation"]["window_s"] == [10, 20]
+    assert (summary["mission"], summary["controller"]) == ("pair", "slot")
+    assert (summary["plant"], summary["wind"]) == ("heading-hold", "calm")
+    assert (summary["mode"], summary["rate_hz"], summary["seed"]) == ("lockstep", 20, 1)
+    assert (summary["duration_s"], summary["accepted"]) == (20, True)
+    assert list(summary["vehicles"]) == ["lead", "wing"]
+    roles = [vehicle["role"] for vehicle in summary["vehicles"].values()]
+    assert roles == ["leader", "follower"]
+
+
+def test_the_summary_file_says_what_standard_output_said(flown: SimpleNamespace) -> None:
+    assert parsed((flown.directory / "summary.json").read_text()) == parsed(flown.outcome.out)
+
+
+def test_what_was_not_measured_is_null(command: Make, alone_with: Make) -> None:
+    summary = parsed(command("fly", alone_with(), "--duration", 2, "--json").out)
+    assert summary["formation"]["mean_error_m"] is None
+    assert summary["formation"]["min_separation_m"] is None
+    assert list(summary["vehicles"]) == ["one"]
+
+
+def test_colours_forced_on_leave_json_alone(
+    command: Make, alone_with: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    outcome = command("fly", alone_with(), "--duration", 1, "--json")
+    assert parsed(outcome.out)["accepted"] is True
+
+
+def test_the_directory_holds_all_that_was_promised_and_nothing_half_written(
+    flown: SimpleNamespace,
+) -> None:
+    names = {path.name for path in flown.directory.iterdir()}
+    pictures = {name for name in names if name.endswith(".png")}
+    assert len(pictures) >= 3
+    expected = {"summary.json", "report.html", "flight.npz", "lead.tlog", "wing.tlog"}
+    assert names - pictures == expected
+    for name in pictures:
+        assert (flown.directory / name).read_bytes().startswith(b"\x89PNG")
+    assert "<h1>pair</h1>" in (flown.directory / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_record_has_a_sample_for_each_step(flown: SimpleNamespace) -> None:
+    record = FlightRecord.load(flown.directory / "flight.npz")
+    assert record.time_s.size == 20 * 20 + 1
+    assert [vehicle.name for vehicle in record.vehicles] == ["lead", "wing"]
+
+
+@pytest.mark.parametrize(("vehicle", "system_id"), [("lead", 1), ("wing", 2)])
+def test_pymavlink_reads_both_directions_back_in_the_order_of_time(
+    flown: SimpleNamespace, vehicle: str, system_id: int
+) -> None:
+    log = mavutil.mavlink_connection(str(flown.directory / f"{vehicle}.tlog"))
+    messages, times = [], []
+    while (message := log.recv_match()) is not None:
+        messages.append(message)
+        times.append(log.timestamp)
+    log.close()
+    counts: dict[str, int] = {}
+    for message in messages:
+        counts[message.get_type()] = counts.get(message.get_type(), 0) + 1
+    assert "BAD_DATA" not in counts
+    assert counts["GLOBAL_POSITION_INT"] >= 20 * 18
+    commands = [one for one in messages if one.get_type() == "COMMAND_INT"]
+    assert sum(one.command == COURSE for one in commands) >= 300
+    acknowledged = [one for one in messages if one.get_type() == "COMMAND_ACK"]
+    assert any(one.command == COURSE and one.result == 0 for one in acknowledged)
+    assert {one.get_srcSystem() for one in acknowledged} == {system_id}
+    assert {one.target_system for one in commands} == {system_id}
+    assert all(before <= after for before, after in pairwise(times))
+    assert times[-1] - times[0] == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_directory_is_made_with_those_above_it(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    directory = tmp_path / "a" / "b ü"
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", directory)
+    assert outcome.status == 0
+    assert outcome.out.endswith(f"report: {directory / 'report.html'}\n")
+    assert (directory / "one.tlog").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("place", "reason"), [("file", "it is a file"), ("file/below", "Not a directory")]
+)
+def test_a_directory_that_cannot_be_made_is_one_line_before_flying(
+    command: Make, alone_with: Make, tmp_path: Path, place: str, reason: str
+) -> None:
+    (tmp_path / "file").write_text("kept")
+    outcome = command("fly", alone_with(), "--out", tmp_path / place)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{tmp_path / place}: cannot be written to ({reason}); give another directory with --out"
+    ]
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_a_name_that_is_taken_by_a_directory_is_one_line(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    (tmp_path / "one.tlog").mkdir()
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert outcome.status == 3
+    assert outcome.lines[-1] == f"{tmp_path / 'one.tlog'}: Is a directory"

@@ -1,0 +1,113 @@
+"""`vfguide fly` stopped by Ctrl-C or SIGTERM: what was flown is kept."""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.record.flight import FlightRecord
+
+Make = Callable[..., Any]
+
+LONG_S = 400
+"""Virtual seconds: when the first progress line comes, four fifths are still to fly."""
+
+PATIENCE_S = 120.0
+"""For a process that hangs; none of the tests waits for it."""
+
+
+@asynccontextmanager
+async def under_way(
+    mission: Path, *options: str | Path
+) -> AsyncIterator[asyncio.subprocess.Process]:
+    """A flight that has shown its first progress; whatever happens, nothing of it stays."""
+    flight = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "vfguide", "fly", mission, "--duration", str(LONG_S), *options),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,
+    )
+    try:
+        assert flight.stderr is not None
+        async with asyncio.timeout(PATIENCE_S):
+            while not (line := await flight.stderr.readline()).startswith(b"flying"):
+                assert line, "ended before it flew"
+            yield flight
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(flight.pid, signal.SIGKILL)
+        await flight.wait()
+
+
+def test_a_stopped_flight_ends_with_3_and_is_kept(
+    command: Make, pair_with: Make, tmp_path: Path
+) -> None:
+    directory = tmp_path / "out"
+
+    async def stopped() -> tuple[int | None, bytes, str]:
+        async with under_way(pair_with(), "--json", "--out", directory) as flight:
+            flight.send_signal(signal.SIGINT)
+            out, err = await flight.communicate()
+            return flight.returncode, out, err.decode()
+
+    status, out, err = asyncio.run(stopped())
+    assert status == 3
+    assert "Traceback" not in err
+    summary = json.loads(out)
+    flown_s = summary["duration_s"]
+    assert LONG_S / 5 <= flown_s < LONG_S
+    assert err.splitlines()[-1] == f"stopped after {flown_s:.1f} s of flight"
+    assert json.loads((directory / "summary.json").read_text()) == summary
+    assert FlightRecord.load(directory / "flight.npz").time_s[-1] == flown_s
+    again = command("report", directory)
+    assert again.status == 0
+    assert f"{flown_s:g} s in" in again.out
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
+    pair_with: Make, number: signal.Signals
+) -> None:
+    """As Ctrl-C in a terminal, `timeout` and a service manager do."""
+
+    async def stopped() -> tuple[int | None, str]:
+        async with under_way(pair_with()) as flight:
+            os.killpg(flight.pid, number)
+            _, err = await flight.communicate()
+            return flight.returncode, err.decode()
+
+    status, err = asyncio.run(stopped())
+    assert status == 3
+    assert err.splitlines()[-1].startswith("stopped after ")
+    assert "Traceback" not in err
+
+
+@pytest.mark.skipif(os.cpu_count() == 1, reason="on one core all is flown in one process")
+def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
+    async def broken() -> tuple[int | None, str]:
+        async with under_way(pair_with()) as flight:
+            (squad,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
+            os.kill(squad, signal.SIGKILL)
+            _, err = await flight.communicate()
+            return flight.returncode, err.decode()
+
+    status, err = asyncio.run(broken())
+    assert status == 3
+    assert err.splitlines()[-1] == "a flight process died (exit code -9)"
+    assert "Traceback" not in err
+
+
+def children_of(pid: int) -> list[int]:
+    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(word) for word in listed.split()]
+
+
+def words_of(pid: int) -> bytes:
+    return Path(f"/proc/{pid}/cmdline").read_bytes()

@@ -1,0 +1,111 @@
+"""Whatever is given for a mission file ends with status 2 and a line, never with a traceback."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Make = Callable[..., Any]
+
+BOMB = "a: &a [x, x, x, x]\n" + "".join(
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
+    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+HOSTILE = {
+    "empty": b"",
+    "zeros": bytes(4096),
+    "binary": bytes(range(256)) * 16,
+    "executable": b"\x7fELF\x02\x01\x01" + bytes(200),
+    "utf-16": "name: alone\n".encode("utf-16"),
+    "latin-1": "name: f\u00fcnf\n".encode("latin-1"),
+    "surrogate": b'name: "\\ud83d"\n',
+    "deep list": b"[" * 200_000,
+    "deep group": b"{a: " * 50_000,
+    "deep indentation": b"".join(b" " * depth + b"a:\n" for depth in range(1500)),
+    "billion laughs": BOMB.encode(),
+    "endless line": b"name: " + b"a" * 900_000,
+    "many fields": b"".join(b"field%d: 1\n" % number for number in range(15_000)),
+    "more than a megabyte": b"# comment\n" * 110_000,
+    "object tag": b"!!python/object/apply:os.system [touch /tmp/never]\n",
+    "merge key": b"<<: {name: a}\nname: b\n",
+    "control characters": b'name: "\\e]0;title\\a\\e[2J"\n',
+    "control characters as they are": b"name: a\x1b[2J\x07b\n",
+    "control characters in a field": b'"\\e[31mred\\n": 1\n',
+    "huge number": b"height_above_origin_m: " + b"9" * 4000 + b"\n",
+    "tiny number": b"height_above_origin_m: 1e-999\n",
+    "right to left": "name: \u202eenola\n".encode(),
+    "json": b'{"name": "alone", "origin": null}',
+    "html": b"<!DOCTYPE html><html><body>not found</body></html>\n",
+    "list": b"- name: alone\n",
+    "two documents": b"name: a\n---\nname: b\n",
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+@pytest.mark.parametrize("verb", ["check", "fly"])
+def test_no_content_of_a_file_is_more_than_a_wrong_input(
+    command: Make, tmp_path: Path, verb: str, kind: str
+) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_bytes(HOSTILE[kind])
+    outcome = command(verb, path)
+    assert outcome.status == 2
+    assert outcome.out == ""
+    assert 1 <= len(outcome.lines) <= 51
+    for line in outcome.lines[:50]:
+        assert line.startswith(str(path))
+        assert len(line) < 600
+        assert line.isprintable()
+
+
+def test_of_a_thousand_faults_fifty_are_shown(command: Make, tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_bytes(b"".join(b"field%d: 1\n" % number for number in range(1000)))
+    outcome = command("check", path)
+    assert len(outcome.lines) == 51
+    assert outcome.lines[-1].startswith("and ")
+    assert outcome.lines[-1].endswith(" more")
+
+
+@pytest.mark.parametrize("verb", ["check", "fly"])
+def test_what_is_no_file_is_one_line(command: Make, tmp_path: Path, verb: str) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    for path, reason in [
+        (tmp_path, "this is a directory"),
+        (Path("/dev/null"), "the file is empty"),
+        (tmp_path / "none" / "m.yaml", "there is no such file"),
+        (loop, "cannot be read"),
+        (tmp_path / ("long" * 200), "cannot be read"),
+        (Path(), "this is a directory"),
+        (tmp_path / "\u202e\x1b[2Jname\n", "there is no such file"),
+    ]:
+        outcome = command(verb, path)
+        assert outcome.status == 2
+        (line,) = outcome.lines
+        assert reason in line
+        assert line.isprintable()
+
+
+@pytest.mark.parametrize("name", ["f\u00fcnf \u2708.yaml", "-.yaml", "a b'c\"d.yaml", "%s{}.yaml"])
+def test_a_file_may_be_called_whatever_it_likes(command: Make, alone_with: Make, name: str) -> None:
+    assert command("check", "--", alone_with(name=name)).status == 0
+
+
+@pytest.mark.parametrize("name", ["fl\\u00fcge", "a/../b", "[bold]x[/bold]", "", "-x", "a\\nb"])
+def test_a_mission_has_a_plain_name(command: Make, alone_with: Make, name: str) -> None:
+    path = alone_with(("name: alone", f'name: "{name}"'))
+    outcome = command("check", path)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith(f"{path}:1: name: ")
+    assert "cannot be a name; use up to 64 lower-case letters, digits and hyphens" in line
+
+
+@pytest.mark.parametrize("name", ["../../one", "a b", "\u00fc", "[red]", "x" * 33])
+def test_a_vehicle_has_a_plain_name(command: Make, alone_with: Make, name: str) -> None:
+    outcome = command("check", alone_with(("vehicle: one", f'vehicle: "{name}"')))
+    assert outcome.status == 2
+    assert any("leader.vehicle: " in line for line in outcome.lines)

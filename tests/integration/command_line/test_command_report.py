@@ -1,0 +1,108 @@
+"""`vfguide report`: the report of a flight that was recorded before, or one line that says why not."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+Make = Callable[..., Any]
+
+
+@pytest.fixture
+def copy_of_flown(flown: SimpleNamespace, tmp_path: Path) -> Path:
+    directory = tmp_path / "copy"
+    shutil.copytree(flown.directory, directory)
+    return directory
+
+
+def test_a_report_is_written_again_from_the_record_alone(
+    command: Make, copy_of_flown: Path, flown: SimpleNamespace
+) -> None:
+    for path in copy_of_flown.iterdir():
+        if path.name != "flight.npz":
+            path.unlink()
+    outcome = command("report", copy_of_flown)
+    assert outcome.status == 0
+    assert outcome.err == ""
+    assert outcome.out.endswith(f"report: {copy_of_flown / 'report.html'}\n")
+    for name in ("summary.json", "report.html"):
+        again, first = copy_of_flown / name, flown.directory / name
+        assert again.read_text(encoding="utf-8") == first.read_text(encoding="utf-8")
+
+
+def test_a_refused_flight_is_reported_without_complaint(
+    command: Make, pair_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # the plots are looked at elsewhere
+    monkeypatch.setattr("vfguide.commands.fly.write_report", lambda _record, _directory: None)
+    command("fly", pair_with(), "--duration", 1, "--out", tmp_path / "out")
+    outcome = command("report", tmp_path / "out")
+    assert outcome.status == 0
+    assert "Not accepted" in outcome.out
+
+
+def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "none", tmp_path / "file"):
+        outcome = command("report", path)
+        assert outcome.status == 2
+        assert outcome.lines == [
+            f"{path}: no such directory; give one that `vfguide fly --out` wrote"
+        ]
+
+
+def test_a_directory_without_a_record_is_one_line(command: Make, tmp_path: Path) -> None:
+    outcome = command("report", tmp_path)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{tmp_path}: holds no flight.npz; give a directory that `vfguide fly --out` wrote"
+    ]
+
+
+def damage_nothing_left(content: bytes) -> bytes:
+    return content[:0]
+
+
+def damage_cut_short(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def damage_in_the_middle(content: bytes) -> bytes:
+    middle = len(content) // 2
+    return content[:middle] + bytes(1000) + content[middle + 1000 :]
+
+
+def damage_something_else(content: bytes) -> bytes:
+    return b"GIF89a" + content[6:100]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [damage_nothing_left, damage_cut_short, damage_in_the_middle, damage_something_else],
+)
+def test_a_damaged_record_is_one_line(
+    command: Make, copy_of_flown: Path, damage: Callable[[bytes], bytes]
+) -> None:
+    record = copy_of_flown / "flight.npz"
+    record.write_bytes(damage(record.read_bytes()))
+    outcome = command("report", copy_of_flown)
+    assert outcome.status == 2
+    assert outcome.out == ""
+    (line,) = outcome.lines
+    assert line.startswith(f"{record}: is no flight record")
+
+
+def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flown: Path) -> None:
+    for name in ("summary.json", "report.html"):
+        (copy_of_flown / name).unlink()
+        (copy_of_flown / name).mkdir()
+        outcome = command("report", copy_of_flown)
+        assert outcome.status == 2
+        (line,) = outcome.lines
+        assert line.startswith(str(copy_of_flown))
+        assert "cannot be written" in line
+        (copy_of_flown / name).rmdir()
+        (copy_of_flown / name).touch()
