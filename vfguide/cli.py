@@ -22,6 +22,7 @@ from vfguide.commands.overrides import (
     overridden,
 )
 from vfguide.commands.report import write_again
+from vfguide.commands.status import show_status
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.errors import InputError, VfguideError
 from vfguide.mission import Mission, MissionError, read_mission
@@ -156,6 +157,23 @@ def companion(
         record=record,
         clock=clock,
     )
+
+
+@app.command()
+def status(
+    mission: MissionFile,
+    *,
+    link: Annotated[
+        str, typer.Option(metavar="URL", help="The formation's link, such as mqtt://host:1883.")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Tell how the vehicles of a mission are, as their companions say over the link.
+
+    Exit status: 0 every companion is online, 1 some are not, 2 the input is wrong, 3 no broker.
+    """
+    loaded = read_mission(mission)
+    raise typer.Exit(show_status(loaded.mission, link=link, as_json=as_json))
 
 
 @app.command()

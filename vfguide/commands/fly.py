@@ -13,7 +13,6 @@ from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import Flight, fly_lockstep
 from vfguide.report.metrics import summarise, summary_json
-from vfguide.report.page import write_report
 from vfguide.report.summary import Summary
 from vfguide.report.table import summary_table
 
@@ -47,14 +46,28 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
             progress=progress,
             stop=stop,
         )
+    return conclude(flight, out=out, as_json=as_json)
+
+
+def conclude(flight: Flight, *, out: Path | None, as_json: bool) -> int:
+    """Keep and print what a flight came to, and return the exit status."""
     summary = summarise(flight.record)
     if out is not None:
         keep(flight, summary, out)
     show(summary, flight, out, as_json=as_json)
     if flight.interrupted:
-        errors.tell(f"stopped after {flight.record.duration_s:.1f} s of flight")
+        text = f"stopped after {flight.record.duration_s:.1f} s of flight"
+        Terminal(stderr=True).tell(text)
         return BROKEN
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
+
+
+def summary_text(summary: Summary, flight: Flight) -> str:
+    """The content of summary.json."""
+    content = summary_json(summary)
+    if flight.latency:
+        content["latency"] = flight.latency
+    return json.dumps(content, indent=2)
 
 
 def prepare(out: Path) -> None:
@@ -73,10 +86,13 @@ def prepare(out: Path) -> None:
 
 def keep(flight: Flight, summary: Summary, out: Path) -> None:
     """Write everything about a flight into its directory."""
+    # Here, because it brings the plotting library: a daemon on an aircraft has no use for 30 MB of it.
+    from vfguide.report.page import write_report
+
     flight.record.save(out / RECORD_NAME)
     for name, log in flight.logs.items():
         log.write(out / f"{name}.tlog")
-    text = json.dumps(summary_json(summary), indent=2)
+    text = summary_text(summary, flight)
     (out / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
     write_report(flight.record, out)
 
@@ -85,7 +101,7 @@ def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -
     """Print the summary: JSON alone, or a table with what the companions had to say."""
     output = Terminal()
     if as_json:
-        output.tell(json.dumps(summary_json(summary), indent=2))
+        output.tell(summary_text(summary, flight))
         return
     for name, events in flight.events.items():
         for event in events:

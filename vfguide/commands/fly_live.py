@@ -6,26 +6,24 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
+from random import Random
 
-from vfguide.commands.fly import (
-    ACCEPTED,
-    BROKEN,
-    NOT_ACCEPTED,
-    keep,
-    prepare,
-    show,
-    stopped_by_signals,
-)
+from vfguide.commands.fly import conclude, prepare, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
+from vfguide.link.address import parse_link
 from vfguide.link.broker import embedded_broker
+from vfguide.link.watch import presences
 from vfguide.mission import Mission
-from vfguide.rehearsal.live import live_flight
+from vfguide.rehearsal.live import LiveFlight, live_flight
 from vfguide.rehearsal.lockstep import Flight
-from vfguide.report.metrics import summarise
+from vfguide.rehearsal.usage import usage_of
 
 LOOK_S = 0.2
 """Real time between looks at the flight."""
+
+LISTEN_S = 1.0
+"""Real time to hear from every companion at the end."""
 
 
 def fly_live(
@@ -59,14 +57,7 @@ def fly_live(
         flight = asyncio.run(
             _fly(mission, link, speedup=speedup, directory=directory, progress=progress, stop=stop)
         )
-    summary = summarise(flight.record)
-    if out is not None:
-        keep(flight, summary, out)
-    show(summary, flight, out, as_json=as_json)
-    if flight.interrupted:
-        errors.tell(f"stopped after {flight.record.duration_s:.1f} s of flight")
-        return BROKEN
-    return ACCEPTED if summary.accepted else NOT_ACCEPTED
+    return conclude(flight, out=out, as_json=as_json)
 
 
 async def _fly(
@@ -94,4 +85,17 @@ async def _fly(
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
         record = flight.record(wall_s=time.perf_counter() - began)
-    return Flight(record=record, events={}, logs={}, interrupted=interrupted)
+        latency = await _latency(flight, link)
+    return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+
+
+async def _latency(flight: LiveFlight, link: str) -> dict[str, dict[str, float]]:
+    """What the companions say of their latencies, and what they take of the computer."""
+    found = await presences(
+        parse_link(link), flight.mission.name, seconds=LISTEN_S, random=Random()
+    )
+    latency = {name: dict(presence.figures) for name, presence in found.items()}
+    for name, process in flight.companions.items():
+        if process.pid is not None:
+            latency.setdefault(name, {}).update(usage_of(process.pid))
+    return latency

@@ -8,7 +8,6 @@ from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord
 from vfguide.report.metrics import summarise, summary_json
-from vfguide.report.page import write_report
 from vfguide.report.table import summary_table
 
 
@@ -18,6 +17,9 @@ def write_again(directory: Path) -> None:
     Raises:
         InputError: there is no record, it is damaged, or the directory cannot be written to.
     """
+    # Here, because it brings the plotting library, which no other command needs.
+    from vfguide.report.page import write_report
+
     path = directory / RECORD_NAME
     if not directory.is_dir():
         raise InputError(f"{directory}: no such directory; give one that `vfguide fly --out` wrote")

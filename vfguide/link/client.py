@@ -1,6 +1,7 @@
 """One connection to a broker, which opens and closes in bounded time and leaves nothing behind."""
 
 import asyncio
+import logging
 import re
 import socket
 import ssl
@@ -37,8 +38,31 @@ SOCKET_OPTIONS = (
 
 UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
 NUMBERED = re.compile(r"^\[(Errno -?\d+|SSL: \w+|SSL)\] *| \(_ssl\.c:\d+\)$")
+ALERT = re.compile(r"\[SSL: \w*ALERT\w*\] \w+ alert (?P<what>.*?)( \(_ssl\.c:\d+\))?$")
 REFUSALS = (134, 135)
 """Bad user name or password, and not authorized; brokers use either for a wrong password."""
+
+
+class LastWords(logging.Logger):
+    """Takes what the engine logs: why a broker hung up is found nowhere else.
+
+    One for each client, and known to nobody else: what goes wrong is logged once, by the link.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("mqtt", logging.WARNING)
+        self._text = ""
+
+    def handle(self, record: logging.LogRecord) -> None:
+        """Note a line."""
+        self._text = record.getMessage()
+
+    def reason(self) -> str:
+        """Why the connection was closed."""
+        alert = ALERT.search(self._text)
+        if alert is None:
+            return "the broker closed the connection without a word"
+        return f"the broker does not accept this client's certificate: {alert['what']}"
 
 
 class BrokerClient(Client):
@@ -53,6 +77,7 @@ class BrokerClient(Client):
         queue: type[asyncio.Queue[Message]],
         context: ssl.SSLContext | None,
     ) -> None:
+        self._last_words = LastWords()
         super().__init__(
             address.host,
             address.port,
@@ -65,10 +90,10 @@ class BrokerClient(Client):
             keepalive=KEEPALIVE_S,
             tls_context=context,
             socket_options=SOCKET_OPTIONS,
+            logger=self._last_words,
         )
         # aiomqtt passes no time-out on to the engine that dials.
         self._client.connect_timeout = DIAL_S
-        self._secure = address.secure
         self._gone = asyncio.Event()
         self._client.on_socket_close = self._noting(self._client.on_socket_close)
 
@@ -101,8 +126,7 @@ class BrokerClient(Client):
             entering.cancel()
             await asyncio.wait({entering})
         if entering.cancelled():
-            hint = ", perhaps for want of another client certificate" if self._secure else ""
-            raise MqttError(f"the broker closed the connection without a word{hint}")
+            raise MqttError(self._last_words.reason())
         if entering.exception() is not None:
             await self._hang_up()
         await entering
@@ -129,10 +153,10 @@ class BrokerClient(Client):
 class TidySocket(ssl.SSLSocket):
     """Closes itself when the two sides cannot agree; the engine would forget it open."""
 
-    def do_handshake(self, block: bool = False) -> None:
+    def do_handshake(self, *arguments: bool) -> None:
         """Agree on a cipher and on who is who."""
         try:
-            super().do_handshake(block)
+            super().do_handshake(*arguments)
         except BaseException:
             self.close()
             raise
@@ -175,4 +199,6 @@ def reason_of(error: Exception) -> str:
         return f"the broker's certificate is not trusted: {untrusted['why']}"
     if text in {"Operation timed out", "timed out"}:
         return "the broker does not answer"
+    if text == "Disconnected during message iteration":
+        return "the connection was lost"
     return NUMBERED.sub("", text)

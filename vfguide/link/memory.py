@@ -21,14 +21,15 @@ class MemoryLink:
     """One sender, one receiver."""
 
     def __init__(self, quality: LinkQuality, seed: str) -> None:
-        self._quality = quality
+        self.quality = quality
+        """May be changed at any time: it counts when a message is sent."""
         self._random = Random(seed)
         self._in_flight: list[tuple[float, int, bytes]] = []
         self._sent = 0
 
     def send(self, data: bytes, now: float) -> None:
         """Hand a message over at this time."""
-        quality = self._quality
+        quality = self.quality
         lost = self._random.random() < quality.loss
         flight = quality.delay_s + quality.jitter_s * self._random.uniform(-1.0, 1.0)
         if not lost:

@@ -4,7 +4,7 @@ import asyncio
 import socket
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import yaml
@@ -22,7 +22,10 @@ from vfguide.rehearsal.processes import Process, free_port, python_module
 from vfguide.rehearsal.recorder import VehicleRecorder, flight_record
 
 LEAD_S = 3.0
-"""Real time that processes get to start before simulation time 0."""
+"""Real time that emulators get to start before simulation time 0."""
+
+LOOK_S = 0.05
+"""Real time between looks at companions that are starting."""
 
 START_PATIENCE_S = 30.0
 """Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
@@ -107,10 +110,9 @@ class LiveFlight:
         mission_file = self._directory / "mission.yaml"
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        self._epoch_s = time.time() + LEAD_S
         clock = f"{time.monotonic()!r},{self._speedup!r}"
-        for name in self.names:
-            port = free_port(socket.SOCK_DGRAM)
+        ports = {name: free_port(socket.SOCK_DGRAM) for name in self.names}
+        for name, port in ports.items():
             options = [
                 f"--mission={mission_file}",
                 f"--mavlink=udpin://127.0.0.1:{port}",
@@ -120,6 +122,12 @@ class LiveFlight:
                 "--engage",
             ]
             companion = python_module("vfguide", "companion", name, *options)
+            log = self._directory / f"{name}.companion.log"
+            self.companions[name] = Process(f"companion of {name}", companion, log)
+        await asyncio.gather(*(one.start() for one in self.companions.values()))
+        await self._until_companions_listen()
+        self._epoch_s = time.time() + LEAD_S
+        for name, port in ports.items():
             emulator = emulator_command(
                 self.mission,
                 name,
@@ -128,12 +136,16 @@ class LiveFlight:
                 epoch_s=self._epoch_s,
                 speedup=self._speedup,
             )
-            log = self._directory / f"{name}.companion.log"
-            self.companions[name] = Process(f"companion of {name}", companion, log)
             log = self._directory / f"{name}.emulator.log"
             self.emulators[name] = Process(f"emulator of {name}", emulator, log)
-        await asyncio.gather(*(one.start() for one in self.companions.values()))
         await asyncio.gather(*(one.start() for one in self.emulators.values()))
+
+    async def _until_companions_listen(self) -> None:
+        """Wait for the first words of each companion: aircraft that fly before it is there stray."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(START_PATIENCE_S):
+                while any(one.running and not one.last_words() for one in self.companions.values()):
+                    await asyncio.sleep(LOOK_S)
 
     async def stop(self) -> None:
         """Stop every process, companions first: they hand their vehicles back."""

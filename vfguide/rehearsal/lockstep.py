@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vfguide.companion.core import Event
 from vfguide.mission.model import Mission
@@ -29,6 +29,8 @@ class Flight:
     """Telemetry logs by vehicle, where they were kept."""
     interrupted: bool
     """Whether it was stopped before its end."""
+    latency: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Of a live flight, for each vehicle: latencies in milliseconds, what its companion took."""
 
 
 def instants(mission: Mission) -> Iterator[float]:

@@ -35,6 +35,11 @@ class Process:
         return self._process is not None and self._process.returncode is None
 
     @property
+    def pid(self) -> int | None:
+        """Number of the process; None while it does not run."""
+        return self._process.pid if self._process is not None and self.running else None
+
+    @property
     def exit_code(self) -> int | None:
         """How it ended; None while it runs."""
         return None if self._process is None else self._process.returncode
