@@ -9,8 +9,8 @@ from random import Random
 
 from aiomqtt import MqttError, Will
 
+from vfguide.backoff import retry_delay
 from vfguide.link.address import LinkAddress
-from vfguide.link.backoff import retry_delay
 from vfguide.link.client import BrokerClient, reason_of
 from vfguide.link.inbox import Inbox
 from vfguide.link.presence import encode_presence
@@ -20,6 +20,9 @@ logger = logging.getLogger(__name__)
 
 STABLE_S = 5.0
 """A connection that lasted this long was a success: the next try follows soon."""
+
+ODD_LOSSES = 3
+"""Connections in a row that stood, but not for long."""
 
 
 class Reconnecting:
@@ -58,8 +61,11 @@ class Reconnecting:
                 reason = reason_of(error)
             if self._stop.is_set():
                 return
-            self._parts.status.down(reason)
             failures = 1 if loop.time() - began >= STABLE_S else failures + 1
+            if self._parts.status.connected and failures >= ODD_LOSSES:
+                # A broker lets the newer one of two clients with the same name stay.
+                reason += f", again and again: does another client call itself {self._identifier}?"
+            self._parts.status.down(reason)
             with suppress(TimeoutError):
                 async with asyncio.timeout(retry_delay(failures, self._random.random())):
                     await self._stop.wait()

@@ -136,7 +136,8 @@ class Session:
             self._parts.receive(payload)
         except Exception:
             # What comes over the network must not end the link, whatever a receiver makes of it.
-            logger.exception("a state from the link could not be used")
+            if not self._parts.status.counters["failed to use"]:
+                logger.exception("a state from the link could not be used")
             self._parts.status.counters["failed to use"] += 1
 
     def _take_echo(self, payload: bytes) -> None:

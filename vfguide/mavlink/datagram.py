@@ -8,8 +8,8 @@ from contextlib import asynccontextmanager
 from random import Random
 from typing import cast
 
+from vfguide.backoff import retry_delay
 from vfguide.mavlink.address import NetworkAddress
-from vfguide.mavlink.backoff import reconnect_delay
 from vfguide.mavlink.status import Status, reason_of
 from vfguide.mavlink.udp_peer import Endpoint, UdpPeer
 
@@ -146,7 +146,7 @@ class UdpCaller:
             except (OSError, ValueError) as error:
                 self._status.down(reason_of(error))
             failures += 1
-            await asyncio.sleep(reconnect_delay(failures, self._random.random()))
+            await asyncio.sleep(retry_delay(failures, self._random.random()))
 
     async def _speak(self) -> None:
         loop = asyncio.get_running_loop()

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from random import Random
 
-from vfguide.mavlink.backoff import reconnect_delay
+from vfguide.backoff import retry_delay
 from vfguide.mavlink.status import Status, reason_of
 from vfguide.mavlink.stream import StreamPeer
 
@@ -44,7 +44,7 @@ class ReconnectingStream:
             # A peer that takes calls and says nothing is no success: it may be turning callers away.
             failures = 1 if peer.heard else failures + 1
             self._status.down(reason)
-            await asyncio.sleep(reconnect_delay(failures, self._random.random()))
+            await asyncio.sleep(retry_delay(failures, self._random.random()))
 
     async def _visit(self, peer: StreamPeer) -> str:
         """One connection, from the call to the loss; why it ended."""

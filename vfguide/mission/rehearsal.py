@@ -94,7 +94,7 @@ class Rehearsal(Section):
     duration_s: Annotated[Number, Field(ge=1.0, le=86400.0)] = 300.0
     """How long it lasts, s."""
 
-    rate_hz: Annotated[Number, Field(ge=1.0, le=200.0)] = 20.0
+    rate_hz: Annotated[Number, Field(ge=2.0, le=100.0)] = 20.0
     """Position reports per second, and with them guidance steps."""
 
     start: Start = Start()

@@ -39,6 +39,12 @@ def test_setpoints_are_smooth_in_calm_air(name: str, mission_with: MissionWith) 
             assert vehicle.course_setpoint_variation_rad_s < 0.1
 
 
+def test_setpoints_are_smooth_in_a_fast_loop_too(mission_with: MissionWith) -> None:
+    mission = mission_with("line-calm", rehearsal={"rate_hz": 50.0, "duration_s": 60.0})
+    for vehicle in summarise(fly_lockstep(mission).record).vehicles.values():
+        assert vehicle.course_setpoint_variation_rad_s < 0.1
+
+
 @EVERY_MISSION
 def test_a_leader_without_measured_ground_speed_costs_at_most_twice_the_error(
     name: str, mission_with: MissionWith

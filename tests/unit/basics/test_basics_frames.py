@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.frames import LocalFrame
+from vfguide.frames import LocalFrame, wrap_longitude
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
 ORIGIN = (47.397742, 8.545594, 488.0)
@@ -94,4 +94,34 @@ def test_a_shift_counts_metres_at_the_origins_height() -> None:
 
 
 def test_a_shift_by_nothing_changes_nothing() -> None:
-    assert LocalFrame(*ORIGIN).shifted(47.4, 8.6, 0.0, 0.0) == (47.4, 8.6)
+    # a picodegree is a tenth of a micrometre
+    moved = LocalFrame(*ORIGIN).shifted(47.4, 8.6, 0.0, 0.0)
+    assert moved == pytest.approx((47.4, 8.6), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "east", "there"), [(179.9995, 1.0, -1.0), (-179.9995, -1.0, 1.0)]
+)
+def test_a_shift_across_the_date_line_stays_within_half_a_turn(
+    start: float, east: float, there: float
+) -> None:
+    # 0.001 degrees at the equator are 111.3195 m: as far beyond the line as it was before
+    moved = LocalFrame(0.0, start, 0.0).shifted(0.0, start, 0.0, east * 111.3195)
+    assert moved == pytest.approx((0.0, there * 179.9995), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("longitude", "wrapped"),
+    [
+        (0.0, 0.0),
+        (8.5, 8.5),
+        (180.0, -180.0),
+        (-180.0, -180.0),
+        (180.5, -179.5),
+        (-180.5, 179.5),
+        (540.0, -180.0),
+        (725.0, 5.0),
+    ],
+)
+def test_a_longitude_is_wrapped_to_half_a_turn_either_way(longitude: float, wrapped: float) -> None:
+    assert wrap_longitude(longitude) == wrapped

@@ -162,31 +162,3 @@ def test_the_leader_engages_steers_and_publishes_with_each_position(flight: Make
     # Two positions in the first second, then one every 50 ms; each is published, most are steered by.
     assert len(flown.published) == pytest.approx(40 * 20, abs=25)
     assert len(flown.times(HEADING)) >= len(flown.published) - 25
-
-
-def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> None:
-    flown = flight(kind="px4")
-    flown.run(40.0)
-    setpoints = flown.times("SET_POSITION_TARGET_LOCAL_NED")
-    assert flown.times(SET_MODE)
-    assert setpoints[0] < flown.times(SET_MODE)[0]
-    assert flown.autopilot.truth().mode == "OFFBOARD"
-    assert flown.mode_at(40.0) is Mode.TRACKING
-    assert len(flown.times(178)) == len(setpoints)
-
-
-def test_px4_hears_nothing_before_a_companion_that_may_not_engage(flight: Make) -> None:
-    flown = flight(kind="px4", engage=False)
-    flown.run(10.0)
-    assert flown.times("SET_POSITION_TARGET_LOCAL_NED") == flown.times(178) == []
-
-
-def test_px4_is_left_to_the_pilot_at_once(flight: Make) -> None:
-    flown = flight(kind="px4")
-    flown.run(10.0)
-    assert flown.autopilot.truth().mode == "OFFBOARD"
-    flown.pilot(2)
-    flown.run(20.0)
-    assert [time for time in flown.times("SET_POSITION_TARGET_LOCAL_NED") if time > 10.0] == []
-    assert [time for time in flown.times(178) if time > 10.0] == []
-    assert flown.autopilot.truth().mode == "ALTCTL"

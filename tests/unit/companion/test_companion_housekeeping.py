@@ -157,6 +157,30 @@ def test_what_the_autopilot_says_is_an_event(companion: Companion, spoken: Make)
     assert (event.time_s, event.text) == (7.0, "autopilot: Battery low")
 
 
+@pytest.mark.parametrize("severity", range(8))
+def test_what_the_autopilot_says_is_worrying_from_a_warning_on(
+    companion: Companion, spoken: Make, severity: int
+) -> None:
+    # MAV_SEVERITY: 0 is an emergency, 4 a warning, 5 a notice, 7 for debugging.
+    data = spoken(mavlink.MAVLink_statustext_message(severity, b"Something"))
+    (event,) = companion.receive_mavlink(data, 7.0).events
+    assert event.warning is (severity <= 4)
+
+
+@pytest.mark.parametrize(("interval_s", "asked"), [(0.069, False), (0.074, True)])
+def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
+    companion: Companion, spoken: Make, parsed: Make, interval_s: float, *, asked: bool
+) -> None:
+    # 20 Hz are asked for: 70 % of them are 14 Hz, every 71.4 ms
+    numbers = []
+    for step in range(60):
+        now = step * interval_s
+        out = companion.receive_mavlink(spoken(beat(), position(now)), now)
+        if step > 20:
+            numbers += [getattr(one, "command", None) for one in parsed(out.to_autopilot)]
+    assert (MESSAGE_INTERVAL in numbers) is asked
+
+
 def test_a_real_autopilot_that_refuses_is_reported_by_name(flight: Make) -> None:
     flown = flight()
     flown.run(10.0)

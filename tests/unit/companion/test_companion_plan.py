@@ -134,6 +134,18 @@ def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) ->
     assert settings.filters.wind_s == chosen.wind_filter_s
 
 
+def test_each_filter_has_its_own_time_constant(mission: MakeMission) -> None:
+    article = mission("line-calm")
+    times = {"position_filter_s": 1.1, "wind_filter_s": 0.7, "rate_filter_s": 0.3}
+    chosen = article.controller.model_copy(update=times)
+    changed = article.model_copy(update={"controller": chosen})
+    for name in ("leader", "f1"):
+        settings = flight_plan(changed, name).settings
+        assert (settings.filters.position_s, settings.filters.wind_s) == (1.1, 0.7)
+        assert settings.rate_filter_s == 0.3
+    assert follower_task_of(flight_plan(changed, "f1")).leader.rate_filter_s == 0.3
+
+
 @pytest.mark.parametrize("name", ["f9", "", "LEADER"])
 def test_nobody_of_an_unknown_name_flies(mission: MakeMission, name: str) -> None:
     with pytest.raises(KeyError):

@@ -7,7 +7,6 @@ import pytest
 
 from vfguide.angles import wrap_angle
 from vfguide.guidance.formation import (
-    LEAST_SLOT_SPEED,
     Slot,
     SlotMotion,
     arc_tangent_field,
@@ -117,10 +116,11 @@ def test_the_articles_slot_takes_the_leaders_motion_even_in_a_turn(leader: Leade
 
 
 def test_a_transient_turn_rate_does_not_reverse_a_slot(leader: Leaders) -> None:
-    # 0.8 rad/s, 40 m right: 20 - 32 m/s would be backward; 40 m ahead it moves at 32 m/s to the right
+    # 0.8 rad/s, 40 m right: 20 - 32 m/s would be backward; 40 m ahead it moves at 32 m/s to the right,
+    # and forward at the least of 3 m/s
     motion = slot_motion(leader(turn_rate=0.8), Slot(forward=40.0, right=40.0))
-    assert motion.speed == pytest.approx(math.hypot(LEAST_SLOT_SPEED, 32.0))
-    assert motion.course == pytest.approx(math.atan2(32.0, LEAST_SLOT_SPEED))
+    assert motion.speed == pytest.approx(math.hypot(3.0, 32.0))
+    assert motion.course == pytest.approx(math.atan2(32.0, 3.0))
     assert motion.course < math.pi / 2.0
 
 

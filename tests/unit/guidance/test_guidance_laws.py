@@ -116,6 +116,16 @@ def test_the_settings_give_the_layer_of_their_gains(
     assert choices().sliding.layer(0.05) == pytest.approx(0.75)
 
 
+@pytest.mark.parametrize(
+    ("period", "layer"), [(0.005, 0.75), (0.01, 0.75), (0.02, 0.75), (0.1, 1.5)]
+)
+def test_a_loop_faster_than_twenty_hertz_keeps_the_layer_of_twenty_hertz(
+    choices: Callable[..., GuidanceSettings], period: float, layer: float
+) -> None:
+    # MAVLink's velocities are rounded to the same centimetres at any rate
+    assert choices().sliding.layer(period) == pytest.approx(layer)
+
+
 def fly_line(
     flyer: Plant, *, layer: float, period: float, delayed_samples: int, seconds: float
 ) -> tuple[float, float]:

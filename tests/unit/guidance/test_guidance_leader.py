@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import pytest
@@ -158,6 +159,49 @@ def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
     )
     # phi = cos(0.1)/150 - 0.03 sin(0.1) = 0.0066334 - 0.002995 = 0.0036384; -0.05 . 200 . 0.1 . phi
     assert guidance.speed_estimate - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("airframe", "estimate", "lead"),
+    [
+        # 18 + 0.05 . 0.5 . 2 = 18.05 and 24 - 0.05 . 0.5 . 4 = 23.9 m/s, over 150 m and 1.2 1/s
+        (COURSE_HOLD, 18.0, 0.100278),
+        (COURSE_HOLD, 24.0, 0.132778),
+        # the same, times what the ground speed is to the airspeed
+        (HEADING_HOLD, 18.0, 0.0905007),
+        (HEADING_HOLD, 24.0, 0.158669),
+    ],
+)
+def test_an_observing_leader_turns_by_its_estimate(
+    vehicle: Vehicles, choices: Choices, *, airframe: Airframe, estimate: float, lead: float
+) -> None:
+    state = vehicle(150.0, 0.0, math.pi / 2.0)
+    observing = choices(speed_source="observer")
+    guidance = leader_step(
+        state, along(CLOCKWISE), observing, airframe, period=PERIOD, speed_estimate=estimate
+    )
+    assert guidance.setpoint.course - state.course == pytest.approx(lead, abs=1e-6)
+
+
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_what_an_observing_leader_is_told_of_its_ground_speed_changes_nothing(
+    vehicle: Vehicles, choices: Choices, airframe: Airframe
+) -> None:
+    # 67.5 m inside: an inner slot, so that giving way looks at the speed as well
+    inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
+    state = vehicle(151.0, 0.0, math.pi / 2.0 + 0.1)
+    found = [
+        leader_step(
+            replace(state, ground_speed=told),
+            along(CLOCKWISE, inside),
+            choices(speed_source="observer"),
+            airframe,
+            period=PERIOD,
+            speed_estimate=21.0,
+        )
+        for told in (20.0, 5.0, 40.0)
+    ]
+    assert found[0] == found[1] == found[2]
 
 
 PATHS: list[Path] = [

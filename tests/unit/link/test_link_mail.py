@@ -3,7 +3,7 @@ from collections import Counter
 
 from aiomqtt import Message
 
-from vfguide.link.backoff import retry_delay
+from vfguide.backoff import retry_delay
 from vfguide.link.echo import Echo
 from vfguide.link.inbox import MOST_TOPICS, Inbox, NewestOnly
 from vfguide.link.topics import Topics

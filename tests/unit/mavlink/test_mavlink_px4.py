@@ -56,6 +56,13 @@ def test_a_course_goes_as_a_velocity_and_nothing_else(address: Make, parsed: Mak
     assert setpoint.vz == 0.0
 
 
+def test_staying_ready_is_the_velocity_alone(address: Make, parsed: Make) -> None:
+    plane = Px4(address())
+    (setpoint,) = sent(parsed, plane.stay_ready(math.radians(150.0), 20.0))
+    steering, _ = sent(parsed, plane.fly(math.radians(150.0), 20.0))
+    assert setpoint.to_dict() == steering.to_dict()
+
+
 @pytest.mark.parametrize(("hold", "speed_type"), [("heading-hold", 0.0), ("course-hold", 1.0)])
 def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(
     address: Make, parsed: Make, hold: Hold, speed_type: float
@@ -86,11 +93,12 @@ def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) 
     plane = Px4(address())
     messages = [
         *plane.fly(1.0, 20.0),
+        *plane.stay_ready(1.0, 20.0),
         *plane.engage(),
         *plane.hand_back(),
         *plane.request_telemetry(20.0),
     ]
-    assert len(messages) == 6
+    assert len(messages) == 7
     for message in sent(parsed, messages):
         assert (message.target_system, message.target_component) == (7, 3)
 

@@ -146,7 +146,11 @@ def test_the_boundary_layer_must_suit_the_loop(
 
 
 def test_a_slow_loop_makes_the_formation_soft() -> None:
-    assert found("line-calm", ("rate_hz: 20", "rate_hz: 5")) == [("warning", "controller.kappa")]
+    assert found("line-calm", ("rate_hz: 20", "rate_hz: 5")) == [
+        ("warning", "controller.kappa"),
+        ("warning", "controller.k_y"),
+        ("warning", "controller.k_x"),
+    ]
 
 
 def test_the_field_of_the_article_has_three_metres_of_error_on_the_circle_and_none_on_the_line() -> (

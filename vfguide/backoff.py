@@ -1,10 +1,10 @@
-"""How long to wait before the broker is called again."""
+"""How long to wait before another try."""
 
 SHORTEST_DELAY = 0.2
 """s, before the first new try: most losses are a matter of a moment."""
 
 LONGEST_DELAY = 5.0
-"""s: a broker that comes back is not kept waiting longer."""
+"""s: whoever plugs the cable in again, or restarts the broker, is not kept waiting longer."""
 
 GROWTH = 1.5
 """Of the delay from one try to the next. Slower than doubling: after an outage of two seconds the next try is
@@ -19,7 +19,7 @@ def retry_delay(failures: int, share: float) -> float:
 
     Args:
         failures: in a row, from 1.
-        share: random, in [0, 1): companions that lost the same broker do not all come back at once.
+        share: random, in [0, 1): companions that lost the same peer do not all come back at once.
 
     Returns:
         Between half and the whole of 0.2, 0.3, 0.45 ... 5 s.

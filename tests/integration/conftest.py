@@ -1,0 +1,27 @@
+"""Programs that are not Python's: a machine without them may do without these tests, CI may not."""
+
+import os
+import shutil
+
+import pytest
+
+
+def program(name: str, package: str) -> str:
+    """Path of a program; without it the test is skipped, or fails where CI runs."""
+    found = shutil.which(name, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
+    if found is None:
+        missing = f"{name} is not installed; apt install {package}"
+        if os.environ.get("CI"):
+            pytest.fail(missing)
+        pytest.skip(missing)
+    return found
+
+
+@pytest.fixture(scope="session")
+def mosquitto_program() -> str:
+    return program("mosquitto", "mosquitto")
+
+
+@pytest.fixture(scope="session")
+def openssl_program() -> str:
+    return program("openssl", "openssl")

@@ -1,0 +1,204 @@
+"""Brokers to speak to, and links that leave nothing behind."""
+
+import asyncio
+import base64
+import gc
+import hashlib
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from vfguide.link.address import LinkAddress, parse_link
+from vfguide.link.broker import embedded_broker
+from vfguide.link.mqtt import Link, open_link
+
+Make = Callable[..., Any]
+
+PATIENCE_S = 20.0
+"""Nothing here takes a quarter of this, unless the machine is very busy."""
+
+BASIS = """\
+allow_anonymous true
+set_tcp_nodelay true
+user root
+persistence false
+"""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+async def until(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+    """Wait for a condition."""
+    async with asyncio.timeout(patience_s):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+class Mosquitto:
+    """A real broker on a port of its own."""
+
+    def __init__(
+        self, program: str, directory: Path, settings: str = "", basis: str = BASIS
+    ) -> None:
+        self._program = program
+        self.port = free_port()
+        self._directory = directory / f"broker-{self.port}"
+        self._directory.mkdir()
+        self._log = self._directory / "log"
+        config = f"listener {self.port} 127.0.0.1\n{basis}{settings}"
+        (self._directory / "mosquitto.conf").write_text(config)
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                (self._program, "-c", "mosquitto.conf"),
+                cwd=self._directory,
+                stdout=log,
+                stderr=log,
+            )
+        end = time.monotonic() + PATIENCE_S
+        while not self._listens():
+            assert self._process.poll() is None, self._log.read_text()
+            assert time.monotonic() < end, "mosquitto does not listen"
+            time.sleep(0.01)
+
+    def _listens(self) -> bool:
+        try:
+            socket.create_connection(("127.0.0.1", self.port), 1.0).close()
+        except OSError:
+            return False
+        return True
+
+    def kill(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def freeze(self) -> None:
+        """Hang: connections stand, nothing is read and nothing answered."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        assert self._process is not None
+        self._process.send_signal(signal.SIGCONT)
+
+
+@pytest.fixture
+def mosquitto(tmp_path: Path, mosquitto_program: str) -> Iterator[Make]:
+    """Starts brokers, with lines of configuration to add."""
+    started: list[Mosquitto] = []
+
+    def make(settings: str = "", **options: str) -> Mosquitto:
+        broker = Mosquitto(mosquitto_program, tmp_path, settings, **options)
+        started.append(broker)
+        broker.start()
+        return broker
+
+    yield make
+    for broker in started:
+        broker.kill()
+
+
+@pytest.fixture
+def password_file(tmp_path: Path) -> Callable[[str, str], Path]:
+    """Writes a file with one user in it, as mosquitto_passwd would."""
+
+    def make(user: str, secret: str) -> Path:
+        salt, rounds = b"twelve bytes", 101
+        digest = hashlib.pbkdf2_hmac("sha512", secret.encode(), salt, rounds)
+        fields = ("7", str(rounds), *(base64.b64encode(part).decode() for part in (salt, digest)))
+        path = tmp_path / "passwords"
+        path.write_text(f"{user}:${'$'.join(fields)}\n")
+        return path
+
+    return make
+
+
+@pytest.fixture(params=["mosquitto", "embedded"])
+def any_broker(request: pytest.FixtureRequest) -> Make:
+    """Opens either kind of broker and gives its port."""
+    mosquitto = request.getfixturevalue("mosquitto") if request.param == "mosquitto" else None
+
+    @asynccontextmanager
+    async def opened() -> AsyncIterator[int]:
+        if mosquitto is not None:
+            yield mosquitto().port
+        else:
+            async with embedded_broker() as port:
+                yield port
+
+    return opened
+
+
+@pytest.fixture(scope="session", name="until")
+def until_fixture() -> Make:
+    return until
+
+
+@pytest.fixture(scope="session", name="free_port")
+def free_port_fixture() -> Callable[[], int]:
+    return free_port
+
+
+@pytest.fixture(scope="session")
+def opened() -> Make:
+    """Opens a link of a vehicle, with a list of what it receives, and sees that nothing is left of it."""
+
+    open_now = 0
+
+    @asynccontextmanager
+    async def make(
+        where: int | str | LinkAddress,
+        vehicle: str,
+        listen_to: str | None = None,
+        **options: object,
+    ) -> AsyncIterator[tuple[Link, list[bytes]]]:
+        nonlocal open_now
+        received: list[bytes] = []
+        options.setdefault("receive", received.append)
+        if isinstance(where, int):
+            where = f"mqtt://127.0.0.1:{where}"
+        if isinstance(where, str):
+            where = parse_link(where, {})
+        open_now += 1
+        async with open_link(
+            where,
+            formation="test",
+            vehicle=vehicle,
+            listen_to=listen_to,
+            random=Random(1),
+            **options,
+        ) as link:
+            try:
+                yield link, received
+            finally:
+                open_now -= 1
+        if open_now:
+            return
+        # Tasks of the test itself, and of an embedded broker, come and go as they like.
+        every = asyncio.all_tasks()
+        left = {
+            task
+            for task in every
+            if "aiomqtt" in repr(task.get_coro()) or "vfguide/link/" in repr(task.get_coro())
+        }
+        await asyncio.wait(left, timeout=2.0) if left else None
+        assert not {task for task in left if not task.done()}
+        gc.collect()
+
+    return make

@@ -1,0 +1,242 @@
+import asyncio
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import aiomqtt
+import pytest
+
+from vfguide.link.mqtt import Link
+from vfguide.link.presence import decode_presence
+
+Make = Callable[..., Any]
+
+VEHICLE = """
+import asyncio, sys
+from random import Random
+from vfguide.link.address import parse_link
+from vfguide.link.mqtt import open_link
+
+async def main():
+    address = parse_link(sys.argv[1])
+    async with open_link(
+        address, formation="test", vehicle="f1", listen_to=None, receive=print, random=Random(1)
+    ):
+        await asyncio.Event().wait()
+
+asyncio.run(main())
+"""
+
+
+async def speak(link: Link, until_heard: Callable[[], object]) -> None:
+    """Publish a state after the other until one is heard."""
+    number = 0
+    async with asyncio.timeout(20.0):
+        while not until_heard():
+            number += 1
+            link.publish(b"%d" % number)
+            await asyncio.sleep(0.02)
+
+
+def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(
+    mosquitto: Make, opened: Make, until: Make
+) -> None:
+    async def scenario() -> None:
+        broker = mosquitto()
+        async with (
+            opened(broker.port, "lead") as (leader, _),
+            opened(broker.port, "f1", "lead") as (link, box),
+        ):
+            await speak(leader, lambda: box)
+            broker.kill()
+            lost = time.monotonic()
+            await until(lambda: not leader.connected and not link.connected)
+            leader.publish(b"into the void")
+            assert leader.counters["dropped: not connected"] == 1
+            # An outage of two seconds, which is what a restart takes.
+            await asyncio.sleep(max(lost + 2.0 - time.monotonic(), 0.0))
+            broker.start()
+            box.clear()
+            await speak(leader, lambda: box)
+            assert time.monotonic() - lost < 4.0
+            assert leader.counters["disconnected"] == link.counters["disconnected"] == 1
+            assert leader.counters["connected"] == link.counters["connected"] == 2
+            assert b"into the void" not in box
+
+    asyncio.run(scenario())
+
+
+def test_a_broker_that_comes_late_is_found(
+    mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        broker = mosquitto()
+        broker.kill()
+        began = time.monotonic()
+        async with opened(broker.port, "f1", "lead") as (link, _):
+            assert time.monotonic() - began < 1.5
+            assert not link.connected
+            assert "refused" in link.detail
+            broker.start()
+            await until(lambda: link.connected)
+            assert link.detail == ""
+
+    asyncio.run(scenario())
+    # However many tries it took, one line says that the broker is away.
+    assert caplog.text.count("not connected") == 1
+
+
+def test_a_broker_that_hangs_is_noticed_and_found_again(
+    mosquitto: Make, opened: Make, until: Make
+) -> None:
+    async def scenario() -> None:
+        broker = mosquitto()
+        async with (
+            opened(broker.port, "lead") as (leader, _),
+            opened(broker.port, "f1", "lead") as (link, box),
+        ):
+            await speak(leader, lambda: box)
+            broker.freeze()
+            frozen = time.monotonic()
+            while leader.connected or link.connected:
+                leader.publish(b"unheard")
+                await asyncio.sleep(0.02)
+            assert time.monotonic() - frozen < 5.0
+            assert leader.echo_age(time.monotonic()) > 1.0
+            broker.thaw()
+            box.clear()
+            await speak(leader, lambda: box)
+            await until(lambda: link.connected and leader.connected)
+
+    asyncio.run(scenario())
+
+
+def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto: Make, opened: Make) -> None:
+    async def scenario() -> None:
+        broker = mosquitto()
+        async with opened(broker.port, "lead") as (link, _):
+            assert link.connected
+            broker.freeze()
+            ends = time.monotonic()
+        assert time.monotonic() - ends < 5.0
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("word", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x20\x02"])
+def test_a_server_that_is_no_broker_is_given_up_and_tried_again(
+    opened: Make, until: Make, word: bytes
+) -> None:
+    async def scenario() -> None:
+        calls: list[asyncio.StreamWriter] = []
+
+        async def take(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            calls.append(writer)
+            writer.write(word)
+
+        server = await asyncio.start_server(take, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        try:
+            async with opened(port, "f1", "lead") as (link, _):
+                await until(lambda: len(calls) >= 2)
+                assert not link.connected
+                await until(lambda: link.counters["failed to connect"] >= 1)
+                assert link.detail
+        finally:
+            server.close()
+            for writer in calls:
+                writer.transport.abort()
+
+    asyncio.run(scenario())
+
+
+def test_a_wrong_password_is_named_and_tried_again(
+    mosquitto: Make,
+    password_file: Make,
+    opened: Make,
+    until: Make,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def scenario() -> None:
+        file = password_file("crew", "right")
+        broker = mosquitto(f"allow_anonymous false\npassword_file {file}\n", basis="user root\n")
+        url = "mqtt://crew:{}@127.0.0.1:{}"
+        async with opened(url.format("wrong-hunter2", broker.port), "f1", "lead") as (link, _):
+            await until(lambda: link.counters["refused"] >= 3)
+            assert not link.connected
+            assert "wrong user name or password" in link.detail
+        async with opened(url.format("right", broker.port), "f1", "lead") as (link, _):
+            assert link.connected
+
+    asyncio.run(scenario())
+    warnings = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert [record.exc_info for record in warnings] == [None]
+    assert "wrong user name or password" in caplog.text
+    assert "hunter2" not in caplog.text
+
+
+def test_a_broker_that_does_not_let_a_vehicle_speak_is_found_out(
+    mosquitto: Make, opened: Make, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        rules = tmp_path / "rules"
+        rules.write_text("topic read vfguide/#\ntopic write vfguide/+/+/presence\n")
+        broker = mosquitto(f"acl_file {rules}\n")
+        async with opened(broker.port, "lead") as (link, _):
+            await speak(link, lambda: link.counters["not heard"])
+            # The connection itself is all right.
+            assert link.connected
+            assert link.echo_age(time.monotonic()) >= 1.0
+            assert link.counters["connected"] == 1
+
+    asyncio.run(scenario())
+    assert "own states do not come back" in caplog.text
+    assert "vfguide/test/lead/state" in caplog.text
+
+
+def test_two_vehicles_of_the_same_name_are_found_out(
+    mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        port = mosquitto().port
+        async with opened(port, "f1", "lead"), opened(port, "f1", "lead"):
+            await until(lambda: "does another client call itself vfguide/test/f1?" in caplog.text)
+
+    asyncio.run(scenario())
+
+
+def test_a_vehicle_that_is_killed_goes_offline(any_broker: Make, until: Make) -> None:
+    async def scenario() -> None:
+        async with any_broker() as port:
+            victim = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"
+            )
+            seen: list[str] = []
+
+            async def watch() -> None:
+                async with aiomqtt.Client("127.0.0.1", port) as client:
+                    await client.subscribe("vfguide/test/f1/presence", qos=1)
+                    while True:
+                        message = await anext(client.messages)
+                        seen.append(decode_presence(message.payload).status)
+
+            watching = asyncio.create_task(watch())
+            try:
+                await until(lambda: seen)
+                assert seen[-1] == "online"
+                os.kill(victim.pid, signal.SIGKILL)
+                await until(lambda: seen[-1] == "offline")
+            finally:
+                with suppress(ProcessLookupError):
+                    victim.kill()
+                await victim.wait()
+                watching.cancel()
+                await asyncio.wait({watching})
+
+    asyncio.run(scenario())

@@ -1,0 +1,126 @@
+"""Guidance that asks for what the vehicle cannot fly, for a moment and for longer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+import vfguide.companion.core
+from vfguide.companion.core import is_flyable
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.supervisor import Mode
+from vfguide.state import Setpoint
+
+Make = Callable[..., Any]
+
+HEADING, SET_MODE = 43_002, 176
+GUIDED = 15
+REASON = "setpoint not flyable"
+
+
+@dataclass(slots=True)
+class Gate:
+    """Lets setpoints pass, or none."""
+
+    is_open: bool = True
+
+    def __call__(self, setpoint: Setpoint[float], plan: FlightPlan) -> bool:
+        return self.is_open and is_flyable(setpoint, plan)
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Gate:
+    """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
+    made = Gate()
+    monkeypatch.setattr(vfguide.companion.core, "is_flyable", made)
+    return made
+
+
+def complaints(events: list[tuple[float, str]]) -> list[tuple[float, str]]:
+    return [one for one in events if "cannot be flown" in one[1]]
+
+
+def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(flight: Make, gate: Gate) -> None:
+    flown = flight()
+    flown.run(10.0)
+    assert flown.companion.counters[REASON] == 0
+    gate.is_open = False
+    flown.run(15.0)
+    assert flown.companion.counters[REASON] == 100
+    assert [time for time, _ in complaints(flown.events)] == [pytest.approx(10.05)]
+    assert flown.later(HEADING, 10.0) == []
+
+
+def test_the_complaint_is_a_warning(flight: Make, gate: Gate) -> None:
+    flown = flight()
+    flown.run(10.0)
+    gate.is_open = False
+    telemetry = flown.waiting + flown.autopilot.advance(10.05)
+    out = flown.companion.receive_mavlink(telemetry, 10.05)
+    assert [event.warning for event in out.events] == [True]
+    assert not out.steered
+
+
+def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(
+    flight: Make, gate: Gate
+) -> None:
+    flown = flight()
+    flown.run(10.0)
+    gate.is_open = False
+    # Looked at once a second: 0.95 s after the first of them is too early.
+    flown.run(11.5)
+    assert flown.later(SET_MODE, 10.0) == []
+    assert flown.autopilot.truth().mode == "GUIDED"
+    flown.run(15.0)
+    assert flown.later(SET_MODE, 10.0) == [12.0]
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert len(complaints(flown.events)) == 1
+
+
+def test_a_moment_without_them_passes_by_itself(flight: Make, gate: Gate) -> None:
+    flown = flight()
+    flown.run(10.0)
+    gate.is_open = False
+    flown.run(10.5)
+    gate.is_open = True
+    flown.run(40.0)
+    assert flown.later(HEADING, 10.0)[0] == pytest.approx(10.55)
+    assert flown.later(SET_MODE, 10.0) == []
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    # The next time is told again.
+    gate.is_open = False
+    flown.run(41.0)
+    assert [time for time, _ in complaints(flown.events)] == [
+        pytest.approx(10.05),
+        pytest.approx(40.05),
+    ]
+
+
+def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
+    flight: Make, gate: Gate
+) -> None:
+    flown = flight()
+    flown.run(10.0)
+    gate.is_open = False
+    flown.run(15.0)
+    gate.is_open = True
+    flown.run(20.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    flown.pilot(GUIDED)
+    flown.run(60.0)
+    assert flown.later(HEADING, 10.0)[0] == pytest.approx(20.05)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.mode_at(60.0) is Mode.TRACKING
+
+
+def test_autopilots_that_need_a_stream_are_not_engaged_without_one(
+    flight: Make, gate: Gate
+) -> None:
+    gate.is_open = False
+    flown = flight(kind="px4")
+    flown.run(5.0)
+    assert flown.times(SET_MODE) == []
+    gate.is_open = True
+    flown.run(10.0)
+    assert flown.autopilot.truth().mode == "OFFBOARD"

@@ -1,0 +1,138 @@
+"""Fields that ask for more than a bank gives or a loop follows, against numbers worked out by hand."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from vfguide.mission import Finding, check_mission, parse_mission, report_on
+from vfguide.mission.turn_limits import course_field_turn_rate, field_pull
+
+FOLDER = Path(__file__).parents[3] / "missions"
+
+
+def text_of(name: str, *changes: tuple[str, str]) -> str:
+    text = (FOLDER / f"{name}.yaml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def findings_of(name: str, field: str, *changes: tuple[str, str]) -> list[Finding]:
+    loaded = parse_mission(text_of(name, *changes).encode(), file="m.yaml")
+    return [one for one in check_mission(loaded.mission) if one.field == field]
+
+
+@pytest.mark.parametrize(
+    ("name", "pull", "most"),
+    [
+        # (pi/4) (2/pi) 5 = 2.5 rad/m at 20 m/s and 8 m/s of wind; 4 = 3/0.75 of it: 5 . 4/70
+        ("k_y", "70.0", "0.285"),
+        # 8 (2/pi) 5 = 25.46 1/s; 5 . 4/25.46
+        ("k_x", "25.5", "0.785"),
+    ],
+)
+def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain_that_does_not(
+    name: str, pull: str, most: str
+) -> None:
+    text = text_of("circle-wind", (f"{name}: 0.2", f"{name}: 5"))
+    loaded = parse_mission(text.encode(), file="m.yaml")
+    (warning,) = report_on(loaded.mission, loaded.source).warnings
+    assert warning.field == f"controller.{name}"
+    assert warning.line == text[: text.index(f"{name}: 5")].count("\n") + 1
+    assert f"pulls at {pull} 1/s, faster than the 4.0 1/s" in warning.message
+    assert warning.remedy == f"lower {name} to {most} 1/m or less"
+
+
+@pytest.mark.parametrize(
+    ("name", "gain", "warns"),
+    [("k_y", 0.285, False), ("k_y", 0.286, True), ("k_x", 0.785, False), ("k_x", 0.786, True)],
+)
+def test_the_gain_that_the_remedy_names_is_the_greatest_that_will_do(
+    name: str, gain: float, *, warns: bool
+) -> None:
+    found = findings_of("circle-wind", f"controller.{name}", (f"{name}: 0.2", f"{name}: {gain}"))
+    assert ("warning" in [one.severity for one in found]) is warns
+
+
+def test_a_slow_loop_follows_only_gentle_fields() -> None:
+    # at 5 Hz the layer is 3 and the law follows at 1 1/s: 0.1 . 20 . 0.5 and 0.196 . 8 . 2/pi
+    slow = ("rate_hz: 20", "rate_hz: 5")
+    fields = ("controller.k_y", "controller.k_x")
+    remedies = [
+        one.remedy
+        for field in fields
+        for one in findings_of("line-calm", field, slow)
+        if one.severity == "warning"
+    ]
+    assert remedies == ["lower k_y to 0.1 1/m or less", "lower k_x to 0.196 1/m or less"]
+
+
+def test_a_fast_loop_is_judged_by_the_layer_that_it_keeps() -> None:
+    # at 50 Hz still 4 1/s, 0.5 . 20 . 0.4: not the 10 1/s of a layer that were thinner
+    change = (("rate_hz: 20", "rate_hz: 50"), ("k_y: 0.2", "k_y: 0.5"))
+    (warning, _) = findings_of("line-calm", "controller.k_y", *change)
+    assert "faster than the 4.0 1/s" in warning.message
+
+
+def test_the_slope_of_a_field_on_its_slot() -> None:
+    # (2/pi) . 8 . 0.2
+    assert field_pull(0.2, 8.0) == pytest.approx(1.0185916)
+
+
+def test_for_a_quarter_turn_a_course_field_turns_as_fast_as_a_lines() -> None:
+    # 2/(3 sqrt 3) = 0.3849 k V
+    expected = 0.3849001795 * 0.03 * 20.0
+    found = course_field_turn_rate(0.03, 20.0, math.pi / 2.0)
+    assert found == pytest.approx(expected, rel=1e-4)
+
+
+def test_for_an_eighth_of_a_turn_a_course_field_turns_at_half_of_that() -> None:
+    # c (2/pi) = 1/2: sin(t/2) cos² t with s = sin(t/2) is s (1 - 2 s²)², greatest where 10 s² = 1,
+    # sqrt(0.1) . 0.64 = 0.202386; 0.5 . 0.2 . 20 . 0.202386
+    found = course_field_turn_rate(0.2, 20.0, math.pi / 4.0)
+    assert found == pytest.approx(0.4047715, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("k_y", "notes"),
+    [
+        # g/20 = 0.4903 rad/s on the line, k_y . 2.02386 of the field: up to k_y = 0.2423
+        (0.242, 0),
+        (0.243, 1),
+    ],
+)
+def test_a_followers_field_that_outturns_its_bank_is_noted(k_y: float, notes: int) -> None:
+    found = findings_of("line-calm", "controller.k_y", ("k_y: 0.2", f"k_y: {k_y}"))
+    assert [one.severity for one in found] == ["note"] * notes
+
+
+@pytest.mark.parametrize(("k_y", "notes"), [(0.12, 0), (0.15, 1)])
+def test_on_a_circle_a_followers_field_has_the_turn_to_fly_as_well(k_y: float, notes: int) -> None:
+    # The outer slot: hypot(20 + 0.1333 . 20, 0.1333 . 20) = 22.82 m/s, where the bank gives 0.4297 rad/s.
+    # 0.5 . 0.15 . 22.82 . 0.202386 = 0.3464 is less, with the circle's own 0.1333 it is 0.4797.
+    found = findings_of("circle-calm", "controller.k_y", ("k_y: 0.2", f"k_y: {k_y}"))
+    assert [one.severity for one in found] == ["note"] * notes
+    for note in found:
+        assert note.message == (
+            "joining its slot, 'f1' is asked to turn at up to 0.48 rad/s at 22.8 m/s over ground; "
+            "its bank gives 0.43, so it joins less sharply"
+        )
+
+
+def test_a_leader_whose_bank_is_small_says_nothing_about_the_followers_field() -> None:
+    # 25 degrees: 0.229 rad/s, enough for its own field but not for one of k_y 0.2
+    leader = "leader: {system_id: 1, alpha_1_s: 1.2, beta_1_s: 0.8, airspeed_range_m_s: [12, 32], "
+    change = (f"{leader}max_bank_deg: 45", f"{leader}max_bank_deg: 25")
+    assert findings_of("line-calm", "controller.k_y", change) == []
+
+
+def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well() -> None:
+    # 0.3849 . 0.05 . 20 = 0.3849 rad/s is less than g/20 = 0.4903, with 20/150 = 0.1333 it is 0.5182;
+    # (0.4903 - 0.1333)/(0.3849 . 20) = 0.04637
+    (warning,) = findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.05"))
+    assert warning.severity == "warning"
+    assert "turns at up to 0.52 rad/s at 20.0 m/s over ground" in warning.message
+    assert warning.remedy == "lower gain to 0.046 1/m or less"
+    assert findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.046")) == []

@@ -1,0 +1,57 @@
+"""What the article's wind leaves of a formation's precision, against numbers worked out by hand."""
+
+from pathlib import Path
+
+import pytest
+
+from vfguide.mission import Mission, parse_mission
+from vfguide.mission.conditions import conditions_of
+from vfguide.mission.predicted_error import (
+    article_wind_rates,
+    predicted_mean_error,
+    wind_left_over,
+)
+
+WINDY = (Path(__file__).parents[3] / "missions" / "line-wind.yaml").read_text()
+
+# w = s e^(i a), s = 5 + 3 cos(0.1 t), a = 3 pi/4 + pi sin(0.1 t): means of |s' + i s a'| and of
+# |s'' + 2 i s' a' + i s a'' - s a'^2| over a period
+RATE, JERK = 1.0490193, 0.3026650
+
+
+def mission(*controls: str, plant: str = "heading-hold") -> Mission:
+    text = WINDY.replace("epsilon: 0.01", ", ".join(["epsilon: 0.01", *controls]))
+    text = text.replace("max_bank_deg: 45}", f"max_bank_deg: 45, plant: {plant}}}")
+    assert f"plant: {plant}" in text
+    return parse_mission(text.encode(), file="m.yaml").mission
+
+
+def test_the_articles_wind_changes_by_a_metre_per_second_each_second() -> None:
+    assert article_wind_rates() == pytest.approx((RATE, JERK), rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("plant", "controls", "left"),
+    [
+        # the leader's rates lag by 0.4 + 0.05 s, a heading hold's wind by 0.2 + 0.05 s
+        ("course-hold", [], 0.45 * JERK),
+        ("heading-hold", [], 0.7 * JERK),
+        ("heading-hold", ["wind_feedforward: false"], 0.45 * JERK + RATE),
+        ("course-hold", ["wind_feedforward: false"], 0.45 * JERK),
+        ("heading-hold", ["rate_filter_s: 1.0", "wind_filter_s: 0.1"], 1.2 * JERK),
+        ("course-hold", ["rate_filter_s: 1.0", "wind_filter_s: 0.1"], 1.05 * JERK),
+    ],
+)
+def test_what_is_left_of_the_wind_is_what_the_feed_forward_lags_behind(
+    plant: str, controls: list[str], left: float
+) -> None:
+    found = wind_left_over(mission(*controls, plant=plant), "f1")
+    assert found == pytest.approx(left, rel=5e-3)
+
+
+def test_what_is_left_of_the_wind_becomes_an_error_by_way_of_layer_and_field() -> None:
+    # 0.7 . 0.30267 = 0.21187 m/s², 0.14981 each way; times 0.75/3: 0.037453 m/s and, over 20, 0.0018727 rad;
+    # tan(2 . 0.0018727)/0.2 = 0.018727 m, tan(pi/16 . 0.037453)/0.2 = 0.036770 m; hypot
+    windy = mission()
+    found = predicted_mean_error(windy, conditions_of(windy.path, windy.wind))
+    assert found == pytest.approx(0.041264, rel=5e-3)
