@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
+from vfguide.commands.bench import measure_latency
 from vfguide.commands.check import findings_of, report_findings
 from vfguide.commands.companion import run_companion
 from vfguide.commands.fly import BROKEN
@@ -51,6 +52,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+bench = typer.Typer(help="Measure on this computer.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(bench, name="bench")
 
 MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
@@ -198,6 +202,24 @@ def check(
     findings = check_mission(loaded.mission, loaded.source)
     name = loaded.mission.name
     raise typer.Exit(report_findings(findings, name=name, strict=strict, as_json=as_json))
+
+
+@bench.command()
+def latency(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=5.0, max=600.0, help="Length of each measurement.")
+    ] = 15.0,
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", min=20.0, max=100.0, help="Position reports per second.")
+    ] = 50.0,
+    as_json: AsJson = False,
+) -> None:
+    """Measure from telemetry in to setpoint out, beside plain pymavlink and MAVSDK loops.
+
+    Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
+    """
+    measure_latency(seconds=seconds, rate_hz=rate, as_json=as_json)
 
 
 @app.command()

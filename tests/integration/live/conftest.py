@@ -1,0 +1,230 @@
+"""Live flights to disturb, judged by the true states of all aircraft and in simulation time."""
+
+import asyncio
+import logging
+import re
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from vfguide.elementwise import FloatArray
+from vfguide.link.address import parse_link
+from vfguide.link.mqtt import open_link
+from vfguide.mission import Mission, load_mission
+from vfguide.rehearsal.live import LiveFlight, live_flight
+from vfguide.rehearsal.processes import Process, free_port
+from vfguide.report.geometry import pair_separations, slot_error
+
+MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+
+BROKER = """\
+listener {port} 127.0.0.1
+allow_anonymous true
+set_tcp_nodelay true
+persistence false
+user root
+"""
+
+SPEEDUP = 5.0
+
+PATIENCE_S = 60.0
+"""Real time; nothing that is waited for takes half of it, unless the machine is very busy."""
+
+IN_SLOT_M = 1.0
+
+RECOVERY_S = 30.0
+"""Simulation time within which a formation is asked to be whole again."""
+
+STEADY_S = 6.0
+"""Simulation time that everyone has to stay in the slots to count as back."""
+
+MODE = re.compile(r"\b[a-z]+ -> ([a-z]+)\b")
+"""A change of mode in the log of a companion."""
+
+logger = logging.getLogger(__name__)
+
+
+async def until(condition: Callable[[], object]) -> None:
+    """Wait for a condition."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.02)
+
+
+class Broker:
+    """Mosquitto on a port of its own."""
+
+    def __init__(self, program: str, directory: Path) -> None:
+        self._port = free_port(socket.SOCK_STREAM)
+        config = directory / "mosquitto.conf"
+        config.write_text(BROKER.format(port=self._port))
+        command = [program, "-c", str(config)]
+        self._process = Process("mosquitto", command, directory / "mosquitto.log")
+
+    @property
+    def url(self) -> str:
+        return f"mqtt://127.0.0.1:{self._port}"
+
+    async def start(self) -> None:
+        """Start it, and wait until it listens."""
+        await self._process.start()
+        async with asyncio.timeout(PATIENCE_S):
+            while not await self._listens():
+                assert self._process.running, self._process.last_words()
+                await asyncio.sleep(0.01)
+
+    async def kill(self) -> None:
+        await self._process.kill()
+
+    async def _listens(self) -> bool:
+        try:
+            _, writer = await asyncio.open_connection("127.0.0.1", self._port)
+        except OSError:
+            return False
+        writer.close()
+        await writer.wait_closed()
+        return True
+
+
+class Watched:
+    """A live flight, its broker, and how well the formation is kept."""
+
+    def __init__(self, flight: LiveFlight, broker: Broker, directory: Path) -> None:
+        self.flight = flight
+        self.broker = broker
+        self.directory = directory
+        self.heard_s: list[float] = []
+        """When states of the leader came over the link."""
+
+    @staticmethod
+    async def until(condition: Callable[[], object]) -> None:
+        """Wait for a condition."""
+        await until(condition)
+
+    async def reach(self, time_s: float) -> None:
+        """Wait until every aircraft has flown to this simulation time."""
+        await until(lambda: self.flight.judge.time_s >= time_s)
+
+    async def settle(self) -> None:
+        """Wait until everyone is in the slots."""
+        recovery_s = await self.recovery_s(0.0)
+        assert recovery_s < RECOVERY_S
+
+    def log(self, vehicle: str) -> str:
+        """What a companion had to say so far."""
+        return (self.directory / f"{vehicle}.companion.log").read_text()
+
+    async def until_followers_are(self, *modes: str) -> None:
+        """Wait until each follower's companion says that it is in one of these modes."""
+        _, *followers = self.flight.names
+        await until(lambda: all(MODE.findall(self.log(name))[-1] in modes for name in followers))
+
+    async def wait(self, length_s: float) -> None:
+        """Let this much simulation time pass by the clock, whether or not anybody flies."""
+        ends_s = self.flight.time_s + length_s
+        await until(lambda: self.flight.time_s >= ends_s)
+
+    async def recovery_s(self, ended_s: float) -> float:
+        """Simulation time from the end of a disturbance until everyone is back, and stays."""
+        judge = self.flight.judge
+        now_s = max(ended_s, judge.time_s) + STEADY_S
+        while True:
+            await self.reach(now_s)
+            times, errors = self.errors(ended_s)
+            outside = times[(errors >= IN_SLOT_M).any(axis=0)]
+            back_s = outside[-1] if outside.size else ended_s
+            now_s = judge.time_s + 1.0
+            if judge.time_s - back_s >= STEADY_S or now_s - ended_s > RECOVERY_S + STEADY_S:
+                logger.info(
+                    "back after %.1f s, at most %.1f m off, at least %.1f m apart",
+                    back_s - ended_s,
+                    errors.max(),
+                    self.least_separation_m(),
+                )
+                return float(back_s - ended_s)
+
+    def errors(self, from_s: float) -> tuple[FloatArray, FloatArray]:
+        """Times, and distances of the followers from their slots at them, m."""
+        record = self.flight.record(wall_s=0.0)
+        late = record.time_s >= from_s
+        rows = [slot_error(record.leader, one).distance_m[late] for one in record.followers]
+        return record.time_s[late], np.array(rows)
+
+    def least_separation_m(self) -> float:
+        """Of any two aircraft, since the beginning."""
+        record = self.flight.record(wall_s=0.0)
+        return min(float(pair.distance_m.min()) for pair in pair_separations(record))
+
+
+@pytest.fixture
+def mission() -> Mission:
+    """The article's circle in wind, with everyone in place at the beginning."""
+    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    followers = [follower["vehicle"] for follower in content["followers"]]
+    leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
+    content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}
+    # Links call again in real time: in a fast flight that takes longer than it would in the air.
+    content["patience"] = {"prediction_s": 60.0}
+    return Mission.model_validate(content)
+
+
+@pytest.fixture
+def broker_in(
+    mosquitto_program: str,
+) -> Callable[[Path], AbstractAsyncContextManager[Broker]]:
+    """Runs a broker."""
+
+    @asynccontextmanager
+    async def opened(directory: Path) -> AsyncIterator[Broker]:
+        broker = Broker(mosquitto_program, directory)
+        await broker.start()
+        try:
+            yield broker
+        finally:
+            await broker.kill()
+
+    return opened
+
+
+@pytest.fixture
+def flown(
+    mission: Mission,
+    tmp_path: Path,
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Broker]],
+) -> Callable[..., AbstractAsyncContextManager[Watched]]:
+    """Flies live, and sees that nobody came too near to another and that every program ended well."""
+
+    @asynccontextmanager
+    async def fly(speedup: float = SPEEDUP) -> AsyncIterator[Watched]:
+        async with broker_in(tmp_path) as broker:
+            link = parse_link(broker.url, {})
+            async with (
+                live_flight(
+                    mission, directory=tmp_path, link=broker.url, speedup=speedup
+                ) as flight,
+                open_link(
+                    link,
+                    formation=mission.name,
+                    vehicle="spectator",
+                    listen_to=mission.leader.vehicle,
+                    receive=lambda _: watched.heard_s.append(flight.time_s),
+                    random=Random(1),
+                ),
+            ):
+                watched = Watched(flight, broker, tmp_path)
+                yield watched
+                flight.check()
+                assert all(companion.running for companion in flight.companions.values())
+                least_m = watched.least_separation_m()
+        logs = {log.name: log.read_text() for log in tmp_path.glob("*.log")}
+        assert not [name for name, text in logs.items() if "Traceback" in text]
+        codes = {name: companion.exit_code for name, companion in flight.companions.items()}
+        assert codes == dict.fromkeys(flight.names, 0)
+        assert least_m >= mission.acceptance.min_separation_m
+
+    return fly

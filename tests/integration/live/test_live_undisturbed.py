@@ -1,0 +1,46 @@
+"""A live flight that nothing happens to, as a user starts it."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+
+ALLOWANCE_M = 0.1
+"""By which a live flight may be worse than one in virtual time."""
+
+PATIENCE_S = 120.0
+
+
+def test_live_flight_is_as_good_as_the_mission_asks(
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
+) -> None:
+    async def fly() -> tuple[int | None, bytes, bytes]:
+        async with broker_in(tmp_path) as broker:
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
+                *("--speedup", "5", "--duration", "100", "--link", broker.url),
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+            )
+            async with asyncio.timeout(PATIENCE_S):
+                out, err = await process.communicate()
+            return process.returncode, out, err
+
+    status, out, err = asyncio.run(fly())
+    assert b"Traceback" not in err, err.decode()
+    summary = json.loads(out)
+    assert status == 0, summary["rejections"]
+    assert summary["mode"] == "live"
+    assert summary["accepted"] is True
+    assert summary["duration_s"] >= 100.0
+    asked = yaml.safe_load(MISSION.read_text())["acceptance"]
+    assert summary["formation"]["window_s"][0] == summary["duration_s"] / 2.0
+    assert summary["formation"]["mean_error_m"] <= asked["mean_error_m"] + ALLOWANCE_M
+    assert summary["formation"]["min_separation_m"] >= 5.0

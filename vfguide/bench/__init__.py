@@ -1,0 +1,1 @@
+"""What this program is measured by, beside others that do the same."""
