@@ -110,8 +110,8 @@ FINDINGS = [
         id="loop too slow for kappa and epsilon",
     ),
     pytest.param(
-        [("duration_s: 20", "duration_s: 20\n  rate_hz: 1")],
-        "warning: controller.kappa: at 1 Hz kappa 3 takes a boundary layer of 15.00 rad",
+        [("duration_s: 20", "duration_s: 20\n  rate_hz: 2")],
+        "warning: controller.kappa: at 2 Hz kappa 3 takes a boundary layer of 7.50 rad",
         "raise rehearsal.rate_hz, or lower controller.kappa or boundary_layer_factor",
         id="boundary layer too wide",
     ),

@@ -37,7 +37,7 @@ def test_a_refused_flight_is_reported_without_complaint(
     command: Make, pair_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # the plots are looked at elsewhere
-    monkeypatch.setattr("vfguide.commands.fly.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
     command("fly", pair_with(), "--duration", 1, "--out", tmp_path / "out")
     outcome = command("report", tmp_path / "out")
     assert outcome.status == 0
