@@ -96,6 +96,23 @@ class BrokerClient(Client):
         self._client.connect_timeout = DIAL_S
         self._gone = asyncio.Event()
         self._client.on_socket_close = self._noting(self._client.on_socket_close)
+        self._client.on_socket_register_write = self._wait_to_write
+
+    def _wait_to_write(self, engine: Engine, _userdata: object, sock: PahoSocket) -> None:
+        """Watch for room to write, a turn of the loop later: the engine may be in a thread of its own."""
+        self._loop.call_soon_threadsafe(self._watch, engine, sock)
+
+    def _watch(self, engine: Engine, sock: PahoSocket) -> None:
+        # By now everything may be written, or the socket closed: aiomqtt's own way fails on the latter.
+        if sock.fileno() >= 0 and engine.want_write():
+            self._loop.add_writer(sock.fileno(), self._write, engine)
+
+    def _write(self, engine: Engine) -> None:
+        try:
+            engine.loop_write()
+        except OSError as error:
+            if not self._disconnected.done():
+                self._disconnected.set_exception(error)
 
     def _noting(
         self, close: Callable[[Engine, object, PahoSocket], None] | None
