@@ -2,15 +2,24 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+PlantKind = Literal["course-hold", "heading-hold", "bank"]
+SpeedResponse = Literal["first-order", "tecs"]
+
+TECS_DEAD_TIME_S = 0.5
+"""From a new airspeed to the first change of speed, as measured on ArduPlane."""
+
+MAX_DEAD_TIME_S = 10.0
+"""Longer than any autopilot's: what is asked for beyond it is a mistake."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantParameters:
     """One aircraft with its inner loops."""
 
-    kind: Literal["course-hold", "heading-hold"] = "heading-hold"
-    """Which model flies: see the module."""
+    kind: PlantKind = "heading-hold"
+    """Which model flies: see `plant` and, for `bank`, `lagging_plant`."""
 
     alpha_1_s: float = 1.2
     """Gain of the course or heading hold: 1 / time constant."""
@@ -36,14 +45,48 @@ class PlantParameters:
     altitude_gain_1_s: float = 0.5
     """Height hold: climb rate asked for per metre of height error."""
 
+    guided_p_cdeg_rad: float = 12_000.0
+    """`bank` only: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
+
+    roll_time_s: float = 0.4
+    """`bank` only: time constant with which the roll follows."""
+
+    turn_efficiency: float = 1.0
+    """`bank` only: turn rate in parts of the coordinated turn's; 0.7 measured on ArduPlane."""
+
+    speed_response: SpeedResponse = "first-order"
+    """`tecs`: an airspeed hold like ArduPlane's, which overshoots and settles slowly."""
+
+    course_dead_time_s: float = 0.0
+    """From a new course, heading or bank to the moment at which the loop knows it."""
+
+    speed_dead_time_s: float | None = None
+    """The same for a new speed; None: what belongs to the speed response."""
+
+    @property
+    def speed_delay_s(self) -> float:
+        """Dead time of the speed loop."""
+        if self.speed_dead_time_s is not None:
+            return self.speed_dead_time_s
+        return TECS_DEAD_TIME_S if self.speed_response == "tecs" else 0.0
+
+    @property
+    def lags(self) -> bool:
+        """Whether roll or speed have a state of their own: see `lagging_plant`."""
+        return self.kind == "bank" or self.speed_response == "tecs"
+
     def __post_init__(self) -> None:
         """Refuse an aircraft that cannot fly.
 
         Raises:
             ValueError: a parameter is out of its range; the message names it.
         """
-        if self.kind not in {"course-hold", "heading-hold"}:
-            raise ValueError(f"kind must be course-hold or heading-hold, not {self.kind!r}")
+        for name, known in (("kind", PlantKind), ("speed_response", SpeedResponse)):
+            if getattr(self, name) not in get_args(known):
+                wanted = ", ".join(get_args(known))
+                raise ValueError(f"{name} must be one of {wanted}, not {getattr(self, name)!r}")
+        if self.kind == "course-hold" and self.lags:
+            raise ValueError("speed_response tecs holds an airspeed: it needs another plant")
         for name in (
             "alpha_1_s",
             "beta_1_s",
@@ -52,10 +95,19 @@ class PlantParameters:
             "max_acceleration_m_s2",
             "climb_rate_max_m_s",
             "altitude_gain_1_s",
+            "guided_p_cdeg_rad",
+            "roll_time_s",
+            "turn_efficiency",
         ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be finite and above zero, not {value!r}")
+        for name, delay_s in (
+            ("course_dead_time_s", self.course_dead_time_s),
+            ("speed_dead_time_s", self.speed_delay_s),
+        ):
+            if not 0.0 <= delay_s <= MAX_DEAD_TIME_S:
+                raise ValueError(f"{name} must be 0 to {MAX_DEAD_TIME_S:g}, not {delay_s!r}")
         if self.airspeed_max_m_s < self.airspeed_min_m_s:
             raise ValueError("airspeed_max_m_s must not be below airspeed_min_m_s")
         if not 0.0 < self.max_bank_rad < math.pi / 2:

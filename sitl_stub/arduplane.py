@@ -1,65 +1,92 @@
-"""ArduPlane's GUIDED mode: course, airspeed and altitude by commands that are held for ever."""
+"""ArduPlane: its modes, parameters and fail-safe; what it obeys in GUIDED is in `guided`."""
 
-import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub.arduplane_parameters import OLD_NAMES, arduplane_parameters
+from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
-    DO_CHANGE_SPEED,
+    DO_REPOSITION,
     DO_SET_MODE,
-    GUIDED_CHANGE_ALTITUDE,
-    GUIDED_CHANGE_HEADING,
-    GUIDED_CHANGE_SPEED,
+    NAV_LOITER_UNLIM,
+    NAV_RETURN_TO_LAUNCH,
     Command,
-    Handler,
     Handlers,
     Result,
-    finite,
     height_target,
-    is_flyable_airspeed,
+    place,
 )
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import Flight
-from sitl_stub.loops import GRAVITY_M_S2
-from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER
-from sitl_stub.targets import SpeedTarget, TurnTarget
+from sitl_stub.guided import Guided
+from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER, MANUAL, RTL
+from sitl_stub.telemetry_ids import ALTITUDE, UNREQUESTED
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
+"""Below these ArduPlane does not arm."""
 
-    from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+CHANGE_MODE = 1
+"""MAV_DO_REPOSITION_FLAGS: enter GUIDED for it."""
 
-MIN_LATERAL_ACCELERATION_M_S2 = 0.05
-"""What a lateral acceleration limit of zero becomes: the aircraft as good as does not turn."""
-
-COURSE, HEADING, CANCEL = 0.0, 1.0, 2.0
-"""param1 of GUIDED_CHANGE_HEADING."""
-
-AIRSPEED, GROUND_SPEED = 0.0, 1.0
-"""SPEED_TYPE."""
-
-NO_CHANGE, DEFAULT_SPEED = -1.0, -2.0
-"""DO_CHANGE_SPEED's special values of a speed."""
+LONG_ACTION_RETURN = 1
+"""FS_LONG_ACTN of returning home; 0 goes on in GUIDED."""
 
 
 class ArduPlane:
     """ArduPlane, as measured on the real one (4.7)."""
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
-    capabilities = 2 | 8 | 8192  # PARAM_FLOAT, COMMAND_INT, MAVLINK2
-    estimates_wind = True
+    version = 0x0407_0000
+    capabilities = 2 | 4 | 8 | 8192  # PARAM_FLOAT, MISSION_INT, COMMAND_INT, MAVLINK2
+    unsent = frozenset({ALTITUDE})
+    unrequested = UNREQUESTED
+    modes = tuple(ARDUPLANE_MODES.values())
     initial_mode = LOITER
-    deadline_us = None
+    ground_mode = MANUAL
 
-    def __init__(self) -> None:
+    def __init__(self, config: AutopilotConfig) -> None:
+        self.parameters = arduplane_parameters(config)
+        self.arming = Arming(self._arming_fault, refused=Result.FAILED)
         self.setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]] = {}
+        self.deadline_us: int | None = None
+        self._guided = Guided()
         self.commands: Handlers = {
             DO_SET_MODE: self._set_mode,
-            DO_CHANGE_SPEED: self._change_speed,
-            GUIDED_CHANGE_HEADING: _only_guided(change_heading),
-            GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
-            GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
+            NAV_LOITER_UNLIM: self._mode_command(LOITER.custom_mode),
+            NAV_RETURN_TO_LAUNCH: self._mode_command(RTL.custom_mode),
+            DO_REPOSITION: self._reposition,
+            **self._guided.commands,
         }
-        self._guided_speed_used = False
+        self._old_names = config.old_parameter_names
+
+    def begin(self, flight: Flight) -> None:
+        """Give the flight the distances of the parameters, at its start."""
+        flight.navigation = replace(
+            flight.navigation,
+            take_off_height_m=self._value("TKOFF_ALT"),
+            take_off_distance_m=self._value("TKOFF_DIST"),
+            loiter_radius_m=self._value("WP_LOITER_RAD"),
+            return_height_m=self._value("RTL_ALTITUDE"),
+        )
+
+    def changed(self, flight: Flight, name: str) -> None:
+        """Let a parameter that was set take effect; SCHED_LOOP_RATE wants a reboot, as on the real one."""
+        self.begin(flight)
+        if name in {self._named("AIRSPEED_MIN"), self._named("AIRSPEED_MAX")}:
+            slowest_m_s, fastest_m_s = self._value("AIRSPEED_MIN"), self._value("AIRSPEED_MAX")
+            if 0.0 < slowest_m_s <= fastest_m_s:
+                flight.set_airspeed_range(slowest_m_s, fastest_m_s)
+        elif name == self._named("AIRSPEED_CRUISE"):
+            flight.cruise_airspeed_m_s = max(1.0, self._value("AIRSPEED_CRUISE"))
+        elif name == self._named("ROLL_LIMIT_DEG"):
+            flight.set_max_bank_deg(self._value("ROLL_LIMIT_DEG"))
+        elif name == "GUIDED_P" and self.parameters[name] > 0.0:
+            flight.plant = replace(flight.plant, guided_p_cdeg_rad=self.parameters[name])
+        elif name == "FS_GCS_ENABL" and not self.parameters[name]:
+            self.deadline_us = None
 
     def request_mode(self, flight: Flight, custom_mode: int) -> Result:
         """Enter a mode. GUIDED again changes nothing; GUIDED anew starts without commands."""
@@ -67,27 +94,47 @@ class ArduPlane:
         if mode is None:
             return Result.DENIED
         if mode is not flight.mode:
-            self._guided_speed_used = False
+            self._guided.forget()
             flight.enter(mode)
         return Result.ACCEPTED
 
-    def watch(self, flight: Flight) -> None:
-        """Nothing: what was commanded last is held for ever."""
+    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+        """A heartbeat of the ground station holds the fail-safe off, if there is one."""
+        if heartbeat.get_srcSystem() == self._value("MAV_GCS_SYSID"):
+            if self.deadline_us == 0:
+                flight.texts.append("GCS failsafe cleared")
+            self.deadline_us = None
+            if self._value("FS_GCS_ENABL"):
+                timeout_us = round(max(1.0, self._value("FS_LONG_TIMEOUT")) * 1e6)
+                self.deadline_us = flight.time_us + timeout_us
 
-    def parameters(self, flight: Flight) -> dict[str, float]:
-        """Limits as flown; GUIDED_P is the bank per course error that gives the plant's alpha."""
-        plant = flight.plant
-        middle_speed_m_s = 0.5 * (plant.airspeed_min_m_s + plant.airspeed_max_m_s)
-        bank_per_error = plant.alpha_1_s * middle_speed_m_s / GRAVITY_M_S2
-        return {
-            "AIRSPEED_MAX": plant.airspeed_max_m_s,
-            "AIRSPEED_MIN": plant.airspeed_min_m_s,
-            "FS_GCS_ENABL": 0.0,
-            "GUIDED_P": round(100.0 * math.degrees(bank_per_error)),
-            "MAV_GCS_SYSID": 255.0,
-            "ROLL_LIMIT_DEG": math.degrees(plant.max_bank_rad),
-            "SCHED_LOOP_RATE": 200.0,
-        }
+    def watch(self, flight: Flight) -> None:
+        """What was commanded last is held for ever, unless the fail-safe is on and the ground is silent."""
+        if self.deadline_us is not None and flight.time_us >= self.deadline_us:
+            self.deadline_us = None
+            flight.texts.append("GCS failsafe")
+            if self._value("FS_LONG_ACTN") == LONG_ACTION_RETURN and not flight.on_ground:
+                self.request_mode(flight, RTL.custom_mode)
+
+    def _named(self, name: str) -> str:
+        """Today's name, or the old one where that is used."""
+        return OLD_NAMES[name][0] if self._old_names and name in OLD_NAMES else name
+
+    def _value(self, name: str) -> float:
+        """A parameter in today's unit."""
+        factor = OLD_NAMES[name][1] if self._old_names and name in OLD_NAMES else 1.0
+        return self.parameters[self._named(name)] / factor
+
+    def _arming_fault(self, _flight: Flight) -> str | None:
+        slowest = self._value("AIRSPEED_MIN")
+        if self.parameters["ARMING_SKIPCHK"] == -1:
+            return None
+        if slowest < LEAST_AIRSPEED_MIN:
+            return f"AIRSPEED_MIN too low ({slowest:.0f} < {LEAST_AIRSPEED_MIN})"
+        limit_deg = self._value("ROLL_LIMIT_DEG")
+        if limit_deg < LEAST_ROLL_LIMIT_DEG:
+            return f"ROLL_LIMIT_DEG too small ({limit_deg:.1f})"
+        return None
 
     def _set_mode(self, flight: Flight, command: Command) -> Result:
         flags, custom_mode = command.used(1, 2)
@@ -95,79 +142,25 @@ class ArduPlane:
             return Result.DENIED
         return self.request_mode(flight, int(custom_mode))
 
-    def _guided_change_speed(self, flight: Flight, command: Command) -> Result:
-        """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
-        kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
-        if acceleration_m_s2 < 0.0:
+    def _mode_command(self, custom_mode: int) -> Callable[[Flight, Command], Result]:
+        def enter(flight: Flight, _command: Command) -> Result:
+            return self.request_mode(flight, custom_mode)
+
+        return enter
+
+    def _reposition(self, flight: Flight, command: Command) -> Result:
+        """192: loiter around a place, in GUIDED; a course that was commanded is forgotten."""
+        if not command.is_int:
+            return Result.COMMAND_INT_ONLY
+        (flags,) = command.used(2)
+        where = place(command)
+        height = height_target(flight, command.frame, command.z)
+        if where is None or height is None:
             return Result.DENIED
-        limit = acceleration_m_s2 or math.inf
-        if kind == AIRSPEED:
-            if not is_flyable_airspeed(flight, speed_m_s):
+        if flight.mode is not GUIDED:
+            if not int(flags) & CHANGE_MODE:
                 return Result.FAILED
-            target = SpeedTarget("airspeed", speed_m_s, limit)
-        elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
-            # The real one denies this; the article's ideal ground speed hold is what takes it.
-            if speed_m_s <= 0.0:
-                return Result.FAILED
-            target = SpeedTarget("ground-speed", speed_m_s, limit)
-        else:
-            return Result.DENIED
-        self._guided_speed_used = True
-        flight.hold_speed(target)
+            self.request_mode(flight, GUIDED.custom_mode)
+        flight.orbit(flight.orbit_at(*where))
+        flight.hold_height(height)
         return Result.ACCEPTED
-
-    def _change_speed(self, flight: Flight, command: Command) -> Result:
-        """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
-
-        A ground speed would only set a floor, which is not modelled: accepted without effect.
-        """
-        kind, speed_m_s = command.used(1, 2)
-        if self._guided_speed_used:
-            flight.texts.append("DO_CHANGE_SPEED ignored: guided speed in use")
-            return Result.ACCEPTED
-        if kind not in {AIRSPEED, GROUND_SPEED}:
-            return Result.DENIED
-        if kind == GROUND_SPEED or speed_m_s == NO_CHANGE:
-            return Result.ACCEPTED
-        if speed_m_s == DEFAULT_SPEED:
-            flight.cruise()
-            return Result.ACCEPTED
-        if not is_flyable_airspeed(flight, speed_m_s):
-            return Result.FAILED
-        flight.hold_speed(SpeedTarget("airspeed", speed_m_s))
-        return Result.ACCEPTED
-
-
-def _only_guided(handler: Handler) -> Handler:
-    """The handler, failing outside GUIDED."""
-
-    def guarded(flight: Flight, command: Command) -> Result:
-        return handler(flight, command) if flight.mode is GUIDED else Result.FAILED
-
-    return guarded
-
-
-def change_heading(flight: Flight, command: Command) -> Result:
-    """43002: param1 course, heading or cancel; param2 in [0, 360) deg; param3 lateral m/s^2."""
-    (kind,) = command.used(1)
-    if kind == CANCEL:
-        flight.circle()
-        return Result.ACCEPTED
-    angle_deg, acceleration_m_s2 = command.used(2, 3)
-    if kind not in {COURSE, HEADING} or not 0.0 <= angle_deg < 360.0:
-        return Result.DENIED
-    limit = max(acceleration_m_s2, MIN_LATERAL_ACCELERATION_M_S2)
-    hold = TurnTarget("course" if kind == COURSE else "heading", math.radians(angle_deg), limit)
-    flight.hold_turn(hold)
-    return Result.ACCEPTED
-
-
-def change_altitude(flight: Flight, command: Command) -> Result:
-    """43001: `z` in a global frame, param3 climb rate (0: the plant's own)."""
-    (climb_rate_m_s,) = command.used(3)
-    (z,) = finite(command.z)
-    target = height_target(flight, command.frame, z, climb_rate_m_s or math.inf)
-    if target is None or climb_rate_m_s < 0.0:
-        return Result.DENIED
-    flight.hold_height(target)
-    return Result.ACCEPTED

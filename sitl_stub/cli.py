@@ -1,31 +1,32 @@
-"""The command line: options in, one emulated autopilot on the air, exit status out."""
+"""The command line: options in, emulated autopilots on the air, exit status out."""
 
 import asyncio
 import logging
-import math
 import signal
 import sys
-import time
 from collections.abc import Callable, Coroutine
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
-from sitl_stub.address import Address, AddressError, parse_address
-from sitl_stub.aircraft import PlantParameters
-from sitl_stub.autopilot import Autopilot
-from sitl_stub.config import AutopilotConfig
-from sitl_stub.options import OptionError, checked, parse_numbers, parse_wind
-from sitl_stub.server import LinkError, precise_event_loop, serve
+from sitl_stub.address import Address, AddressError
+from sitl_stub.aircraft import PlantKind, SpeedResponse
+from sitl_stub.bad_link import Emulated
+from sitl_stub.fleet import (
+    Aircraft,
+    AutopilotName,
+    Errors,
+    LinkQuality,
+    Start,
+    Telemetry,
+    fleet_of,
+)
+from sitl_stub.options import OptionError, checked, checked_epoch
+from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
 
 WRONG_INPUT, BROKEN = 2, 3
 
 MAX_SPEEDUP = 1000.0
-MAX_EPOCH_AWAY_S = 3600.0
-"""How far from now simulation time zero may lie, in seconds of simulation."""
-
-DEFAULT_HEIGHT_M = 100.0
-"""Start above home, where home's altitude is not given."""
 
 app = typer.Typer(
     name="sitl-stub",
@@ -34,119 +35,204 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+START, FLIES, SAYS, LINK = "How it starts", "How it flies", "What it reports", "MAVLink and time"
+
+
+def flag(name: str, text: str, group: str) -> typer.models.OptionInfo:
+    """An option without a value, in its part of the help."""
+    info: typer.models.OptionInfo = typer.Option(name, help=text, rich_help_panel=group)
+    return info
+
+
+def option(text: str, group: str, metavar: str | None = None) -> typer.models.OptionInfo:
+    """An option of the command, in its part of the help."""
+    info: typer.models.OptionInfo = typer.Option(help=text, metavar=metavar, rich_help_panel=group)
+    return info
+
 
 @app.command()
 def fly(
     *,
-    system_id: Annotated[int, typer.Option(metavar="N", help="MAVLink system id, 1 to 255.")],
+    system_id: Annotated[int, option("MAVLink system id, 1 to 255.", LINK, "N")],
     mavlink: Annotated[
-        str,
-        typer.Option(metavar="URL", help="udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT."),
+        str, option("udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT.", LINK, "URL")
     ],
-    autopilot: Annotated[
-        Literal["ardupilot", "px4"], typer.Option(help="Whose manners it has.")
-    ] = "ardupilot",
+    count: Annotated[
+        int, option("Aircraft in this process: system ids and ports count up.", LINK, "N")
+    ] = 1,
+    autopilot: Annotated[AutopilotName, option("Whose manners it has.", FLIES)] = "ardupilot",
     plant: Annotated[
-        Literal["course-hold", "heading-hold"],
-        typer.Option(help="heading-hold: the wind drifts it; course-hold: the article's model."),
+        PlantKind,
+        option(
+            "heading-hold: first order, the wind drifts it; course-hold: the article's model; bank:"
+            " bank from course error, as ArduPlane's GUIDED.",
+            FLIES,
+        ),
     ] = "heading-hold",
-    alpha: Annotated[
-        float, typer.Option(metavar="A", help="Gain of the course or heading hold, 1/s.")
-    ] = 1.2,
-    beta: Annotated[float, typer.Option(metavar="B", help="Gain of the speed hold, 1/s.")] = 0.8,
+    alpha: Annotated[float, option("Gain of the course or heading hold, 1/s.", FLIES, "A")] = 1.2,
+    beta: Annotated[float, option("Gain of the speed hold, 1/s.", FLIES, "B")] = 0.8,
+    speed_response: Annotated[
+        SpeedResponse,
+        option("tecs: overshoots, settles slowly, 0.5 s late, trades height.", FLIES),
+    ] = "first-order",
+    guided_p: Annotated[
+        float, option("With bank: bank per course error, 0.01 deg/rad.", FLIES, "P")
+    ] = 12_000.0,
+    roll_time: Annotated[float, option("With bank: time constant of the roll.", FLIES, "S")] = 0.4,
+    turn_efficiency: Annotated[
+        float, option("With bank: parts of the coordinated turn.", FLIES, "X")
+    ] = 1.0,
+    course_dead_time: Annotated[
+        float, option("Until a new course reaches its loop.", FLIES, "S")
+    ] = 0.0,
+    speed_dead_time: Annotated[
+        float | None, option("The same for a speed; default 0, with tecs 0.5.", FLIES, "S")
+    ] = None,
+    airspeed_range: Annotated[str, option("What it can fly, m/s.", FLIES, "LO,HI")] = "12,32",
+    max_bank: Annotated[float, option("Limit of the bank.", FLIES, "DEG")] = 45.0,
     wind: Annotated[
-        str, typer.Option(metavar="WIND", help="calm, article or steady:SPEED,TOWARD_DEG.")
+        str, option("calm, article or steady:SPEED,TOWARD_DEG.", FLIES, "WIND")
     ] = "calm",
     start: Annotated[
         str,
-        typer.Option(
-            metavar="LAT,LON,ALT,COURSE", help="Degrees, metres above mean sea level, degrees."
-        ),
+        option("Degrees, metres above mean sea level, degrees.", START, "LAT,LON,ALT,COURSE"),
     ] = "47.397742,8.545594,588,0",
     airborne: Annotated[
         bool,
-        typer.Option(
-            "--airborne",
-            help="Start in the air. So far it always does: a start on the ground is not emulated.",
-        ),
+        flag("--airborne", "Start in the air; else on the ground, disarmed, at ALT.", START),
     ] = False,
-    airspeed: Annotated[
-        float, typer.Option(metavar="M_S", help="At the start, and when none is commanded.")
-    ] = 20.0,
-    airspeed_range: Annotated[
-        str, typer.Option(metavar="LO,HI", help="What it can fly, m/s.")
-    ] = "12,32",
-    max_bank: Annotated[float, typer.Option(metavar="DEG", help="Limit of the bank.")] = 45.0,
+    airspeed: Annotated[float, option("In the air, where none is commanded.", START, "M_S")] = 20.0,
     home_altitude: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Of the ground below the start; default: 100 m below it."),
+        option("Of the ground below the start; default: 100 m below it.", START, "M"),
     ] = None,
-    position_noise: Annotated[
-        float, typer.Option(metavar="M", help="Standard deviation of reported positions.")
+    spacing: Annotated[
+        float, option("With --count: from one start to the next, to the right.", START, "M")
+    ] = 30.0,
+    ready_after: Annotated[
+        float, option("Until sensors have settled and it can be armed.", START, "S")
     ] = 0.0,
-    speedup: Annotated[
-        float, typer.Option(metavar="X", help="Seconds of simulation in one real second.")
+    position_noise: Annotated[
+        float, option("Standard deviation of reported positions.", SAYS, "M")
+    ] = 0.0,
+    velocity_noise: Annotated[
+        float, option("The same of velocities over ground.", SAYS, "M_S")
+    ] = 0.0,
+    heading_noise: Annotated[float, option("The same of headings.", SAYS, "DEG")] = 0.0,
+    airspeed_noise: Annotated[float, option("The same of airspeeds.", SAYS, "M_S")] = 0.0,
+    gps_glitch: Annotated[
+        list[str] | None,
+        option("Positions off for a time: seconds, metres. Repeatable.", SAYS, "AT,FOR,N,E"),
+    ] = None,
+    indicated_airspeed: Annotated[
+        bool, flag("--indicated-airspeed", "Airspeeds on the wire are not the true ones.", SAYS)
+    ] = False,
+    airspeed_calibration: Annotated[
+        float, option("Shown airspeed in parts of the right one.", SAYS, "X")
     ] = 1.0,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0,
+    loop_rate: Annotated[
+        float | None,
+        option("Telemetry leaves on this scheduler's ticks only; default: on time.", SAYS, "HZ"),
+    ] = None,
+    old_parameter_names: Annotated[
+        bool,
+        flag("--old-parameter-names", "ArduPlane's before 4.5, such as ARSPD_FBW_MIN.", SAYS),
+    ] = False,
+    delay: Annotated[float, option("Each way, of every datagram.", LINK, "S")] = 0.0,
+    jitter: Annotated[float, option("More or less than the delay.", LINK, "S")] = 0.0,
+    loss: Annotated[float, option("Share of datagrams lost, each way.", LINK, "P")] = 0.0,
+    signing_key: Annotated[
+        str | None,
+        option("Sign and hear only what is signed: 64 hex digits, or a passphrase.", LINK, "KEY"),
+    ] = None,
+    speedup: Annotated[float, option("Seconds of simulation in one real second.", LINK, "X")] = 1.0,
+    seed: Annotated[int, option("Of everything random.", LINK, "N")] = 0,
     truth: Annotated[
         str | None,
-        typer.Option(metavar="TO", help="True states as JSON lines: udpout://HOST:PORT or a file."),
+        option("True states as JSON lines: udpout://HOST:PORT or a file.", LINK, "TO"),
     ] = None,
     truth_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="True states in a second of simulation.")
+        float, option("True states in a second of simulation.", LINK, "HZ")
     ] = 20.0,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Simulation time at which it ends.")
+        float | None, option("Simulation time at which it ends.", LINK, "S")
     ] = None,
     epoch: Annotated[
         float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Unix time of simulation time zero, the same for a whole formation; default: now.",
+        option(
+            "Unix time of simulation time zero, the same for a whole formation; default: now.",
+            LINK,
+            "SECONDS",
         ),
     ] = None,
 ) -> None:
-    """Emulate one autopilot with its fixed-wing aircraft, speaking MAVLink over UDP or TCP.
+    """Emulate autopilots with their fixed-wing aircraft, speaking MAVLink over UDP or TCP.
 
-    It starts in the air, in a loiter. SIGTERM and Ctrl-C end it. Exit status: 0 ended as told, 2 the
-    input is wrong, 3 it broke, such as when the port is taken.
+    One starts on the ground, or with --airborne in the air in a loiter. SIGTERM and Ctrl-C end it. Exit
+    status: 0 ended as told, 2 the input is wrong, 3 it broke, such as when the port is taken.
+    docs/emulator.md has more.
     """
-    del airborne  # there is no other start yet
     try:
-        address = parse_address(mavlink)
-        latitude_deg, longitude_deg, altitude_m, course_deg = parse_numbers(
-            "--start", start, "LAT,LON,ALT,COURSE"
-        )
-        config = AutopilotConfig(
+        emulated = fleet_of(
             system_id=system_id,
-            autopilot=autopilot,
-            plant=plant_parameters(plant, alpha, beta, airspeed_range, max_bank),
-            airspeed_m_s=airspeed,
-            position_noise_m=position_noise,
+            url=mavlink,
+            count=count,
             seed=int(checked("--seed", seed, -1, 2**63)),
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
-            altitude_amsl_m=altitude_m,
-            home_altitude_amsl_m=(
-                altitude_m - DEFAULT_HEIGHT_M if home_altitude is None else home_altitude
+            signing_key=signing_key,
+            aircraft=Aircraft(
+                autopilot=autopilot,
+                plant=plant,
+                alpha_1_s=alpha,
+                beta_1_s=beta,
+                speed_response=speed_response,
+                guided_p=guided_p,
+                roll_time_s=roll_time,
+                turn_efficiency=turn_efficiency,
+                course_dead_time_s=course_dead_time,
+                speed_dead_time_s=speed_dead_time,
+                airspeed_range=airspeed_range,
+                max_bank_deg=max_bank,
+                wind=wind,
             ),
-            course_rad=math.radians(course_deg),
+            start=Start(
+                where=start,
+                airborne=airborne,
+                airspeed_m_s=airspeed,
+                home_altitude_m=home_altitude,
+                spacing_m=spacing,
+                ready_after_s=ready_after,
+            ),
+            errors=Errors(
+                position_m=position_noise,
+                velocity_m_s=velocity_noise,
+                heading_deg=heading_noise,
+                airspeed_m_s=airspeed_noise,
+                gps_glitches=tuple(gps_glitch or ()),
+            ),
+            telemetry=Telemetry(
+                indicated_airspeed=indicated_airspeed,
+                airspeed_calibration=airspeed_calibration,
+                loop_rate_hz=loop_rate,
+                old_parameter_names=old_parameter_names,
+            ),
+            quality=LinkQuality(delay_s=delay, jitter_s=jitter, loss=loss),
         )
-        emulated = Autopilot(config, parse_wind(wind))
-        service = serve(
-            emulated,
-            address,
+        service = Service(
             speedup=checked("--speedup", speedup, 0.0, MAX_SPEEDUP),
             epoch_s=None if epoch is None else checked_epoch(epoch, speedup),
             truth_url=truth,
             truth_rate_hz=truth_rate,
             duration_s=duration,
-            on_open=lambda opened: announce(system_id, opened),
         )
     except ValueError as error:
         fail(error, WRONG_INPUT)
+
+    def reboot_all() -> None:
+        for one, _address in emulated:
+            one.reboot()
+
     try:
-        run(service, emulated.reboot)
+        run(serve_all(emulated, service, on_open=announce), reboot_all)
     except (AddressError, OptionError) as error:
         fail(error, WRONG_INPUT)
     except LinkError as error:
@@ -155,48 +241,9 @@ def fly(
         fail(f"--truth: {error.strerror}", BROKEN)
 
 
-def plant_parameters(
-    kind: Literal["course-hold", "heading-hold"],
-    alpha_1_s: float,
-    beta_1_s: float,
-    airspeed_range: str,
-    max_bank_deg: float,
-) -> PlantParameters:
-    """The aircraft that the options describe.
-
-    Raises:
-        ValueError: they describe none; the message is one line.
-    """
-    slowest_m_s, fastest_m_s = parse_numbers("--airspeed-range", airspeed_range, "LO,HI")
-    if not 0.0 < max_bank_deg < 90.0:
-        raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
-    return PlantParameters(
-        kind=kind,
-        alpha_1_s=alpha_1_s,
-        beta_1_s=beta_1_s,
-        airspeed_min_m_s=slowest_m_s,
-        airspeed_max_m_s=fastest_m_s,
-        max_bank_rad=math.radians(max_bank_deg),
-    )
-
-
-def checked_epoch(epoch_s: float, speedup: float) -> float:
-    """The Unix time of simulation time zero, if it is a time the aircraft can catch up with.
-
-    Raises:
-        OptionError: it is too far from now.
-    """
-    if not abs(time.time() - epoch_s) * speedup <= MAX_EPOCH_AWAY_S:
-        raise OptionError(
-            f"--epoch: {epoch_s:.0f} is more than {MAX_EPOCH_AWAY_S:.0f} s of simulation from now"
-            f" ({time.time():.0f})"
-        )
-    return epoch_s
-
-
-def announce(system_id: int, address: Address) -> None:
+def announce(emulated: Emulated, address: Address) -> None:
     """One line that says that it is on the air, and on which port."""
-    sys.stderr.write(f"sitl-stub: system {system_id} at {address}\n")
+    sys.stderr.write(f"sitl-stub: system {emulated.system_id} at {address}\n")
     sys.stderr.flush()
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.signing import Signing, frames_of
+
 COMPONENT_ID = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 
@@ -14,15 +16,21 @@ COMPONENT_ID = 1
 class Codec:
     """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
 
-    def __init__(self, system_id: int, counters: Counter[str]) -> None:
+    def __init__(
+        self, system_id: int, counters: Counter[str], signing: Signing | None = None
+    ) -> None:
+        self.signing = signing
+        """Checks and signs every frame; None: nobody is asked for a signature."""
         self._system_id = system_id
         self._counters = counters
         self._encoder = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
 
-    def decode(self, data: bytes) -> list[MAVLink_message]:
+    def decode(self, data: bytes, unix_s: float = 0.0) -> list[MAVLink_message]:
         """The messages of one datagram that this autopilot should look at; the rest is counted."""
+        if self.signing is not None:
+            data = self._genuine(self.signing, data, unix_s)
         parser = self._parser
         # A datagram holds whole frames. What an earlier one left behind would swallow this one's.
         parser.buf = bytearray()
@@ -31,14 +39,26 @@ class Codec:
         parser.have_prefix_error = False
         return [message for message in parser.parse_buffer(data) or () if self._is_for_me(message)]
 
-    def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
+    def encode(self, messages: Iterable[MAVLink_message], unix_s: float = 0.0) -> bytes:
         """The frames of the messages, one after the other, with consecutive sequence numbers."""
         encoder = self._encoder
+        encoder.signing.sign_outgoing = False
+        if self.signing is not None:
+            self.signing.prepare(encoder, unix_s)
         frames = []
         for message in messages:
             frames.append(message.pack(encoder))
             encoder.seq = (encoder.seq + 1) % 256
         return b"".join(frames)
+
+    def _genuine(self, signing: Signing, data: bytes, unix_s: float) -> bytes:
+        genuine = []
+        for frame in frames_of(data):
+            if signing.accepts(frame, unix_s):
+                genuine.append(frame)
+            else:
+                self._counters["not signed"] += 1
+        return b"".join(genuine)
 
     def _is_for_me(self, message: MAVLink_message) -> bool:
         name = message.get_type()

@@ -10,12 +10,22 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub.flight import Flight
 from sitl_stub.targets import HeightTarget
 
+NAV_LOITER_UNLIM = 17
+NAV_RETURN_TO_LAUNCH = 20
+NAV_TAKEOFF = 22
 DO_SET_MODE = 176
 DO_CHANGE_SPEED = 178
+DO_SET_HOME = 179
+DO_REPOSITION = 192
 PREFLIGHT_REBOOT_SHUTDOWN = 246
 COMPONENT_ARM_DISARM = 400
+RUN_PREARM_CHECKS = 401
+GET_HOME_POSITION = 410
+GET_MESSAGE_INTERVAL = 510
 SET_MESSAGE_INTERVAL = 511
 REQUEST_MESSAGE = 512
+REQUEST_PROTOCOL_VERSION = 519
+REQUEST_AUTOPILOT_CAPABILITIES = 520
 GUIDED_CHANGE_SPEED = 43000
 GUIDED_CHANGE_ALTITUDE = 43001
 GUIDED_CHANGE_HEADING = 43002
@@ -38,6 +48,7 @@ class Result(IntEnum):
     DENIED = 2
     UNSUPPORTED = 3
     FAILED = 4
+    COMMAND_INT_ONLY = 8
 
 
 class NonFiniteError(ValueError):
@@ -71,6 +82,15 @@ class Command:
     z: float
     """Height in that frame."""
 
+    latitude_deg: float = math.nan
+    """Where the command has one; may be anything."""
+
+    longitude_deg: float = math.nan
+    """Longitude with it."""
+
+    is_int: bool = True
+    """Whether COMMAND_INT brought it."""
+
     def used(self, *indices: int) -> tuple[float, ...]:
         """The parameters with these numbers (from 1), all of them finite.
 
@@ -87,8 +107,23 @@ def command_of(message: MAVLink_message) -> Command:
     """
     parameters = (message.param1, message.param2, message.param3, message.param4)
     if message.get_type() == "COMMAND_INT":
-        return Command(message.command, parameters, message.frame, message.z)
-    return Command(message.command, parameters, min(ABOVE_HOME_FRAMES), message.param7)
+        return Command(
+            message.command,
+            parameters,
+            message.frame,
+            message.z,
+            message.x * 1e-7,
+            message.y * 1e-7,
+        )
+    return Command(
+        message.command,
+        parameters,
+        min(ABOVE_HOME_FRAMES),
+        message.param7,
+        message.param5,
+        message.param6,
+        is_int=False,
+    )
 
 
 Handler = Callable[[Flight, Command], Result]
@@ -97,20 +132,23 @@ Handler = Callable[[Flight, Command], Result]
 Handlers = Mapping[int, Handler]
 
 
-def arm_or_disarm(flight: Flight, command: Command) -> Result:
-    """400: param1 = 1 arms, 0 disarms. Only the flag changes: the emulator is always airborne."""
-    (wanted,) = command.used(1)
-    if wanted not in {0.0, 1.0}:
-        return Result.DENIED
-    flight.armed = wanted == 1.0
-    return Result.ACCEPTED
+def place(command: Command) -> tuple[float, float] | None:
+    """Latitude and longitude of a command in radians, or None where they are no place to fly to.
+
+    Raises:
+        NonFiniteError: they are no numbers.
+    """
+    latitude_deg, longitude_deg = finite(command.latitude_deg, command.longitude_deg)
+    if abs(latitude_deg) > 89.0 or abs(longitude_deg) > 180.0:
+        return None
+    return math.radians(latitude_deg), math.radians(longitude_deg)
 
 
 def is_flyable_airspeed(flight: Flight, airspeed_m_s: float) -> bool:
     """Whether the aircraft's airspeed range holds the value, to a single-precision rounding."""
     margin = 1e-6 * airspeed_m_s
-    plant = flight.plant
-    return plant.airspeed_min_m_s - margin <= airspeed_m_s <= plant.airspeed_max_m_s + margin
+    slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
+    return slowest_m_s - margin <= airspeed_m_s <= fastest_m_s + margin
 
 
 def height_target(

@@ -7,9 +7,36 @@ from typing import Literal
 from sitl_stub.aircraft import PlantParameters
 
 
+@dataclass(frozen=True, slots=True)
+class GpsGlitch:
+    """A time for which reported positions are off."""
+
+    start_s: float
+    """Simulation time of its beginning."""
+
+    length_s: float
+    """How long it lasts."""
+
+    north_m: float
+    """How far reported positions are north of the true ones meanwhile."""
+
+    east_m: float
+    """How far east."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no glitch.
+
+        Raises:
+            ValueError: a number is out of its range.
+        """
+        whole = (self.start_s, self.length_s, self.north_m, self.east_m)
+        if not all(map(math.isfinite, whole)) or self.start_s < 0.0 or self.length_s <= 0.0:
+            raise ValueError(f"{self} is no glitch")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotConfig:
-    """One emulated aircraft at the start of its flight: airborne, in a loiter."""
+    """One emulated aircraft at the start of its flight: in the air, in a loiter, or on the ground."""
 
     system_id: int
     """MAVLink system id, 1 to 255."""
@@ -41,11 +68,41 @@ class AutopilotConfig:
     position_noise_m: float = 0.0
     """Standard deviation, per horizontal axis, of white noise on reported positions."""
 
+    velocity_noise_m_s: float = 0.0
+    """Standard deviation, per horizontal axis, of white noise on reported ground velocities."""
+
+    heading_noise_rad: float = 0.0
+    """Standard deviation of white noise on reported headings."""
+
+    airspeed_noise_m_s: float = 0.0
+    """Standard deviation of white noise on reported airspeeds."""
+
+    gps_glitches: tuple[GpsGlitch, ...] = ()
+    """When reported positions are off."""
+
     seed: int = 0
-    """Of that noise; the system id is mixed in, so that one seed serves a formation."""
+    """Of all noise; the system id is mixed in, so that one seed serves a formation."""
+
+    indicated_airspeed: bool = False
+    """Whether airspeeds that are commanded, limited and reported are indicated ones."""
+
+    airspeed_calibration: float = 1.0
+    """What the airspeed sensor shows in parts of what it should."""
+
+    loop_rate_hz: float | None = None
+    """Of the scheduler on whose ticks telemetry leaves; None: telemetry leaves exactly on time."""
+
+    airborne: bool = True
+    """Whether the flight begins in the air; else it stands on the ground, `armed` or not."""
+
+    ready_after_s: float = 0.0
+    """Simulation time from which on it lets itself be armed: sensors have to settle first."""
+
+    old_parameter_names: bool = False
+    """ArduPlane's parameters by the names they had before 4.5."""
 
     armed: bool = True
-    """Whether it reports to be armed. It flies either way."""
+    """Whether it is armed at the start."""
 
     boot_time_s: float = 0.0
     """time_boot_ms at simulation time zero, in seconds."""
@@ -56,15 +113,7 @@ class AutopilotConfig:
         Raises:
             ValueError: a field is out of its range; the message names it.
         """
-        for name in (
-            "latitude_deg",
-            "longitude_deg",
-            "altitude_amsl_m",
-            "home_altitude_amsl_m",
-            "course_rad",
-        ):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} must be finite")
+        self._check_numbers()
         if not 1 <= self.system_id <= 255:
             raise ValueError(f"system_id must be 1 to 255, not {self.system_id!r}")
         if self.autopilot not in {"ardupilot", "px4"}:
@@ -74,6 +123,30 @@ class AutopilotConfig:
         plant = self.plant
         if not plant.airspeed_min_m_s <= self.airspeed_m_s <= plant.airspeed_max_m_s:
             raise ValueError(f"airspeed_m_s {self.airspeed_m_s!r} is outside the plant's range")
-        for name in ("position_noise_m", "boot_time_s"):
+        if not 0.5 <= self.airspeed_calibration <= 2.0:
+            raise ValueError(
+                f"airspeed_calibration must be 0.5 to 2, not {self.airspeed_calibration!r}"
+            )
+        if self.loop_rate_hz is not None and not 10.0 <= self.loop_rate_hz <= 1000.0:
+            raise ValueError(f"loop_rate_hz must be 10 to 1000, not {self.loop_rate_hz!r}")
+
+    def _check_numbers(self) -> None:
+        for name in (
+            "latitude_deg",
+            "longitude_deg",
+            "altitude_amsl_m",
+            "home_altitude_amsl_m",
+            "course_rad",
+        ):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite")
+        for name in (
+            "position_noise_m",
+            "velocity_noise_m_s",
+            "heading_noise_rad",
+            "airspeed_noise_m_s",
+            "ready_after_s",
+            "boot_time_s",
+        ):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must be finite and not negative")

@@ -1,52 +1,34 @@
-"""One aircraft in the air: its state, what its loops hold, the mode that decides about them."""
+"""One aircraft: its state, what its loops hold, the mode that decides about them."""
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.loops import bank_of_rad, climb_rate_m_s
+from sitl_stub.air_data import AirData
+from sitl_stub.aircraft import PlantParameters
+from sitl_stub.commanded import Commanded
+from sitl_stub.earth import moved
+from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.modes import Mode
-from sitl_stub.plant import MAX_STEP_S, RATES, PlantParameters, PlantState, stepped, with_speed_kind
+from sitl_stub.motion import Motion, flying_motion, rolling_motion
+from sitl_stub.orbit import Orbit, orbit_lead_rad
+from sitl_stub.plant import MAX_STEP_S, stepped
+from sitl_stub.plant_state import PlantState
+from sitl_stub.take_off import (
+    REACHED_WITHIN_M,
+    Navigation,
+    Phase,
+    airborne,
+    lifts_off,
+    rolled,
+)
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 from sitl_stub.wind import Wind
 
 CIRCLE_BANK_RAD = math.radians(15.0)
-"""Bank of a loiter: 150 m of radius at 20 m/s."""
+"""Bank of a circle without a centre: 150 m of radius at 20 m/s."""
 
 WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
 """How slowly the autopilot's own estimate of the wind follows the wind."""
-
-
-class Motion(NamedTuple):
-    """The true motion at one instant. A tuple, since one is made per report."""
-
-    north_m_s: float
-    """Ground velocity."""
-
-    east_m_s: float
-    """Ground velocity."""
-
-    down_m_s: float
-    """Ground velocity, positive down."""
-
-    course_rad: float
-    """Direction of the ground velocity, [0, 2 pi)."""
-
-    ground_speed_m_s: float
-    """Horizontal speed over ground."""
-
-    heading_rad: float
-    """Direction of the nose, which is that of the air velocity (no sideslip), [0, 2 pi)."""
-
-    airspeed_m_s: float
-    """Horizontal speed through the air."""
-
-    turn_rate_rad_s: float
-    """Of the velocity that the plant turns, positive right."""
-
-    bank_rad: float
-    """Of the coordinated turn, positive right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,25 +58,51 @@ class Flight:
         cruise_airspeed_m_s: float,
         mode: Mode,
         armed: bool,
+        on_ground: bool = False,
+        air_data: AirData | None = None,
     ) -> None:
-        self.plant = plant
         self.state = state
         self.home = home
         self.mode = mode
         self.armed = armed
         self.time_us = 0
+        self.phase: Phase = "standing" if on_ground else "flying"
         self.texts: list[str] = []
         """Status texts not yet sent."""
         self.wind_estimate_m_s = (0.0, 0.0)
         """The autopilot's own (north, east): it starts knowing nothing."""
+        self.navigation = Navigation()
+        """Distances of the flight modes."""
+        self.cruise_airspeed_m_s = cruise_airspeed_m_s
+        """As shown: what is flown when nothing is commanded."""
+        self.airspeed_range_m_s = (plant.airspeed_min_m_s, plant.airspeed_max_m_s)
+        """As shown: what a command may ask for."""
+        self._air_data = air_data or AirData()
         self._wind = wind
-        self._cruise_airspeed_m_s = cruise_airspeed_m_s
+        self._orbit: Orbit | None = None
+        self.plant = self._in_true_airspeed(plant)
         # Straight on at first, so that there is a motion from which the mode is entered.
         straight = TurnTarget("course", state.direction_rad)
-        hold_speed = SpeedTarget("airspeed", cruise_airspeed_m_s)
-        self.targets = Targets(straight, hold_speed, HeightTarget(state.altitude_amsl_m))
+        hold_speed = SpeedTarget("airspeed", self.true_airspeed_m_s(cruise_airspeed_m_s))
+        targets = Targets(straight, hold_speed, HeightTarget(state.altitude_amsl_m))
+        self._commanded = Commanded(self.plant, targets)
         self._known = (self.state, self.targets, self._motion_now())
-        self.targets = self._targets_at_entry(mode)
+        self._enter_in_flight(mode, starts=True)
+
+    @property
+    def targets(self) -> Targets:
+        """What the loops hold now."""
+        return self._commanded.now
+
+    @property
+    def present_orbit(self) -> Orbit | None:
+        """The point that is circled around, if one is."""
+        return self._orbit
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether the wheels are on the ground."""
+        return self.phase in {"standing", "rolling"}
 
     @property
     def wind_m_s(self) -> tuple[float, float]:
@@ -108,46 +116,177 @@ class Flight:
             self._known = (self.state, self.targets, self._motion_now())
         return self._known[2]
 
-    def _motion_now(self) -> Motion:
-        wind_m_s = self.wind_m_s
-        state = with_speed_kind(self.state, self.targets.speed.kind, wind_m_s)
-        rates = RATES[self.plant.kind](
-            self.plant, self.targets, state.direction_rad, state.speed_m_s, wind_m_s
-        )
-        north_m_s, east_m_s = rates.north_m_s, rates.east_m_s
-        air_north_m_s, air_east_m_s = north_m_s - wind_m_s[0], east_m_s - wind_m_s[1]
-        ground_speed_m_s = math.hypot(north_m_s, east_m_s)
-        airspeed_m_s = math.hypot(air_north_m_s, air_east_m_s)
-        turning_speed_m_s = airspeed_m_s if self.plant.kind == "heading-hold" else ground_speed_m_s
-        return Motion(
-            north_m_s,
-            east_m_s,
-            -climb_rate_m_s(self.plant, self.targets.height, state.altitude_amsl_m),
-            wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
-            ground_speed_m_s,
-            wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s)),
-            airspeed_m_s,
-            rates.turn_rate_rad_s,
-            bank_of_rad(rates.turn_rate_rad_s, turning_speed_m_s),
-        )
+    def shown_airspeed_m_s(self, true_m_s: float) -> float:
+        """What the airspeed sensor says."""
+        return true_m_s * self._air_data.shown_per_true(self.state.altitude_amsl_m)
+
+    def true_airspeed_m_s(self, shown_m_s: float) -> float:
+        """What is flown where the airspeed sensor says this."""
+        return shown_m_s / self._air_data.shown_per_true(self.state.altitude_amsl_m)
 
     def advance(self, to_us: int) -> None:
-        """Integrate the plant up to `to_us`, in equal steps no longer than `MAX_STEP_S`."""
+        """Fly on to `to_us`; commands that reach their loops meanwhile take effect as they do."""
+        span_s = (to_us - self.time_us) * 1e-6
+        while (reach_us := self._commanded.next_us) is not None and reach_us <= to_us:
+            self._integrate(reach_us)
+            self._commanded.take_effect(reach_us)
+        self._integrate(to_us)
+        self._estimate_wind(span_s)
+
+    def enter(self, mode: Mode) -> None:
+        """Change the mode and forget all commands. Entering the present mode changes nothing."""
+        if mode is not self.mode:
+            self.mode = mode
+            if self.phase == "rolling":
+                self.phase = "standing"
+                self.state = replace(self.state, speed_m_s=0.0)
+            elif self.phase == "climbing":
+                self.phase = "flying"
+            if self.phase == "flying":
+                self._enter_in_flight(mode)
+            self.take_off_if_asked()
+
+    def set_armed(self, *, armed: bool) -> None:
+        """Arm or disarm. In the take-off mode an armed aircraft on the ground starts to roll."""
+        self.armed = armed
+        self.take_off_if_asked()
+
+    def set_airspeed_range(self, slowest_m_s: float, fastest_m_s: float) -> None:
+        """Change what may be commanded, and with it what is flown."""
+        self.airspeed_range_m_s = (slowest_m_s, fastest_m_s)
+        limits = replace(self.plant, airspeed_min_m_s=slowest_m_s, airspeed_max_m_s=fastest_m_s)
+        self.plant = self._in_true_airspeed(limits)
+
+    def set_max_bank_deg(self, max_bank_deg: float) -> None:
+        """Change the bank limit; what is no limit that can be flown leaves it as it was."""
+        if 0.0 < max_bank_deg < 90.0:
+            self.plant = replace(self.plant, max_bank_rad=math.radians(max_bank_deg))
+
+    def hold_turn(self, target: TurnTarget) -> None:
+        """Give the lateral loop a new target."""
+        self._orbit = None
+        self._commanded.turn(target, self.time_us)
+
+    def hold_speed(self, target: SpeedTarget) -> None:
+        """Give the speed loop a new target, an airspeed as shown or a true ground speed."""
+        if target.kind == "airspeed":
+            true_m_s = self.true_airspeed_m_s(target.speed_m_s)
+            target = SpeedTarget(target.kind, true_m_s, target.max_acceleration_m_s2)
+        self._commanded.speed(target, self.time_us)
+
+    def hold_height(self, target: HeightTarget) -> None:
+        """Give the height loop a new target."""
+        self._commanded.height(target)
+
+    def circle(self) -> None:
+        """Turn right at the circle's bank: what guided flight does until it is told a course."""
+        self.hold_turn(TurnTarget("bank", CIRCLE_BANK_RAD))
+
+    def orbit(self, orbit: Orbit) -> None:
+        """Loiter around a point."""
+        self.circle()
+        self._orbit = orbit
+
+    def orbit_here(self) -> None:
+        """Loiter around the present position."""
+        self.orbit(self.orbit_at(self.state.latitude_rad, self.state.longitude_rad))
+
+    def orbit_at(self, latitude_rad: float, longitude_rad: float) -> Orbit:
+        """The loiter around a point, with the radius of the parameters."""
+        radius_m = self.navigation.loiter_radius_m
+        return Orbit(latitude_rad, longitude_rad, max(abs(radius_m), 1.0), radius_m >= 0.0)
+
+    def cruise(self) -> None:
+        """Back to the airspeed of flying without commands."""
+        self.hold_speed(SpeedTarget("airspeed", self.cruise_airspeed_m_s))
+
+    def take_off_if_asked(self) -> None:
+        """Start to roll, if this is an armed aircraft on the ground in a mode that takes off."""
+        if self.phase == "standing" and self.armed and self.mode.flies == "take-off":
+            self.phase = "rolling"
+
+    def _in_true_airspeed(self, plant: PlantParameters) -> PlantParameters:
+        """The plant with its range in true airspeed, which the configuration gives as shown."""
+        if self._air_data == AirData():
+            return plant
+        return replace(
+            plant,
+            airspeed_min_m_s=self.true_airspeed_m_s(plant.airspeed_min_m_s),
+            airspeed_max_m_s=self.true_airspeed_m_s(plant.airspeed_max_m_s),
+        )
+
+    def _motion_now(self) -> Motion:
+        if self.on_ground:
+            return rolling_motion(self.state, self.wind_m_s)
+        return flying_motion(self.plant, self.targets, self.state, self.wind_m_s)
+
+    def _integrate(self, to_us: int) -> None:
+        """Integrate up to `to_us`, in equal steps no longer than the plant's longest."""
         start_s, span_s = self.time_us * 1e-6, (to_us - self.time_us) * 1e-6
+        longest_s = MAX_LAGGING_STEP_S if self.plant.lags else MAX_STEP_S
         # A span a hair longer than n steps is still n steps.
-        steps = math.ceil(span_s / MAX_STEP_S - 1e-6)
+        steps = math.ceil(span_s / longest_s - 1e-6)
         for index in range(steps):
             step_s = span_s / steps
-            self.state = stepped(
-                self.plant,
-                self.targets,
-                self.state,
-                self._wind,
-                time_s=start_s + index * step_s,
-                step_s=step_s,
-            )
+            self._step(start_s + index * step_s, step_s)
         self.time_us = to_us
-        self._estimate_wind(span_s)
+
+    def _step(self, time_s: float, step_s: float) -> None:
+        if self.on_ground:
+            self._step_on_ground(time_s, step_s)
+            return
+        if self._orbit is not None:
+            self._steer_around(self._orbit)
+        step = lagging_stepped if self.plant.lags else stepped
+        self.state = step(
+            self.plant, self.targets, self.state, self._wind, time_s=time_s, step_s=step_s
+        )
+        if self.phase == "climbing" and self._has_climbed():
+            self.phase = "flying"
+            self.orbit(self._orbit_after_take_off())
+
+    def _step_on_ground(self, time_s: float, step_s: float) -> None:
+        if self.phase == "standing":
+            return
+        self.state = rolled(self.state, step_s)
+        wind_m_s = self._wind.at(time_s + step_s)
+        if lifts_off(self.plant, self.state, wind_m_s):
+            course_rad = self.state.direction_rad
+            self.state = airborne(self.plant, self.state, wind_m_s)
+            self.phase = "climbing"
+            height_m = self.home.altitude_amsl_m + self.navigation.take_off_height_m
+            cruise_m_s = self.true_airspeed_m_s(self.cruise_airspeed_m_s)
+            self._orbit = None
+            self._commanded.set_all(
+                Targets(
+                    TurnTarget("course", course_rad),
+                    SpeedTarget("airspeed", cruise_m_s),
+                    HeightTarget(height_m),
+                )
+            )
+
+    def _steer_around(self, orbit: Orbit) -> None:
+        lead_rad = orbit_lead_rad(self.plant, self.state.speed_m_s, orbit.radius_m)
+        course_rad = orbit.course_rad(
+            self.state.latitude_rad, self.state.longitude_rad, lead_rad=lead_rad
+        )
+        now = self._commanded.now
+        self._commanded.now = Targets(TurnTarget("course", course_rad), now.speed, now.height)
+
+    def _has_climbed(self) -> bool:
+        wanted_m = self.targets.height.altitude_amsl_m
+        return self.state.altitude_amsl_m >= wanted_m - REACHED_WITHIN_M
+
+    def _orbit_after_take_off(self) -> Orbit:
+        course_rad = self.targets.turn.angle_rad
+        latitude_rad, longitude_rad = moved(
+            self.home.latitude_rad,
+            self.home.longitude_rad,
+            self.home.altitude_amsl_m,
+            north_m=self.navigation.take_off_distance_m * math.cos(course_rad),
+            east_m=self.navigation.take_off_distance_m * math.sin(course_rad),
+        )
+        return self.orbit_at(latitude_rad, longitude_rad)
 
     def _estimate_wind(self, span_s: float) -> None:
         north, east = self.wind_m_s
@@ -158,40 +297,24 @@ class Flight:
             known_east + share * (east - known_east),
         )
 
-    def enter(self, mode: Mode) -> None:
-        """Change the mode and forget all commands. Entering the present mode changes nothing."""
-        if mode is not self.mode:
-            self.mode = mode
-            self.targets = self._targets_at_entry(mode)
-
-    def hold_turn(self, target: TurnTarget) -> None:
-        """Give the lateral loop a new target."""
-        self.targets = Targets(target, self.targets.speed, self.targets.height)
-
-    def hold_speed(self, target: SpeedTarget) -> None:
-        """Give the speed loop a new target."""
-        self.targets = Targets(self.targets.turn, target, self.targets.height)
-
-    def hold_height(self, target: HeightTarget) -> None:
-        """Give the height loop a new target."""
-        self.targets = Targets(self.targets.turn, self.targets.speed, target)
-
-    def circle(self) -> None:
-        """Turn right at the loiter's bank: what guided flight does until it is told a course."""
-        self.hold_turn(TurnTarget("bank", CIRCLE_BANK_RAD))
-
-    def cruise(self) -> None:
-        """Back to the airspeed the flight started with."""
-        self.hold_speed(SpeedTarget("airspeed", self._cruise_airspeed_m_s))
-
-    def _targets_at_entry(self, mode: Mode) -> Targets:
-        """Cruise airspeed and present height; straight on, or the loiter's circle."""
+    def _enter_in_flight(self, mode: Mode, *, starts: bool = False) -> None:
+        """Cruise airspeed and present height; straight on, or what the mode flies by itself."""
+        altitude_m = self.state.altitude_amsl_m
+        self._orbit = None
         if mode.flies == "straight":
             turn = TurnTarget("course", self.motion().course_rad)
         else:
             turn = TurnTarget("bank", CIRCLE_BANK_RAD)
-        return Targets(
-            turn,
-            SpeedTarget("airspeed", self._cruise_airspeed_m_s),
-            HeightTarget(self.state.altitude_amsl_m),
-        )
+        cruise_m_s = self.true_airspeed_m_s(self.cruise_airspeed_m_s)
+        if mode.flies == "home" and self.navigation.return_height_m >= 0.0:
+            altitude_m = self.home.altitude_amsl_m + self.navigation.return_height_m
+        if mode.flies == "take-off":
+            wanted_m = self.home.altitude_amsl_m + self.navigation.take_off_height_m
+            altitude_m = max(altitude_m, wanted_m)
+        speed = SpeedTarget("airspeed", cruise_m_s)
+        self._commanded.set_all(Targets(turn, speed, HeightTarget(altitude_m)))
+        if mode.flies == "home":
+            self._orbit = self.orbit_at(self.home.latitude_rad, self.home.longitude_rad)
+        elif mode.flies in {"loiter", "take-off"} and not starts:
+            # A flight that starts in a loiter is on its circle already, wherever that has its centre.
+            self._orbit = self.orbit_at(self.state.latitude_rad, self.state.longitude_rad)

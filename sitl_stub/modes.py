@@ -15,8 +15,9 @@ class Mode:
     custom_mode: int
     """The number in HEARTBEAT.custom_mode."""
 
-    flies: Literal["commanded", "circle", "straight"] = "straight"
-    """Obeys commands, turns at a constant bank, or keeps the course it had at entry.
+    flies: Literal["commanded", "circle", "straight", "loiter", "home", "take-off"] = "straight"
+    """Obeys commands; turns at a constant bank; keeps the course it had at entry; circles around the
+    place of its entry, or around home; climbs, from the ground if need be, and then loiters.
 
     Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
     """
@@ -33,11 +34,14 @@ def by_number(modes: Iterable[Mode]) -> dict[int, Mode]:
 
 
 GUIDED = Mode("GUIDED", 15, "commanded")
-LOITER = Mode("LOITER", 12, "circle")
+LOITER = Mode("LOITER", 12, "loiter")
+MANUAL = Mode("MANUAL", 0)
+RTL = Mode("RTL", 11, "home")
+TAKEOFF = Mode("TAKEOFF", 13, "take-off")
 
 ARDUPLANE_MODES = by_number(
     [
-        Mode("MANUAL", 0),
+        MANUAL,
         Mode("CIRCLE", 1, "circle"),
         Mode("STABILIZE", 2),
         Mode("TRAINING", 3),
@@ -47,26 +51,28 @@ ARDUPLANE_MODES = by_number(
         Mode("CRUISE", 7),
         Mode("AUTOTUNE", 8),
         Mode("AUTO", 10),
-        Mode("RTL", 11),
+        RTL,
         LOITER,
-        Mode("TAKEOFF", 13),
+        TAKEOFF,
         GUIDED,
     ]
 )
 """ArduPlane's modes for a fixed wing, by number."""
 
 OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "commanded")
-AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "circle")
+AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
+AUTO_TAKEOFF = Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
+AUTO_RTL = Mode("AUTO.RTL", px4_custom_mode(4, 5), "home")
 
 PX4_MODES = by_number(
     [
         Mode("MANUAL", px4_custom_mode(1)),
         Mode("ALTCTL", px4_custom_mode(2)),
         Mode("POSCTL", px4_custom_mode(3)),
-        Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2)),
+        AUTO_TAKEOFF,
         AUTO_LOITER,
         Mode("AUTO.MISSION", px4_custom_mode(4, 4)),
-        Mode("AUTO.RTL", px4_custom_mode(4, 5)),
+        AUTO_RTL,
         Mode("AUTO.LAND", px4_custom_mode(4, 6)),
         Mode("ACRO", px4_custom_mode(5)),
         OFFBOARD,

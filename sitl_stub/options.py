@@ -1,11 +1,16 @@
 """What the command line's words mean: one text in, one checked value out."""
 
 import math
+import time
 
 from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
 
 MAX_WIND_M_S = 50.0
 """Stronger than any wind an aircraft of this size is flown in."""
+
+
+MAX_EPOCH_AWAY_S = 3600.0
+"""How far from now simulation time zero may lie, in seconds of simulation."""
 
 
 class OptionError(ValueError):
@@ -56,3 +61,17 @@ def checked(option: str, value: float, low: float, high: float) -> float:
     if not low < value <= high:
         raise OptionError(f"{option}: {value:g} is not above {low:g} and at most {high:g}")
     return value
+
+
+def checked_epoch(epoch_s: float, speedup: float) -> float:
+    """The Unix time of simulation time zero, if it is a time the aircraft can catch up with.
+
+    Raises:
+        OptionError: it is too far from now.
+    """
+    if not abs(time.time() - epoch_s) * speedup <= MAX_EPOCH_AWAY_S:
+        raise OptionError(
+            f"--epoch: {epoch_s:.0f} is more than {MAX_EPOCH_AWAY_S:.0f} s of simulation from now"
+            f" ({time.time():.0f})"
+        )
+    return epoch_s

@@ -1,31 +1,84 @@
-"""The parameter protocol, for reading: ground stations ask for the list before they show a vehicle."""
+"""The parameter protocol: ground stations load the list before they show a vehicle."""
+
+from collections import deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.parameters import Parameters, ParameterType
 
-def parameter_values(
-    message: MAVLink_message, parameters: dict[str, float]
-) -> list[MAVLink_message]:
-    """The PARAM_VALUE answers to a request for the list or for one parameter.
+LIST_INTERVAL_US = 20_000
+LIST_BURST = 10
+"""A list goes out ten parameters at a time, so that datagrams stay short and links breathe."""
 
-    A PARAM_SET is answered with the value as it stays: the parameters describe the aircraft flown.
-    A parameter that does not exist is not answered.
-    """
-    names = sorted(parameters)
-    if message.get_type() == "PARAM_REQUEST_LIST":
-        wanted = names
-    elif message.get_type() == "PARAM_REQUEST_READ" and message.param_index >= 0:
-        wanted = names[message.param_index : message.param_index + 1]
-    else:
-        wanted = [name for name in names if name == message.param_id]
-    return [
-        mavlink.MAVLink_param_value_message(
+HASH_CHECK = "_HASH_CHECK"
+"""Of PX4: asks for a checksum instead of the whole list; set, it ends the sending of a list."""
+
+NO_INDEX = 65_535
+
+
+class ParameterServer:
+    """Answers about one autopilot's parameters, and sends their list by and by."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._waiting: deque[str] = deque()
+        self.due_us: int | None = None
+        """When the next part of a list goes out; None when none is asked for."""
+
+    def request_list(self, now_us: int) -> list[MAVLink_message]:
+        """PARAM_REQUEST_LIST: the first part now, the rest later."""
+        self._waiting = deque(self._parameters)
+        self.due_us = now_us
+        first = [self._hash_check()] if self._parameters.encoding == "bytewise" else []
+        return first + self.next_part(now_us)
+
+    def next_part(self, now_us: int) -> list[MAVLink_message]:
+        """What is due of the list at this time."""
+        if self.due_us is None or now_us < self.due_us:
+            return []
+        names = [self._waiting.popleft() for _ in range(min(LIST_BURST, len(self._waiting)))]
+        self.due_us = now_us + LIST_INTERVAL_US if self._waiting else None
+        return [self.value(name) for name in names]
+
+    def read(self, message: MAVLink_message) -> list[MAVLink_message]:
+        """PARAM_REQUEST_READ: by index or by name; what does not exist is not answered."""
+        names = self._parameters.names
+        if message.param_index >= 0:
+            return [self.value(name) for name in names[message.param_index :][:1]]
+        if message.param_id == HASH_CHECK and self._parameters.encoding == "bytewise":
+            return [self._hash_check()]
+        return [self.value(message.param_id)] if message.param_id in self._parameters else []
+
+    def write(self, message: MAVLink_message) -> tuple[str | None, list[MAVLink_message]]:
+        """PARAM_SET: the name, if it was stored, and the answer, which is the value as it is now."""
+        name = message.param_id
+        if name == HASH_CHECK and self._parameters.encoding == "bytewise":
+            self._waiting.clear()
+            self.due_us = None
+            return None, []
+        if name not in self._parameters:
+            return None, []
+        value = self._parameters.decoded(name, message.param_value)
+        changed = self._parameters.set(name, value)
+        return (name if changed else None), [self.value(name)]
+
+    def value(self, name: str) -> MAVLink_message:
+        """PARAM_VALUE of a parameter that exists."""
+        parameters = self._parameters
+        return mavlink.MAVLink_param_value_message(
             name.encode("ascii"),
-            parameters[name],
-            mavlink.MAV_PARAM_TYPE_REAL32,
-            len(names),
-            names.index(name),
+            parameters.encoded(name),
+            parameters.kind(name),
+            len(parameters),
+            parameters.names.index(name),
         )
-        for name in wanted
-    ]
+
+    def _hash_check(self) -> MAVLink_message:
+        return mavlink.MAVLink_param_value_message(
+            HASH_CHECK.encode("ascii"),
+            self._parameters.checksum(),
+            ParameterType.UINT32,
+            len(self._parameters),
+            NO_INDEX,
+        )

@@ -1,13 +1,15 @@
 """What differs between the autopilots, behind one interface."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.arming import Arming
 from sitl_stub.commands import Handlers, Result
 from sitl_stub.flight import Flight
 from sitl_stub.modes import Mode
+from sitl_stub.parameters import Parameters
 
 
 class Personality(Protocol):
@@ -19,18 +21,48 @@ class Personality(Protocol):
         ...
 
     @property
+    def version(self) -> int:
+        """Version of the firmware whose manners it has, as AUTOPILOT_VERSION says it."""
+        ...
+
+    @property
     def capabilities(self) -> int:
         """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION."""
         ...
 
     @property
-    def estimates_wind(self) -> bool:
-        """Whether it sends WIND."""
+    def unsent(self) -> frozenset[int]:
+        """Messages that only the other autopilot sends."""
+        ...
+
+    @property
+    def unrequested(self) -> frozenset[int]:
+        """Messages that come once a second without having been asked for."""
+        ...
+
+    @property
+    def modes(self) -> Sequence[Mode]:
+        """The flight modes it has."""
         ...
 
     @property
     def initial_mode(self) -> Mode:
         """The mode of an aircraft that is already in the air: it circles."""
+        ...
+
+    @property
+    def ground_mode(self) -> Mode:
+        """The mode of an aircraft that stands on the ground."""
+        ...
+
+    @property
+    def parameters(self) -> Parameters:
+        """What a ground station reads and sets."""
+        ...
+
+    @property
+    def arming(self) -> Arming:
+        """Its checks before arming."""
         ...
 
     @property
@@ -48,14 +80,22 @@ class Personality(Protocol):
         """When `watch` has to look next, in simulation time; None for never."""
         ...
 
+    def begin(self, flight: Flight) -> None:
+        """Give the flight the distances of the parameters, at its start."""
+        ...
+
+    def changed(self, flight: Flight, name: str) -> None:
+        """Let a parameter that was set take effect."""
+        ...
+
     def request_mode(self, flight: Flight, custom_mode: int) -> Result:
         """A mode change by the number that HEARTBEAT and SET_MODE carry."""
         ...
 
-    def watch(self, flight: Flight) -> None:
-        """Look for what the passing of time alone changes."""
+    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+        """Take notice of another's heartbeat: fail-safes count those of the ground station."""
         ...
 
-    def parameters(self, flight: Flight) -> dict[str, float]:
-        """The parameters a companion looks at before a flight."""
+    def watch(self, flight: Flight) -> None:
+        """Look for what the passing of time alone changes."""
         ...

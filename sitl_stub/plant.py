@@ -1,21 +1,22 @@
 """What the aircraft and its inner loops do: pure functions over a frozen state.
 
-Two plants, chosen by name. `heading-hold` is the air-relative truth: the loops act on heading and
-airspeed, and the wind carries the aircraft. `course-hold` is the article's model: the loops act on
-course and ground speed, and the wind only enters where an airspeed is held.
+Two plants of first order, chosen by name; `lagging_plant` has the one whose roll and speed lag.
+`heading-hold` is the air-relative truth: the loops act on heading and airspeed, and the wind carries the
+aircraft. `course-hold` is the article's model: the loops act on course and ground speed, and the wind only
+enters where an airspeed is held.
 
 Both fly in the horizontal plane; height is a first-order hold beside it, and the climb angle's share
 in the ground speed (below 1 % at 3 m/s of climb) is left out.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.earth import moved
 from sitl_stub.loops import acceleration_m_s2, climb_rate_m_s, turn_rate_rad_s
+from sitl_stub.plant_state import PlantState
 from sitl_stub.targets import SpeedKind, Targets
 from sitl_stub.triangle import MIN_GROUND_SPEED_M_S, airspeed_of_m_s, ground_speed_along_m_s
 from sitl_stub.wind import Wind
@@ -35,29 +36,6 @@ __all__ = [
 MAX_STEP_S = 0.05
 """Longest integration step. Over two minutes of turning in the article's wind such steps stay within
 the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlantState:
-    """What the plant remembers from one step to the next."""
-
-    direction_rad: float
-    """Heading (heading-hold) or course (course-hold), in [0, 2 pi)."""
-
-    speed_m_s: float
-    """The speed that `speed_kind` names."""
-
-    speed_kind: SpeedKind
-    """Always `airspeed` on the heading-hold plant."""
-
-    latitude_rad: float
-    """Geodetic latitude."""
-
-    longitude_rad: float
-    """Longitude, in (-pi, pi]."""
-
-    altitude_amsl_m: float
-    """Altitude, also taken as height above the ellipsoid (the geoid's 100 m at most are 2e-5)."""
 
 
 class Rates(NamedTuple):

@@ -1,67 +1,129 @@
-"""PX4's OFFBOARD mode: a stream of velocity setpoints, of which a fixed wing flies the course."""
+"""PX4 for a fixed wing: its modes, parameters and fail-safes; setpoints are read in `px4_setpoints`."""
 
-import math
-from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
     DO_CHANGE_SPEED,
+    DO_REPOSITION,
     DO_SET_MODE,
+    NAV_LOITER_UNLIM,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
     Command,
     Handlers,
-    NonFiniteError,
     Result,
-    finite,
     height_target,
     is_flyable_airspeed,
+    place,
 )
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import Flight
-from sitl_stub.modes import AUTO_LOITER, OFFBOARD, PX4_MODES, px4_custom_mode
-from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
+from sitl_stub.modes import (
+    AUTO_LOITER,
+    AUTO_RTL,
+    AUTO_TAKEOFF,
+    OFFBOARD,
+    PX4_MODES,
+    px4_custom_mode,
+)
+from sitl_stub.px4_parameters import px4_parameters
+from sitl_stub.px4_setpoints import Setpoint, setpoint_of
+from sitl_stub.targets import SpeedTarget
+from sitl_stub.telemetry_ids import (
+    ALTITUDE,
+    BATTERY_STATUS,
+    EKF_STATUS_REPORT,
+    EXTENDED_SYS_STATE,
+    GPS_RAW_INT,
+    HOME_POSITION,
+    LOCAL_POSITION_NED,
+    SYSTEM_TIME,
+    UNREQUESTED,
+    WIND,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
 
 STREAM_FRESH_US = 500_000
 """A setpoint this recent lets OFFBOARD be entered: the stream must run at 2 Hz or faster."""
 
-STREAM_LOST_US = 1_000_000
-"""COM_OF_LOSS_T: OFFBOARD is left when the last setpoint is older than this."""
-
-LOCAL_NED_FRAME = 1
-"""MAV_FRAME_LOCAL_NED."""
-
-IGNORE_X, IGNORE_Y, IGNORE_Z = 1, 2, 4
-IGNORE_VX, IGNORE_VY = 8, 16
-IGNORE_ACCELERATION = 64 | 128 | 256
-"""POSITION_TARGET_TYPEMASK: a set bit means that the field is not to be used."""
+LOSS_ACTION_RETURN = 3
+"""COM_OBL_RC_ACT of returning home; every other ends in a loiter here."""
 
 AIRSPEED, GROUND_SPEED = 0.0, 1.0
 """SPEED_TYPE."""
 
-Setpoint = tuple[TurnTarget | None, HeightTarget | None]
-"""What a setpoint message asks for; None leaves a loop alone."""
+AIRSPEED_LIMITS = frozenset({"FW_AIRSPD_MIN", "FW_AIRSPD_MAX"})
 
 
 class Px4:
     """PX4 for a fixed wing."""
 
     firmware = 12  # MAV_AUTOPILOT_PX4
-    capabilities = 2 | 8 | 128 | 8192  # PARAM_FLOAT, COMMAND_INT, local setpoints, MAVLINK2
-    estimates_wind = False
+    version = 0x010F_00FF
+    # MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, local setpoints, MAVLINK2
+    capabilities = 4 | 8 | 16 | 128 | 8192
+    unsent = frozenset({WIND, EKF_STATUS_REPORT})
+    unrequested = UNREQUESTED | {
+        ALTITUDE,
+        BATTERY_STATUS,
+        EXTENDED_SYS_STATE,
+        GPS_RAW_INT,
+        HOME_POSITION,
+        LOCAL_POSITION_NED,
+        SYSTEM_TIME,
+    }
+    modes = tuple(PX4_MODES.values())
     initial_mode = AUTO_LOITER
+    ground_mode = AUTO_LOITER
 
-    def __init__(self) -> None:
+    def __init__(self, config: AutopilotConfig) -> None:
+        self.parameters = px4_parameters(config)
+        self.arming = Arming(self._arming_fault, refused=Result.TEMPORARILY_REJECTED)
         self.commands: Handlers = {
             DO_SET_MODE: self._set_mode,
             DO_CHANGE_SPEED: change_speed,
+            NAV_TAKEOFF: self._take_off,
+            NAV_LOITER_UNLIM: self._loiter,
+            NAV_RETURN_TO_LAUNCH: self._return,
+            DO_REPOSITION: self._reposition,
         }
         self.setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]] = {
-            "SET_POSITION_TARGET_LOCAL_NED": self._local_setpoint,
-            "SET_POSITION_TARGET_GLOBAL_INT": self._global_setpoint,
+            "SET_POSITION_TARGET_LOCAL_NED": self._take,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._take,
         }
         self.deadline_us: int | None = None
         self._latest: Setpoint = (None, None)
         self._latest_us: int | None = None
+
+    def begin(self, flight: Flight) -> None:
+        """Give the flight the distances of the parameters, at its start."""
+        parameters = self.parameters
+        flight.navigation = replace(
+            flight.navigation,
+            take_off_height_m=parameters["MIS_TAKEOFF_ALT"],
+            loiter_radius_m=parameters["NAV_LOITER_RAD"],
+            return_height_m=parameters["RTL_RETURN_ALT"],
+        )
+
+    def changed(self, flight: Flight, name: str) -> None:
+        """Let a parameter that was set take effect."""
+        parameters = self.parameters
+        self.begin(flight)
+        if name in AIRSPEED_LIMITS:
+            slowest_m_s, fastest_m_s = parameters["FW_AIRSPD_MIN"], parameters["FW_AIRSPD_MAX"]
+            if 0.0 < slowest_m_s <= fastest_m_s:
+                flight.set_airspeed_range(slowest_m_s, fastest_m_s)
+        elif name == "FW_AIRSPD_TRIM":
+            flight.cruise_airspeed_m_s = max(1.0, parameters[name])
+        elif name == "FW_R_LIM":
+            flight.set_max_bank_deg(parameters[name])
 
     def request_mode(self, flight: Flight, custom_mode: int) -> Result:
         """Enter a mode; OFFBOARD only while setpoints are already arriving."""
@@ -80,22 +142,33 @@ class Px4:
             flight.enter(mode)
         return Result.ACCEPTED
 
+    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+        """Nothing: a lost data link is borne, as NAV_DLL_ACT = 0 says."""
+
     def watch(self, flight: Flight) -> None:
-        """Leave OFFBOARD for a loiter when the stream has stopped."""
+        """Leave OFFBOARD when the stream has stopped; leave the take-off when it is over."""
         if self.deadline_us is not None and flight.time_us >= self.deadline_us:
             self.deadline_us = None
             flight.texts.append("Offboard control lost")
+            returns = self.parameters["COM_OBL_RC_ACT"] == LOSS_ACTION_RETURN
+            flight.enter(AUTO_RTL if returns else AUTO_LOITER)
+        if flight.mode is AUTO_TAKEOFF and flight.phase == "flying":
+            orbit = flight.present_orbit
+            flight.texts.append("Takeoff complete")
             flight.enter(AUTO_LOITER)
+            if orbit is not None:
+                flight.orbit(orbit)
 
-    def parameters(self, flight: Flight) -> dict[str, float]:
-        """Limits as flown."""
-        plant = flight.plant
-        return {
-            "COM_OF_LOSS_T": STREAM_LOST_US * 1e-6,
-            "FW_AIRSPD_MAX": plant.airspeed_max_m_s,
-            "FW_AIRSPD_MIN": plant.airspeed_min_m_s,
-            "FW_R_LIM": math.degrees(plant.max_bank_rad),
-        }
+    @property
+    def _stream_lost_us(self) -> int:
+        """How old the last setpoint may become."""
+        return max(0, round(self.parameters["COM_OF_LOSS_T"] * 1e6))
+
+    def _arming_fault(self, _flight: Flight) -> str | None:
+        slowest, fastest = self.parameters["FW_AIRSPD_MIN"], self.parameters["FW_AIRSPD_MAX"]
+        if not 0.0 < slowest < fastest:
+            return "Invalid airspeed limits"
+        return None
 
     def _set_mode(self, flight: Flight, command: Command) -> Result:
         """176: param2 main mode, param3 sub mode."""
@@ -105,41 +178,33 @@ class Px4:
             return Result.DENIED
         return self.request_mode(flight, px4_custom_mode(int(main), int(sub)))
 
-    def _local_setpoint(self, flight: Flight, message: MAVLink_message) -> str | None:
-        """SET_POSITION_TARGET_LOCAL_NED: z is down from home."""
-        if message.coordinate_frame != LOCAL_NED_FRAME:
-            return "unsupported setpoint"
-        return self._take(
-            flight,
-            message,
-            lambda: HeightTarget(flight.home.altitude_amsl_m - finite(message.z)[0]),
-        )
+    def _take_off(self, flight: Flight, _command: Command) -> Result:
+        """22: the take-off mode; it rolls as soon as it is armed. Height is MIS_TAKEOFF_ALT."""
+        return self.request_mode(flight, AUTO_TAKEOFF.custom_mode)
 
-    def _global_setpoint(self, flight: Flight, message: MAVLink_message) -> str | None:
-        """SET_POSITION_TARGET_GLOBAL_INT: alt is up, in the frame's own meaning."""
-        return self._take(
-            flight,
-            message,
-            lambda: height_target(flight, message.coordinate_frame, finite(message.alt)[0]),
-        )
+    def _loiter(self, flight: Flight, _command: Command) -> Result:
+        return self.request_mode(flight, AUTO_LOITER.custom_mode)
 
-    def _take(
-        self,
-        flight: Flight,
-        message: MAVLink_message,
-        height_of: Callable[[], HeightTarget | None],
-    ) -> str | None:
+    def _return(self, flight: Flight, _command: Command) -> Result:
+        return self.request_mode(flight, AUTO_RTL.custom_mode)
+
+    def _reposition(self, flight: Flight, command: Command) -> Result:
+        """192: loiter around a place."""
+        where = place(command)
+        height = height_target(flight, command.frame, command.z)
+        if where is None or height is None:
+            return Result.DENIED
+        self.request_mode(flight, AUTO_LOITER.custom_mode)
+        flight.orbit(flight.orbit_at(*where))
+        flight.hold_height(height)
+        return Result.ACCEPTED
+
+    def _take(self, flight: Flight, message: MAVLink_message) -> str | None:
         """Take a setpoint into the stream; returns why not, or None."""
-        mask = message.type_mask
-        if not is_velocity_only(mask):
-            return "unsupported setpoint"
-        try:
-            turn = course_of(*finite(message.vx, message.vy))
-            height = None if mask & IGNORE_Z else height_of()
-        except NonFiniteError:
-            return "non-finite field"
-        if height is None and not mask & IGNORE_Z:
-            return "unsupported setpoint"
+        setpoint = setpoint_of(flight, message)
+        if isinstance(setpoint, str):
+            return setpoint
+        turn, height = setpoint
         self._latest = (turn or self._latest[0], height)
         self._latest_us = flight.time_us
         if flight.mode is OFFBOARD:
@@ -153,23 +218,7 @@ class Px4:
         if height is not None:
             flight.hold_height(height)
         if self._latest_us is not None:
-            self.deadline_us = self._latest_us + STREAM_LOST_US + 1
-
-
-def is_velocity_only(type_mask: int) -> bool:
-    """Whether horizontal velocity is used and neither position nor acceleration is.
-
-    Height may be used or not; yaw means nothing to a fixed wing.
-    """
-    ignored = IGNORE_X | IGNORE_Y | IGNORE_ACCELERATION
-    return type_mask & ignored == ignored and not type_mask & (IGNORE_VX | IGNORE_VY)
-
-
-def course_of(north_m_s: float, east_m_s: float) -> TurnTarget | None:
-    """The course of a velocity vector; its length is ignored. None for the zero vector."""
-    if north_m_s == 0.0 and east_m_s == 0.0:
-        return None
-    return TurnTarget("course", math.atan2(east_m_s, north_m_s))
+            self.deadline_us = self._latest_us + self._stream_lost_us + 1
 
 
 def change_speed(flight: Flight, command: Command) -> Result:

@@ -1,21 +1,21 @@
-"""One emulated autopilot on a real socket and a real clock; all else in here is neither."""
+"""Emulated autopilots on real sockets and a real clock; all else in here is neither."""
 
 import asyncio
 import logging
 import math
 import selectors
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 
 from sitl_stub.address import Address, parse_address
-from sitl_stub.autopilot import Autopilot
+from sitl_stub.bad_link import Emulated
 from sitl_stub.links import Link, LinkError, open_link
 from sitl_stub.options import OptionError
-from sitl_stub.truth_log import TruthLog, truth_log
+from sitl_stub.truth_log import TruthLog, truth_target
 
-__all__ = ["LinkError", "SimulationClock", "precise_event_loop", "serve"]
+__all__ = ["LinkError", "Service", "SimulationClock", "precise_event_loop", "serve", "serve_all"]
 
 LONGEST_STRETCH_S = 0.05
 """Real time for which a late emulator flies on before it listens again."""
@@ -49,7 +49,7 @@ class Emulator:
     """Moves an autopilot along the clock: events of its own when they are due, bytes as they come."""
 
     def __init__(
-        self, autopilot: Autopilot, *, truth: TruthLog | None = None, duration_s: float = math.inf
+        self, autopilot: Emulated, *, truth: TruthLog | None = None, duration_s: float = math.inf
     ) -> None:
         self._autopilot = autopilot
         self._truth = truth
@@ -137,8 +137,41 @@ class Emulator:
             logger.warning("%.1f s behind the clock: this computer needs a lower speed-up", late_s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Service:
+    """How emulators are served, all of them alike."""
+
+    speedup: float = 1.0
+    """Seconds of simulation in one real second."""
+
+    epoch_s: float | None = None
+    """Unix time at which simulation time is zero, the same for a whole formation; by default now. From one
+    in the past the aircraft first catch up, unheard."""
+
+    truth_url: str | None = None
+    """`udpout://host:port` or a file for the true states, as JSON lines."""
+
+    truth_rate_hz: float = 20.0
+    """True states of each aircraft in one second of simulation."""
+
+    duration_s: float | None = None
+    """Simulation time at which to end."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be served.
+
+        Raises:
+            OptionError: an argument is wrong; the message is one line.
+        """
+        for name, value in (("speedup", self.speedup), ("duration_s", self.duration_s)):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise OptionError(f"{name} must be finite and above zero, not {value!r}")
+        if self.epoch_s is not None and not math.isfinite(self.epoch_s):
+            raise OptionError(f"epoch_s must be finite, not {self.epoch_s!r}")
+
+
 async def serve(
-    autopilot: Autopilot,
+    autopilot: Emulated,
     url: str | Address,
     *,
     speedup: float = 1.0,
@@ -153,12 +186,11 @@ async def serve(
     Args:
         autopilot: At simulation time zero.
         url: Where to speak MAVLink, such as `udpin://127.0.0.1:14540`.
-        speedup: Seconds of simulation in one real second.
-        epoch_s: Unix time at which simulation time is zero, the same for a whole formation; by default
-            the moment the socket is open. From one in the past the aircraft first catches up, unheard.
-        truth_url: `udpout://host:port` or a file for the true states, as JSON lines.
-        truth_rate_hz: True states in one second of simulation.
-        duration_s: Simulation time at which to end.
+        speedup: See `Service`, as for the following ones.
+        epoch_s: See there.
+        truth_url: See there.
+        truth_rate_hz: See there.
+        duration_s: See there.
         on_open: Called with the address once it is open, with the port it really has.
 
     Raises:
@@ -168,25 +200,59 @@ async def serve(
         OSError: the file of true states can be written to no more.
     """
     address = parse_address(url) if isinstance(url, str) else url
-    for name, value in (("speedup", speedup), ("duration_s", duration_s)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise OptionError(f"{name} must be finite and above zero, not {value!r}")
-    if epoch_s is not None and not math.isfinite(epoch_s):
-        raise OptionError(f"epoch_s must be finite, not {epoch_s!r}")
+    service = Service(
+        speedup=speedup,
+        epoch_s=epoch_s,
+        truth_url=truth_url,
+        truth_rate_hz=truth_rate_hz,
+        duration_s=duration_s,
+    )
+    say = None if on_open is None else (lambda _autopilot, opened: on_open(opened))
+    await serve_all([(autopilot, address)], service, on_open=say)
+
+
+async def serve_all(
+    emulated: Sequence[tuple[Emulated, Address]],
+    service: Service,
+    *,
+    on_open: Callable[[Emulated, Address], None] | None = None,
+) -> None:
+    """Serve several autopilots, each at its address, until their duration is over or this is cancelled.
+
+    Raises:
+        AddressError: an address or path is wrong; the message is one line.
+        LinkError: an address cannot be used on this computer now.
+        OSError: the file of true states can be written to no more.
+    """
     loop = asyncio.get_running_loop()
-    with ExitStack() as stack:
-        truth = None
-        if truth_url is not None:
-            log = truth_log(truth_url, rate_hz=truth_rate_hz, system_id=autopilot.system_id)
-            truth = stack.enter_context(log)
-        emulator = Emulator(
-            autopilot, truth=truth, duration_s=math.inf if duration_s is None else duration_s
-        )
-        async with open_link(address, emulator.take) as link:
-            if on_open is not None:
-                on_open(link.address)
-            waiting_s = 0.0 if epoch_s is None else epoch_s - time.time()
-            await emulator.run(link, SimulationClock(loop.time() + waiting_s, speedup))
+    with truth_target(service.truth_url, rate_hz=service.truth_rate_hz) as write:
+        async with AsyncExitStack() as stack:
+            opened = []
+            for autopilot, address in emulated:
+                truth = None
+                if write is not None:
+                    rate_hz = service.truth_rate_hz
+                    truth = TruthLog(write, rate_hz=rate_hz, system_id=autopilot.system_id)
+                duration_s = math.inf if service.duration_s is None else service.duration_s
+                emulator = Emulator(autopilot, truth=truth, duration_s=duration_s)
+                link = await stack.enter_async_context(open_link(address, emulator.take))
+                opened.append((emulator, link))
+                if on_open is not None:
+                    on_open(autopilot, link.address)
+            waiting_s = 0.0 if service.epoch_s is None else service.epoch_s - time.time()
+            clock = SimulationClock(loop.time() + waiting_s, service.speedup)
+            await all_of([emulator.run(link, clock) for emulator, link in opened])
+
+
+async def all_of(runs: Sequence[Coroutine[None, None, None]]) -> None:
+    """Wait for all of them; as soon as one breaks, end the others and break like it."""
+    tasks = [asyncio.ensure_future(run) for run in runs]
+    try:
+        await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def precise_event_loop() -> asyncio.AbstractEventLoop:

@@ -1,6 +1,6 @@
 """What the autopilot reports, converted to MAVLink's units; nothing else knows these units.
 
-Height above the ellipsoid and above mean sea level are one here, as are indicated and true airspeed.
+Height above the ellipsoid and above mean sea level are one here.
 """
 
 import math
@@ -12,23 +12,40 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.angles import wrap_to_pi, wrap_to_two_pi
-from sitl_stub.flight import Flight, Motion
+from sitl_stub.flight import Flight
+from sitl_stub.motion import Motion
 from sitl_stub.personality import Personality
+from sitl_stub.telemetry_ids import (
+    ALTITUDE,
+    ATTITUDE,
+    ATTITUDE_QUATERNION,
+    AUTOPILOT_VERSION,
+    BATTERY_STATUS,
+    EKF_STATUS_REPORT,
+    EXTENDED_SYS_STATE,
+    GLOBAL_POSITION_INT,
+    GPS_RAW_INT,
+    HEARTBEAT,
+    HOME_POSITION,
+    LOCAL_POSITION_NED,
+    MISSION_CURRENT,
+    NAV_CONTROLLER_OUTPUT,
+    SYS_STATUS,
+    SYSTEM_TIME,
+    VFR_HUD,
+    WIND,
+)
 
-HEARTBEAT = 0
-SYS_STATUS = 1
-SYSTEM_TIME = 2
-ATTITUDE = 30
-LOCAL_POSITION_NED = 32
-GLOBAL_POSITION_INT = 33
-VFR_HUD = 74
-AUTOPILOT_VERSION = 148
-WIND = 168
-HOME_POSITION = 242
-EXTENDED_SYS_STATE = 245
+SENSORS = 0x10000027
+"""Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK wants healthy."""
 
-HEALTHY_SENSORS = 0x10000027
-"""Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK calls healthy."""
+UNREADY = 0x10000020
+"""Those that are not healthy yet while sensors settle: GPS and pre-arm check."""
+
+SATELLITES = 14
+CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
+EKF_FLYING = 0x33F
+"""Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
 
 CRUISE_THROTTLE_PERCENT = 50
 """Reported for want of an engine model."""
@@ -44,7 +61,7 @@ class Report(NamedTuple):
     """State, mode and home."""
 
     motion: Motion
-    """True motion."""
+    """Motion as measured."""
 
     latitude_rad: float
     """As measured: with noise, if there is any."""
@@ -54,6 +71,9 @@ class Report(NamedTuple):
 
     personality: Personality
     """Which autopilot speaks."""
+
+    ready: bool = True
+    """Whether its sensors have settled."""
 
 
 Builder = Callable[[Report], MAVLink_message]
@@ -97,16 +117,83 @@ def system_time(report: Report) -> MAVLink_message:
     return mavlink.MAVLink_system_time_message(0, report.time_boot_ms)
 
 
-def sys_status(_report: Report) -> MAVLink_message:
-    """All sensors present, enabled and healthy; a full battery of unknown voltage and current."""
-    sensors = (HEALTHY_SENSORS,) * 3
-    return mavlink.MAVLink_sys_status_message(*sensors, 0, 65_535, -1, 100, 0, 0, 0, 0, 0, 0)
+def sys_status(report: Report) -> MAVLink_message:
+    """All sensors present, enabled and, once settled, healthy; a full battery."""
+    healthy = SENSORS if report.ready else SENSORS & ~UNREADY
+    return mavlink.MAVLink_sys_status_message(
+        SENSORS, SENSORS, healthy, 0, 65_535, -1, 100, 0, 0, 0, 0, 0, 0
+    )
 
 
-def extended_sys_state(_report: Report) -> MAVLink_message:
-    """No VTOL, in the air."""
+def extended_sys_state(report: Report) -> MAVLink_message:
+    """No VTOL; where it is between ground and air."""
+    landed = {
+        "standing": mavlink.MAV_LANDED_STATE_ON_GROUND,
+        "rolling": mavlink.MAV_LANDED_STATE_ON_GROUND,
+        "climbing": mavlink.MAV_LANDED_STATE_TAKEOFF,
+        "flying": mavlink.MAV_LANDED_STATE_IN_AIR,
+    }
     return mavlink.MAVLink_extended_sys_state_message(
-        mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_IN_AIR
+        mavlink.MAV_VTOL_STATE_UNDEFINED, landed[report.flight.phase]
+    )
+
+
+def gps_raw_int(report: Report) -> MAVLink_message:
+    """The receiver's own word; a fix as soon as sensors have settled."""
+    motion = report.motion
+    fix = mavlink.GPS_FIX_TYPE_3D_FIX if report.ready else mavlink.GPS_FIX_TYPE_NO_FIX
+    return mavlink.MAVLink_gps_raw_int_message(
+        report.time_boot_ms * 1000,
+        fix,
+        degrees_e7(report.latitude_rad),
+        degrees_e7(report.longitude_rad),
+        millimetres(report.flight.state.altitude_amsl_m),
+        120,
+        200,
+        abs(centimetres_per_second(motion.ground_speed_m_s)),
+        centidegrees(motion.course_rad),
+        SATELLITES if report.ready else 0,
+    )
+
+
+def battery_status(_report: Report) -> MAVLink_message:
+    """Three full cells."""
+    cells = (CELL_MILLIVOLTS,) * 3 + (NO_CELL,) * 7
+    return mavlink.MAVLink_battery_status_message(0, 0, 0, 32_767, cells, -1, -1, -1, 100)
+
+
+def mission_current(_report: Report) -> MAVLink_message:
+    """There is no mission."""
+    return mavlink.MAVLink_mission_current_message(0)
+
+
+def ekf_status_report(_report: Report) -> MAVLink_message:
+    """ArduPilot's estimator is content."""
+    return mavlink.MAVLink_ekf_status_report_message(EKF_FLYING, 0.1, 0.1, 0.1, 0.1, 0.0)
+
+
+def nav_controller_output(report: Report) -> MAVLink_message:
+    """What the autopilot steers for: of a course or bank held, nothing but the roll is known."""
+    motion = report.motion
+    return mavlink.MAVLink_nav_controller_output_message(
+        math.degrees(motion.bank_rad),
+        0.0,
+        round(math.degrees(motion.course_rad)) % 360,
+        round(math.degrees(motion.course_rad)) % 360,
+        0,
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+def altitude(report: Report) -> MAVLink_message:
+    """PX4's heights: above mean sea level, and above home."""
+    flight = report.flight
+    amsl_m = flight.state.altitude_amsl_m
+    above_home_m = amsl_m - flight.home.altitude_amsl_m
+    return mavlink.MAVLink_altitude_message(
+        report.time_boot_ms * 1000, amsl_m, amsl_m, above_home_m, above_home_m, math.nan, math.nan
     )
 
 
@@ -128,22 +215,55 @@ def home_position(report: Report) -> MAVLink_message:
 
 
 def autopilot_version(report: Report) -> MAVLink_message:
-    """What it can do; the version numbers are zero, as no such firmware exists."""
+    """What it can do, and the version whose manners it has; the hash tells that it is none of theirs."""
+    emulator = tuple(b"sitlstub")
     no_hash = (0,) * 8
     return mavlink.MAVLink_autopilot_version_message(
-        report.personality.capabilities, 0, 0, 0, 0, no_hash, no_hash, no_hash, 0, 0, 0
+        report.personality.capabilities,
+        report.personality.version,
+        0,
+        0,
+        0,
+        emulator,
+        no_hash,
+        no_hash,
+        0,
+        0,
+        0,
     )
 
 
 def attitude(report: Report) -> MAVLink_message:
     """Roll of the coordinated turn, yaw and its rate; pitch is the angle of climb."""
     motion = report.motion
-    pitch_rad = math.atan2(-motion.down_m_s, motion.airspeed_m_s)
+    # On the ground there may be no airspeed at all.
+    pitch_rad = math.atan2(-motion.down_m_s, max(motion.airspeed_m_s, 1.0))
     return mavlink.MAVLink_attitude_message(
         report.time_boot_ms,
         motion.bank_rad,
         pitch_rad,
         wrap_to_pi(motion.heading_rad),
+        0.0,
+        0.0,
+        motion.turn_rate_rad_s,
+    )
+
+
+def attitude_quaternion(report: Report) -> MAVLink_message:
+    """The same attitude: yaw, pitch, roll in that order, w first."""
+    motion = report.motion
+    halves = (
+        0.5 * motion.bank_rad,
+        0.5 * math.atan2(-motion.down_m_s, max(motion.airspeed_m_s, 1.0)),
+        0.5 * wrap_to_pi(motion.heading_rad),
+    )
+    (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
+    return mavlink.MAVLink_attitude_quaternion_message(
+        report.time_boot_ms,
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
         0.0,
         0.0,
         motion.turn_rate_rad_s,
@@ -157,7 +277,7 @@ def vfr_hud(report: Report) -> MAVLink_message:
         motion.airspeed_m_s,
         motion.ground_speed_m_s,
         round(math.degrees(motion.heading_rad)) % 360,
-        CRUISE_THROTTLE_PERCENT,
+        0 if report.flight.phase == "standing" else CRUISE_THROTTLE_PERCENT,
         report.flight.state.altitude_amsl_m,
         -motion.down_m_s,
     )
@@ -220,7 +340,14 @@ TELEMETRY: Mapping[int, Builder] = {
     EXTENDED_SYS_STATE: extended_sys_state,
     HOME_POSITION: home_position,
     AUTOPILOT_VERSION: autopilot_version,
+    GPS_RAW_INT: gps_raw_int,
+    BATTERY_STATUS: battery_status,
+    MISSION_CURRENT: mission_current,
+    EKF_STATUS_REPORT: ekf_status_report,
+    NAV_CONTROLLER_OUTPUT: nav_controller_output,
+    ALTITUDE: altitude,
     WIND: wind,
+    ATTITUDE_QUATERNION: attitude_quaternion,
     ATTITUDE: attitude,
     VFR_HUD: vfr_hud,
     LOCAL_POSITION_NED: local_position_ned,
@@ -229,10 +356,5 @@ TELEMETRY: Mapping[int, Builder] = {
 """Builders by message id, in the order of sending within one instant: GLOBAL_POSITION_INT last, so
 that a receiver which acts on a position already has the attitude and airspeed of the same instant."""
 
-DEFAULT_INTERVALS_US: Mapping[int, int] = dict.fromkeys(
-    (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), 1_000_000
-)
-"""What comes unrequested, as ArduPlane sends it."""
-
-POSITION_MESSAGES = frozenset({LOCAL_POSITION_NED, GLOBAL_POSITION_INT})
+POSITION_MESSAGES = frozenset({GPS_RAW_INT, LOCAL_POSITION_NED, GLOBAL_POSITION_INT})
 """The messages that position noise enters."""

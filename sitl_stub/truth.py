@@ -1,6 +1,9 @@
 """What is really the case, for tests and for the record of a rehearsal."""
 
+import math
 from dataclasses import dataclass
+
+from sitl_stub.flight import Flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,3 +57,26 @@ class Truth:
 
     armed: bool
     """Whether it reports to be armed."""
+
+
+def truth_of(flight: Flight) -> Truth:
+    """The true state of a flight now."""
+    motion, (wind_north_m_s, wind_east_m_s) = flight.motion(), flight.wind_m_s
+    return Truth(
+        time_s=flight.time_us * 1e-6,
+        latitude_deg=math.degrees(flight.state.latitude_rad),
+        longitude_deg=math.degrees(flight.state.longitude_rad),
+        altitude_amsl_m=flight.state.altitude_amsl_m,
+        north_m_s=motion.north_m_s,
+        east_m_s=motion.east_m_s,
+        down_m_s=motion.down_m_s,
+        course_rad=motion.course_rad,
+        ground_speed_m_s=motion.ground_speed_m_s,
+        heading_rad=motion.heading_rad,
+        airspeed_m_s=motion.airspeed_m_s,
+        bank_rad=motion.bank_rad,
+        wind_north_m_s=wind_north_m_s,
+        wind_east_m_s=wind_east_m_s,
+        mode=flight.mode.name,
+        armed=flight.armed,
+    )

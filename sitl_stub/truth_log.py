@@ -13,11 +13,14 @@ from sitl_stub.truth import Truth
 
 MAX_RATE_HZ = 1000.0
 
+Write = Callable[[bytes], object]
+"""Takes one line; each reaches its reader whole."""
+
 
 class TruthLog:
     """When the next sample is due, and where it goes."""
 
-    def __init__(self, write: Callable[[bytes], object], *, rate_hz: float, system_id: int) -> None:
+    def __init__(self, write: Write, *, rate_hz: float, system_id: int) -> None:
         self._write = write
         self._rate_hz = rate_hz
         self._system_id = system_id
@@ -39,22 +42,24 @@ class TruthLog:
 
 
 @contextmanager
-def truth_log(target: str, *, rate_hz: float, system_id: int) -> Iterator[TruthLog]:
-    """A log into `udpout://host:port` or a file (overwritten), open as long as its context lasts.
+def truth_target(target: str | None, *, rate_hz: float) -> Iterator[Write | None]:
+    """How to write into `udpout://host:port` or a file (overwritten), open as long as its context lasts.
 
     Raises:
         AddressError: on entering, the target cannot be written to; the message is one line.
         OptionError: on entering, the rate is out of its range.
     """
+    if target is None:
+        yield None
+        return
     if not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise OptionError(f"truth rate {rate_hz:g} Hz is not above 0 and at most {MAX_RATE_HZ:g}")
-    opened = datagrams(target) if "://" in target else lines(Path(target))
-    with opened as write:
-        yield TruthLog(write, rate_hz=rate_hz, system_id=system_id)
+    with datagrams(target) if "://" in target else lines(Path(target)) as write:
+        yield write
 
 
 @contextmanager
-def lines(path: Path) -> Iterator[Callable[[bytes], object]]:
+def lines(path: Path) -> Iterator[Write]:
     """Each line reaches the file whole and at once, so that it is readable whenever this ends."""
     try:
         file = path.open("wb", buffering=0)
@@ -65,7 +70,7 @@ def lines(path: Path) -> Iterator[Callable[[bytes], object]]:
 
 
 @contextmanager
-def datagrams(url: str) -> Iterator[Callable[[bytes], object]]:
+def datagrams(url: str) -> Iterator[Write]:
     """One datagram for each line, whether anybody listens or not."""
     address = parse_address(url)
     if address.scheme != "udpout":

@@ -3,12 +3,11 @@
 SHORTEST_DELAY = 0.2
 """s, before the first new try: most losses are a matter of a moment."""
 
-LONGEST_DELAY = 5.0
-"""s: whoever plugs the cable in again, or restarts the broker, is not kept waiting longer."""
+LONGEST_DELAY = 1.0
+"""s: a formation flies blind until all are back, and a hundred that call once a second are no load."""
 
 GROWTH = 1.5
-"""Of the delay from one try to the next. Slower than doubling: after an outage of two seconds the next try is
-never more than a second away."""
+"""Of the delay from one try to the next."""
 
 STEPS = 10
 """More than it takes from the shortest delay to the longest."""
@@ -22,7 +21,7 @@ def retry_delay(failures: int, share: float) -> float:
         share: random, in [0, 1): companions that lost the same peer do not all come back at once.
 
     Returns:
-        Between half and the whole of 0.2, 0.3, 0.45 ... 5 s.
+        Between half and the whole of 0.2, 0.3, 0.45, 0.675, 1, 1 ... s.
     """
     steps = min(max(failures - 1, 0), STEPS)
     whole = min(SHORTEST_DELAY * GROWTH**steps, LONGEST_DELAY)

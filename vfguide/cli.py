@@ -3,22 +3,27 @@
 import sys
 import traceback
 from contextlib import suppress
+from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import ValidationError
 
-from vfguide.commands.bench import measure_latency
+from vfguide.commands.bench_options import bench
 from vfguide.commands.check import findings_of, report_findings
 from vfguide.commands.companion import run_companion
+from vfguide.commands.emulate import emulate as emulate_vehicle
 from vfguide.commands.fly import BROKEN
 from vfguide.commands.fly import fly as fly_mission
 from vfguide.commands.fly_live import fly_live as fly_mission_live
+from vfguide.commands.identify import identify as identify_vehicle
+from vfguide.commands.judge import judge_flight
 from vfguide.commands.overrides import (
     ControllerName,
     Overrides,
     PlantName,
+    SpeedResponseName,
     WindName,
     overridden,
 )
@@ -53,11 +58,36 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-bench = typer.Typer(help="Measure on this computer.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(bench, name="bench")
 
 MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
+Speedup = Annotated[
+    float, typer.Option(metavar="X", min=0.01, max=100.0, help="Times as fast as real time.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
+
+
+def tell_version(wanted: bool) -> None:
+    """Print the version and end.
+
+    Raises:
+        typer.Exit: if it was asked for.
+    """
+    if wanted:
+        Terminal().tell(f"vfguide {version_of('vfguide')}")
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=tell_version, is_eager=True, help="Tell the version."),
+    ] = False,
+) -> None:
+    """Vector-field guidance that flies several fixed-wing UAVs as one formation, over MAVLink."""
+    del version
 
 
 @app.command()
@@ -69,6 +99,9 @@ def fly(
     ] = None,
     plant: Annotated[
         PlantName | None, typer.Option(help="Instead of every vehicle's plant.")
+    ] = None,
+    speed_response: Annotated[
+        SpeedResponseName | None, typer.Option(help="Instead of the emulators' own.")
     ] = None,
     wind: Annotated[WindName | None, typer.Option(help="Instead of the file's wind.")] = None,
     duration: Annotated[
@@ -106,6 +139,7 @@ def fly(
     overrides = Overrides(
         controller=controller,
         plant=plant,
+        speed_response=speed_response,
         wind=wind,
         duration_s=duration,
         rate_hz=rate,
@@ -145,6 +179,12 @@ def companion(
     record: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Keep the vehicle's .tlog there.")
     ] = None,
+    signing_key_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."
+        ),
+    ] = None,
     clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the companion of one vehicle, until SIGTERM.
@@ -160,6 +200,117 @@ def companion(
         engage=engage,
         record=record,
         clock=clock,
+        signing_key_file=signing_key_file,
+    )
+
+
+@app.command()
+def identify(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")],
+    *,
+    mission: Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")],
+    mavlink: Annotated[
+        str, typer.Option(metavar="URL", help="Its autopilot, such as udpin://0.0.0.0:14540.")
+    ],
+    engage: Annotated[
+        bool, typer.Option("--engage", help="Put the autopilot into its guided mode, by itself.")
+    ] = False,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=10, help="How often each group of steps is flown.")
+    ] = 2,
+    speedup: Annotated[
+        float, typer.Option(metavar="X", help="The emulator's time in parts of real time.")
+    ] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep profile and picture there.")
+    ] = None,
+) -> None:
+    """Fly small steps of course and speed, and find how the autopilot answers.
+
+    Prints alpha, beta, dead times and lags with their intervals, as lines for the mission file. Exit status:
+    0 they are known well, 1 they are not or the flight ended early, 2 the input is wrong, 3 broken.
+    """
+    status = identify_vehicle(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        engage=engage,
+        repeats=repeats,
+        speedup=speedup,
+        out=out,
+    )
+    raise typer.Exit(status)
+
+
+@app.command()
+def judge(
+    mission: MissionFile,
+    *,
+    truth: Annotated[
+        str,
+        typer.Option(metavar="URL", help="Where emulators send true states: udpin://HOST:PORT."),
+    ],
+    link: Annotated[
+        str, typer.Option(metavar="URL", help="The formation's link, such as mqtt://host:1883.")
+    ],
+    start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where summary, report and record go.")],
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of the flight, seconds.")
+    ] = None,
+    speedup: Speedup = 1.0,
+    patience: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Real seconds to wait for companions.")
+    ] = 60.0,
+    as_json: AsJson = False,
+) -> None:
+    """Start, watch and judge a flight whose emulators and companions somebody else runs.
+
+    Waits until every companion is online, lets the emulators begin, and judges by their true states. Exit
+    status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
+    """
+    changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
+    verdict = judge_flight(
+        changed,
+        truth=truth,
+        link=link,
+        start=start,
+        speedup=speedup,
+        patience_s=patience,
+        out=out,
+        as_json=as_json,
+    )
+    raise typer.Exit(verdict)
+
+
+@app.command()
+def emulate(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")],
+    *,
+    mission: Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")],
+    mavlink: Annotated[
+        str, typer.Option(metavar="URL", help="Its companion, such as udpin://0.0.0.0:14540.")
+    ],
+    truth: Annotated[
+        str, typer.Option(metavar="URL", help="The judge of true states: udpout://HOST:PORT.")
+    ],
+    start: Annotated[
+        Path, typer.Option(metavar="FILE", help="Where the judge writes when to begin.")
+    ],
+    speedup: Speedup = 1.0,
+) -> None:
+    """Emulate one aircraft of a mission, in its place and wind, when `vfguide judge` says so.
+
+    Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
+    """
+    emulate_vehicle(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        truth=truth,
+        start=start,
+        speedup=speedup,
     )
 
 
@@ -202,24 +353,6 @@ def check(
     findings = check_mission(loaded.mission, loaded.source)
     name = loaded.mission.name
     raise typer.Exit(report_findings(findings, name=name, strict=strict, as_json=as_json))
-
-
-@bench.command()
-def latency(
-    *,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", min=5.0, max=600.0, help="Length of each measurement.")
-    ] = 15.0,
-    rate: Annotated[
-        float, typer.Option(metavar="HZ", min=20.0, max=100.0, help="Position reports per second.")
-    ] = 50.0,
-    as_json: AsJson = False,
-) -> None:
-    """Measure from telemetry in to setpoint out, beside plain pymavlink and MAVSDK loops.
-
-    Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
-    """
-    measure_latency(seconds=seconds, rate_hz=rate, as_json=as_json)
 
 
 @app.command()

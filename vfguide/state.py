@@ -89,3 +89,19 @@ class Airframe:
     """rad."""
     max_acceleration: float = 3.0
     """Along the flight path, m/s²."""
+    cruise: float = 20.0
+    """Airspeed at which alpha is declared, m/s."""
+    course_dead_time: float = 0.0
+    """From a course setpoint to the first change of the bank, s."""
+    course_lag: float = 0.0
+    """Time constant of the roll, s."""
+    speed_dead_time: float = 0.0
+    """From a speed setpoint to the first change of the acceleration, s."""
+    speed_lag: float = 0.0
+    """Time constant of the acceleration, s."""
+
+    @property
+    def lags(self) -> bool:
+        """Whether setpoints take effect later than at once."""
+        times = (self.course_dead_time, self.course_lag, self.speed_dead_time, self.speed_lag)
+        return max(times) > 0.0

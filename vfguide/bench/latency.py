@@ -108,7 +108,7 @@ def response_table(response: dict[str, Any]) -> list[str]:
 
 def age_table(ages: list[dict[str, Any]]) -> list[str]:
     """One line for each number of subscribers."""
-    rows = [["age of the leader's state", *HEADINGS, "heard %", "count"]]
+    rows = [["age of the leader's state on arrival", *HEADINGS, "heard %", "count"]]
     for entry in ages:
         values = (shown(entry.get(key)) for key in (*TIMES, "heard_percent", "count"))
         rows.append([f"{entry['subscribers']} subscribers", *values])

@@ -17,8 +17,8 @@ def comparison(result: dict[str, Any]) -> list[dict[str, Any]]:
         ("companion's response, p99", "ms", 3.0, companions.get("p99_ms")),
         ("share of a core, busiest companion", "%", 5.0, greatest(ours, "cpu_percent")),
         ("memory, largest companion", "MB", 80.0, greatest(ours, "memory_mb")),
-        ("age of leader state with 3 followers, p99", "ms", 15.0, ages[3].get("p99_ms")),
-        ("age of leader state with 100 subscribers, p99", "ms", 40.0, ages[100].get("p99_ms")),
+        ("age on arrival, 3 followers, p99", "ms", 15.0, ages[3].get("p99_ms")),
+        ("age on arrival, 100 subscribers, p99", "ms", 40.0, ages[100].get("p99_ms")),
     ]
     return [
         {

@@ -4,12 +4,14 @@ import asyncio
 from pathlib import Path
 
 from vfguide.commands.logs import log_to_standard_error
+from vfguide.commands.vehicles import check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.daemon import Surroundings, run_until_stopped
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
 from vfguide.link.address import parse_link
 from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.signing import signing_key
 from vfguide.mission import Mission
 
 
@@ -22,17 +24,14 @@ def run_companion(
     engage: bool,
     record: Path | None,
     clock: str | None,
+    signing_key_file: Path | None = None,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
 
     Raises:
         InputError: the vehicle is not in the mission, or an address is wrong.
     """
-    flying = [mission.leader.vehicle, *mission.followers_by_name]
-    if vehicle not in flying:
-        raise InputError(
-            f"{vehicle!r} does not fly in {mission.name}; one of {', '.join(flying)} does"
-        )
+    check_flies(mission, vehicle)
     surroundings = Surroundings(
         mavlink=parse_address(mavlink),
         link=parse_link(link),
@@ -41,10 +40,25 @@ def run_companion(
         clock=parse_clock(clock),
         engage=engage,
         record=record,
+        signing_key=None if signing_key_file is None else read_key(signing_key_file),
     )
     log_to_standard_error()
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
+
+
+def read_key(file: Path) -> bytes:
+    """The signing key in a file, which only who runs the companion should be able to read.
+
+    Raises:
+        InputError: there is no such file, or no key in it.
+    """
+    try:
+        return signing_key(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: cannot be read ({error})") from error
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
 
 
 def parse_clock(text: str | None) -> Clock:

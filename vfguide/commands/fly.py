@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
@@ -51,23 +52,17 @@ def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
 
 def conclude(flight: Flight, *, out: Path | None, as_json: bool) -> int:
     """Keep and print what a flight came to, and return the exit status."""
-    summary = summarise(flight.record)
+    record = replace(flight.record, interrupted=flight.interrupted, latency=flight.latency)
+    flight = replace(flight, record=record)
+    summary = summarise(record)
     if out is not None:
         keep(flight, summary, out)
     show(summary, flight, out, as_json=as_json)
     if flight.interrupted:
-        text = f"stopped after {flight.record.duration_s:.1f} s of flight"
+        text = f"stopped after {record.duration_s:.1f} s of flight"
         Terminal(stderr=True).tell(text)
         return BROKEN
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
-
-
-def summary_text(summary: Summary, flight: Flight) -> str:
-    """The content of summary.json."""
-    content = summary_json(summary)
-    if flight.latency:
-        content["latency"] = flight.latency
-    return json.dumps(content, indent=2)
 
 
 def prepare(out: Path) -> None:
@@ -92,7 +87,7 @@ def keep(flight: Flight, summary: Summary, out: Path) -> None:
     flight.record.save(out / RECORD_NAME)
     for name, log in flight.logs.items():
         log.write(out / f"{name}.tlog")
-    text = summary_text(summary, flight)
+    text = json.dumps(summary_json(summary), indent=2)
     (out / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
     write_report(flight.record, out)
 
@@ -101,7 +96,7 @@ def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -
     """Print the summary: JSON alone, or a table with what the companions had to say."""
     output = Terminal()
     if as_json:
-        output.tell(summary_text(summary, flight))
+        output.tell(json.dumps(summary_json(summary), indent=2))
         return
     for name, events in flight.events.items():
         for event in events:

@@ -9,21 +9,19 @@ from pathlib import Path
 from random import Random
 
 from vfguide.commands.fly import conclude, prepare, stopped_by_signals
-from vfguide.commands.terminal import Terminal, flight_progress
+from vfguide.commands.live_table import Show, live_table, rows_of
+from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.link.address import parse_link
 from vfguide.link.broker import embedded_broker
-from vfguide.link.watch import presences
+from vfguide.link.watch import watching
 from vfguide.mission import Mission
-from vfguide.rehearsal.live import LiveFlight, live_flight
+from vfguide.record.latency import latency_of
+from vfguide.rehearsal.live import live_flight
 from vfguide.rehearsal.lockstep import Flight
-from vfguide.rehearsal.usage import usage_of
 
-LOOK_S = 0.2
+LOOK_S = 0.25
 """Real time between looks at the flight."""
-
-LISTEN_S = 1.0
-"""Real time to hear from every companion at the end."""
 
 
 def fly_live(
@@ -50,12 +48,12 @@ def fly_live(
     title = f"flying {mission.name} live"
     with (
         stopped_by_signals() as stop,
-        flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
+        live_table(errors, title, mission.rehearsal.duration_s) as show,
         tempfile.TemporaryDirectory() as scratch,
     ):
         directory = Path(scratch) if out is None else out
         flight = asyncio.run(
-            _fly(mission, link, speedup=speedup, directory=directory, progress=progress, stop=stop)
+            _fly(mission, link, speedup=speedup, directory=directory, show=show, stop=stop)
         )
     return conclude(flight, out=out, as_json=as_json)
 
@@ -66,7 +64,7 @@ async def _fly(
     *,
     speedup: float,
     directory: Path,
-    progress: Callable[[float], None],
+    show: Show,
     stop: Callable[[], bool],
 ) -> Flight:
     """The flight itself, to its end or until told to stop."""
@@ -74,28 +72,28 @@ async def _fly(
         if link is None:
             port = await stack.enter_async_context(embedded_broker())
             link = f"mqtt://127.0.0.1:{port}"
+        presences = await stack.enter_async_context(
+            watching(parse_link(link), mission.name, random=Random())
+        )
         began = time.perf_counter()
         flight = await stack.enter_async_context(
             live_flight(mission, directory=directory, link=link, speedup=speedup)
         )
-        interrupted = False
-        while flight.judge.time_s < mission.rehearsal.duration_s and not interrupted:
+        before, flies, interrupted = flight.accounts(), False, False
+        while (now_s := flight.judge.time_s) < mission.rehearsal.duration_s and not interrupted:
             flight.check()
-            progress(max(flight.judge.time_s, 0.0))
+            if now_s >= 0.0 and not flies:
+                # What starting took is not what flying takes.
+                before, flies = flight.accounts(), True
+            seen = flight.judge.record(wall_s=0.0, only_now=True) if flies else None
+            show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
-        record = flight.record(wall_s=time.perf_counter() - began)
-        latency = await _latency(flight, link)
+        wall_s = time.perf_counter() - began
+        after = flight.accounts()
+        await flight.stop_companions()
+        figures = {name: presence.figures for name, presence in presences.items()}
+        usage = {name: after[name].since(one) for name, one in before.items() if name in after}
+        latency = latency_of(figures, leader=mission.leader.vehicle, processes=usage)
+        record = flight.record(wall_s=wall_s)
     return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
-
-
-async def _latency(flight: LiveFlight, link: str) -> dict[str, dict[str, float]]:
-    """What the companions say of their latencies, and what they take of the computer."""
-    found = await presences(
-        parse_link(link), flight.mission.name, seconds=LISTEN_S, random=Random()
-    )
-    latency = {name: dict(presence.figures) for name, presence in found.items()}
-    for name, process in flight.companions.items():
-        if process.pid is not None:
-            latency.setdefault(name, {}).update(usage_of(process.pid))
-    return latency

@@ -5,8 +5,9 @@ from typing import Any, Literal
 
 from vfguide.mission.model import Mission
 
-ControllerName = Literal["slot", "article"]
-PlantName = Literal["course-hold", "heading-hold"]
+ControllerName = Literal["slot", "article", "pid", "mpc"]
+PlantName = Literal["course-hold", "heading-hold", "bank"]
+SpeedResponseName = Literal["first-order", "tecs"]
 WindName = Literal["calm", "article"]
 
 
@@ -17,7 +18,9 @@ class Overrides:
     controller: ControllerName | None = None
     """Instead of `controller.type`."""
     plant: PlantName | None = None
-    """Instead of every vehicle's `plant`."""
+    """Instead of every vehicle's `plant`; `bank` is flown as `rehearsal.emulator.plant`."""
+    speed_response: SpeedResponseName | None = None
+    """Instead of `rehearsal.emulator.speed_response`."""
     wind: WindName | None = None
     """Instead of `wind`."""
     duration_s: float | None = None
@@ -38,8 +41,13 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
     if overrides.controller is not None:
         content.setdefault("controller", {})["type"] = overrides.controller
     if overrides.plant is not None:
+        # A companion takes `bank` for what it resembles: a hold of heading and airspeed.
+        hold = "heading-hold" if overrides.plant == "bank" else overrides.plant
         for vehicle in content["vehicles"].values():
-            vehicle["plant"] = overrides.plant
+            vehicle["plant"] = hold
+        emulator(content)["plant"] = overrides.plant if overrides.plant == "bank" else None
+    if overrides.speed_response is not None:
+        emulator(content)["speed_response"] = overrides.speed_response
     if overrides.wind is not None:
         content["wind"] = {"type": overrides.wind}
     rehearsal = {
@@ -49,3 +57,9 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
     }
     content.setdefault("rehearsal", {}).update(rehearsal)
     return Mission.model_validate(content)
+
+
+def emulator(content: dict[str, Any]) -> dict[str, Any]:
+    """The part of a mission file about the emulated autopilots; there is one afterwards."""
+    section: dict[str, Any] = content.setdefault("rehearsal", {}).setdefault("emulator", {})
+    return section

@@ -1,6 +1,8 @@
 """`vfguide report`: the report of a flight that was recorded before."""
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 from vfguide.commands.fly import RECORD_NAME, SUMMARY_NAME
@@ -27,7 +29,7 @@ def write_again(directory: Path) -> None:
         raise InputError(
             f"{directory}: holds no {RECORD_NAME}; give a directory that `vfguide fly --out` wrote"
         )
-    record = FlightRecord.load(path)
+    record = replace(FlightRecord.load(path), wall_s=recorded_wall_s(directory / SUMMARY_NAME))
     summary = summarise(record)
     try:
         text = json.dumps(summary_json(summary), indent=2)
@@ -38,3 +40,13 @@ def write_again(directory: Path) -> None:
     output = Terminal()
     output.print(summary_table(summary))
     output.tell(f"report: {page}")
+
+
+def recorded_wall_s(path: Path) -> float | None:
+    """How long the flight took, s, as its first summary tells; the record does not."""
+    try:
+        wall_s = float(json.loads(path.read_text(encoding="utf-8"))["wall_s"])
+    # Whatever became of the file: it is about to be written anew.
+    except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):
+        return None
+    return wall_s if math.isfinite(wall_s) and wall_s > 0.0 else None

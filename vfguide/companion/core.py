@@ -6,26 +6,32 @@ leads to one guidance step and one pair of setpoints at once.
 
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.inquiry import Inquiry
+from vfguide.companion.obedience import Obedience
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import role_of
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode, Situation, next_mode
+from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
     HeartbeatReport,
+    ParameterReport,
     PositionReport,
     Report,
     TextReport,
 )
+from vfguide.mavlink.setpoint_stream import SetpointStream
+from vfguide.mavlink.signing import Signing
 from vfguide.state import Setpoint
 
 HEARTBEAT_S = 1.0
@@ -60,9 +66,9 @@ class Outgoing:
     to_autopilot: bytes = b""
     """One datagram."""
     to_link: list[bytes] = field(default_factory=list)
-    """Leader states."""
+    """Own states."""
     steered: bool = False
-    """Whether a setpoint is among what goes to the autopilot."""
+    """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
     events: list[Event] = field(default_factory=list)
     """In the order in which they happened."""
 
@@ -88,7 +94,9 @@ class Companion:
         adapter: AutopilotAdapter,
         *,
         engage: bool,
-        to_own_time: Callable[[float], float] = float,
+        clock: SharedClock = SAME_CLOCK,
+        inspect: bool = False,
+        signing: Signing | None = None,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -96,16 +104,18 @@ class Companion:
             plan: its vehicle's part of the mission.
             adapter: how to speak to its autopilot.
             engage: whether it may put the autopilot into the guided mode by itself, the first time.
-            to_own_time: from the leader's clock to this companion's, s; the same clock if absent.
+            clock: the formation's; this companion's own if absent.
+            inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
+            signing: of the connection to the autopilot, if it is signed.
         """
         self._plan = plan
         self._adapter = adapter
         self._engages = engage
         self._may_engage = engage
         self._patience = plan.patience
-        self._codec = Codec(plan.system_id, plan.component_id)
+        self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
         self._own = OwnVehicle(plan)
-        self._role = role_of(plan, to_own_time)
+        self._role = role_of(plan, clock)
         self._mode = Mode.WAITING
         self._engaged = False
         self._given_back = False
@@ -121,7 +131,13 @@ class Companion:
         self._ready = False
         self._unflyable_time = math.inf
         self._own_counters: Counter[str] = Counter()
-        self._refusals: Counter[tuple[int, int]] = Counter()
+        self._stream = SetpointStream(adapter)
+        self._commands = Acknowledgements()
+        self._inquiry = Inquiry(plan, adapter) if inspect else None
+        self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
+        self._stranger: str | None = None
+        self._armed = False
+        self._told_unarmed = False
 
     @property
     def snapshot(self) -> Snapshot:
@@ -134,8 +150,12 @@ class Companion:
         return self._codec.counters + self._role.counters + self._own_counters
 
     def receive_link(self, data: bytes, now: float) -> None:
-        """Take one message from the link."""
+        """Take a leader state from the link."""
         self._role.receive(data, now)
+
+    def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take the state of another follower, of this name, from the link."""
+        self._role.receive_neighbour(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
@@ -143,16 +163,16 @@ class Companion:
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
             messages += self._take(report, now, out)
-        messages += self._housekeeping(now)
-        out.to_autopilot = self._codec.encode(messages)
+        messages += self._housekeeping(now, out)
+        out.to_autopilot = self._encode(messages, now)
         return out
 
     def poll(self, now: float) -> Outgoing:
         """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""
         out = Outgoing()
         messages = self._change_mode(now, out)
-        messages += self._housekeeping(now)
-        out.to_autopilot = self._codec.encode(messages)
+        messages += self._housekeeping(now, out)
+        out.to_autopilot = self._encode(messages, now)
         return out
 
     def stop(self, now: float) -> Outgoing:
@@ -168,6 +188,11 @@ class Companion:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
         return self._role.leader_age(now)
 
+    def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
+        """One datagram, whose commands wait for their answers from now on."""
+        self._commands.sent(messages, now)
+        return self._codec.encode(messages)
+
     def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:
         match report:
             case PositionReport():
@@ -176,15 +201,27 @@ class Companion:
             case AirspeedReport():
                 self._own.note_airspeed(report.airspeed, now)
             case HeartbeatReport():
+                self._armed = report.armed
+                self._recognise(report.autopilot, now, out)
                 self._note_mode(report.custom_mode, now)
                 return self._change_mode(now, out)
             case CommandReport():
-                self._note_result(report, now, out)
+                warn(out, now, self._commands.answered(report, now))
+            case ParameterReport():
+                if self._inquiry is not None:
+                    self._inquiry.take(report)
             case TextReport():
                 worrying = report.severity <= mavlink.MAV_SEVERITY_WARNING
                 text = f"autopilot: {report.text}"
                 out.events.append(Event(time_s=now, text=text, warning=worrying))
         return []
+
+    def _recognise(self, autopilot: int, now: float, out: Outgoing) -> None:
+        """Whether this is an autopilot that the adapter speaks to; if not, say so once."""
+        complaint = self._adapter.recognise(autopilot)
+        if complaint != self._stranger:
+            warn(out, now, complaint)
+        self._stranger = complaint
 
     def _note_mode(self, custom_mode: int, now: float) -> None:
         """Whether the autopilot obeys; a guided mode that was left comes back by the pilot's hand alone.
@@ -193,7 +230,8 @@ class Companion:
         once the autopilot is in any mode but the one that it was given back in.
         """
         self._connected = True
-        engaged = self._adapter.is_engaged(custom_mode)
+        # Modes are numbers that mean something else to every autopilot.
+        engaged = self._stranger is None and self._adapter.is_engaged(custom_mode)
         as_given_back = self._given_back and self._adapter.is_handed_back(custom_mode)
         if self._engaged and not engaged:
             self._left_time = now
@@ -215,6 +253,7 @@ class Companion:
             out.to_link.append(step.publish)
         messages = self._change_mode(now, out)
         setpoint = self._flyable(step.setpoint, now, out)
+        self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return messages
         self._ready = True
@@ -222,8 +261,12 @@ class Companion:
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
             messages += self._steer(setpoint, now)
             out.steered = True
-        elif self._mode is not Mode.LOST:
-            messages += self._adapter.stay_ready(setpoint.course, setpoint.speed)
+            warn(out, now, self._obedience.watch(fix.state, setpoint))
+            if not self._adapter.holds_altitude:
+                warn(out, now, self._obedience.watch_altitude(fix.place.altitude_amsl))
+        elif self._mode is not Mode.LOST and self._stranger is None:
+            ready = self._adapter.stay_ready(setpoint.course, setpoint.speed)
+            messages += self._stream.due(ready, now)
         return messages
 
     def _flyable(
@@ -255,7 +298,8 @@ class Companion:
 
     def _steer(self, setpoint: Setpoint[float], now: float) -> list[MAVLink_message]:
         """Messages that carry a setpoint, and now and then the altitude."""
-        messages = self._adapter.fly(setpoint.course, setpoint.speed)
+        flown = self._adapter.fly(setpoint.course, setpoint.speed)
+        messages = self._stream.due(flown, now)
         if now - self._altitude_time >= ALTITUDE_S:
             self._altitude_time = now
             messages += self._adapter.hold_altitude(self._plan.altitude_amsl)
@@ -275,13 +319,16 @@ class Companion:
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
         if not before.steers:
             self._altitude_time = -math.inf
+        if self._mode.steers is not before.steers:
+            self._stream.reset()
+            self._obedience.reset()
         messages = [status_text(f"vfguide {self._plan.name}: {self._mode.value}")]
         if self._mode is Mode.LOST:
             self._given_back = True
             messages += self._adapter.hand_back()
         return messages
 
-    def _housekeeping(self, now: float) -> list[MAVLink_message]:
+    def _housekeeping(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """Heartbeat, and whatever the autopilot still has to be asked for."""
         if now - self._housekeeping_time < HEARTBEAT_S:
             return []
@@ -291,28 +338,38 @@ class Companion:
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
         if self._connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
+        if not silent:
+            for text in self._commands.overdue(now):
+                warn(out, now, text)
+        if self._connected and self._inquiry is not None and self._stranger is None:
+            messages += self._inquiry.requests(lambda text: warn(out, now, text))
         ready = self._ready or not self._adapter.streams_before_engaging
         followable = self._role.leader_age(now) <= self._patience.leader_s
         informed = followable and math.isfinite(self._interval)
         waiting = self._mode is Mode.WAITING and not self._engaged
-        if self._may_engage and waiting and ready and informed:
-            messages += self._adapter.engage()
+        if self._may_engage and waiting and ready and informed and self._stranger is None:
+            messages += self._engage(now, out)
         # An autopilot holds its last setpoint: one that gets no other is better off by itself.
         nothing_to_fly = now - self._unflyable_time > HEARTBEAT_S
         if self._engaged and (self._mode is Mode.LOST or nothing_to_fly):
             messages += self._adapter.hand_back()
         return messages
 
-    def _note_result(self, report: CommandReport, now: float, out: Outgoing) -> None:
-        """An event the first time that a command is refused in some way."""
-        if report.result in {mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS}:
-            return
-        self._refusals[report.command, report.result] += 1
-        if self._refusals[report.command, report.result] == 1:
-            command = name_of("MAV_CMD", report.command)
-            result = name_of("MAV_RESULT", report.result).removeprefix("MAV_RESULT_")
-            text = f"autopilot answers {command}: {result}"
-            out.events.append(Event(time_s=now, text=text, warning=True))
+    def _engage(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+        """Enter the guided mode; on the ground that is for the pilot to do."""
+        if self._armed:
+            self._told_unarmed = False
+            return self._adapter.engage()
+        if not self._told_unarmed:
+            self._told_unarmed = True
+            warn(out, now, "the vehicle is not armed: not engaged until it is")
+        return []
+
+
+def warn(out: Outgoing, now: float, text: str | None) -> None:
+    """An event to worry about, if there is one."""
+    if text is not None:
+        out.events.append(Event(time_s=now, text=text, warning=True))
 
 
 def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
@@ -345,9 +402,3 @@ def heartbeat() -> MAVLink_message:
         mavlink.MAV_STATE_ACTIVE,
         3,
     )
-
-
-def name_of(group: str, number: int) -> str:
-    """Name of an entry of a MAVLink enumeration, or its number."""
-    entry = mavlink.enums[group].get(number)
-    return str(number) if entry is None else str(entry.name)

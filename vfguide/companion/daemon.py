@@ -1,7 +1,9 @@
 """The companion as a process: the one place with tasks, sockets and a clock."""
 
 import asyncio
+import gc
 import logging
+import math
 import signal
 import time
 from contextlib import AsyncExitStack
@@ -11,9 +13,10 @@ from pathlib import Path
 from random import Random
 
 from vfguide.companion.clock import Clock
-from vfguide.companion.core import Companion, Outgoing
+from vfguide.companion.core import Companion, Outgoing, Snapshot
 from vfguide.companion.latency import Quantiles
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.link.address import LinkAddress
 from vfguide.link.mqtt import Link, open_link
 from vfguide.link.peer_clock import PeerClock
@@ -21,6 +24,8 @@ from vfguide.link.presence import Presence
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mavlink.signing import Signing
+from vfguide.record.guidance_log import SUFFIX, GuidanceLog, GuidanceStep
 from vfguide.record.tlog import TelemetryLog
 
 logger = logging.getLogger(__name__)
@@ -30,6 +35,10 @@ POLL_S = 0.1
 
 ANNOUNCE_S = 1.0
 """Between presences, s of the companion's clock."""
+
+
+VERSION = version("vfguide")
+"""Looked up once: it is read from a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +58,9 @@ class Surroundings:
     engage: bool
     """Whether it may put the autopilot into the guided mode by itself, the first time."""
     record: Path | None
-    """Directory for its telemetry log."""
+    """Directory for its telemetry log and what guidance did."""
+    signing_key: bytes | None = None
+    """Of the connection to the autopilot, if it is signed."""
 
 
 class Daemon:
@@ -63,11 +74,18 @@ class Daemon:
         self._clock = surroundings.clock
         self._surroundings = surroundings
         self._peer_clock = None if plan.leads else PeerClock()
-        to_own_time = float if self._peer_clock is None else self._peer_clock.to_local
+        self._neighbours = plan.neighbours
+        key = surroundings.signing_key
         self._companion = Companion(
-            plan, adapter, engage=surroundings.engage, to_own_time=to_own_time
+            plan,
+            adapter,
+            engage=surroundings.engage,
+            clock=shared_clock(self._peer_clock),
+            inspect=True,
+            signing=None if key is None else Signing(key, time.time),
         )
         self._log = None if surroundings.record is None else TelemetryLog(time.time())
+        self._guidance_log = None if surroundings.record is None else GuidanceLog()
         self._began = self._clock.now()
         self._connection: Connection | None = None
         self._link: Link | None = None
@@ -91,6 +109,8 @@ class Daemon:
                     vehicle=self._name,
                     listen_to=None if self._peer_clock is None else where.leader,
                     receive=self._take_link,
+                    neighbours=self._neighbours,
+                    receive_neighbour=self._take_neighbour,
                     random=random,
                     peer_clock=self._peer_clock,
                     clock=self._clock.now,
@@ -122,9 +142,14 @@ class Daemon:
             self._leader_age.add(self._companion.leader_age(now))
         if self._log is not None:
             self._log.add(now - self._began, datagram)
+        if self._guidance_log is not None and (out.steered or out.events):
+            self._guidance_log.add(guidance_step(now, self._companion.snapshot))
 
     def _take_link(self, data: bytes) -> None:
         self._companion.receive_link(data, self._clock.now())
+
+    def _take_neighbour(self, vehicle: str, data: bytes) -> None:
+        self._companion.receive_neighbour(vehicle, data, self._clock.now())
 
     def _dispatch(self, out: Outgoing) -> None:
         """Send what the companion wants sent, and log what it has to say."""
@@ -152,7 +177,7 @@ class Daemon:
                 status="online",
                 mode=self._companion.snapshot.mode.value,
                 time_s=now,
-                version=version("vfguide"),
+                version=VERSION,
                 figures=self._figures(),
             )
         )
@@ -161,12 +186,13 @@ class Daemon:
         """Latencies in milliseconds and counters, for operators."""
         series = {"response_ms": self._response, "leader_age_ms": self._leader_age}
         figures: dict[str, float] = {}
-        for name, quantiles in series.items():
-            for label, share in (("p50", 0.5), ("p99", 0.99)):
-                value = quantiles.quantile(share)
-                if value is not None:
-                    figures[f"{name}_{label}"] = round(value * 1e3, 3)
-            figures[f"{name}_max"] = round(quantiles.greatest * 1e3, 3)
+        for name, values in series.items():
+            found = values.quantiles(0.5, 0.99)
+            for label, value in zip(("p50", "p99"), found, strict=False):
+                figures[f"{name}_{label}"] = round(value * 1e3, 3)
+            if values.last is not None:
+                figures[f"{name}_last"] = round(values.last * 1e3, 3)
+            figures[f"{name}_max"] = round(values.greatest * 1e3, 3)
         return figures
 
     def _write_log(self) -> None:
@@ -174,6 +200,28 @@ class Daemon:
         if record is not None and self._log is not None:
             record.mkdir(parents=True, exist_ok=True)
             self._log.write(record / f"{self._name}.tlog")
+        if record is not None and self._guidance_log is not None:
+            self._guidance_log.write(record / f"{self._name}{SUFFIX}")
+
+
+def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:
+    """What a companion did last, for the log."""
+    setpoint = snapshot.setpoint
+    return GuidanceStep(
+        time_s=now,
+        mode=snapshot.mode.value,
+        course_rad=math.nan if setpoint is None else setpoint.course,
+        speed_m_s=math.nan if setpoint is None else setpoint.speed,
+        limited=setpoint is not None and bool(setpoint.limited),
+        lyapunov_m2=snapshot.lyapunov,
+    )
+
+
+def shared_clock(peer_clock: PeerClock | None) -> SharedClock:
+    """The formation's clock by way of what is known of its leader's; the leader's own is the formation's."""
+    if peer_clock is None:
+        return SAME_CLOCK
+    return SharedClock(to_own=peer_clock.to_local, from_own=peer_clock.to_peer)
 
 
 async def run_until_stopped(
@@ -188,4 +236,7 @@ async def run_until_stopped(
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
+    # What the program consists of stays: looking for garbage among it takes 10 to 20 ms each time.
+    gc.collect()
+    gc.freeze()
     await Daemon(plan, adapter, surroundings).run(stop)

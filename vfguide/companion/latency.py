@@ -11,9 +11,12 @@ class Quantiles:
         self._next = 0
         self.greatest = 0.0
         """Of all values ever."""
+        self.last: float | None = None
+        """The newest."""
 
     def add(self, value: float) -> None:
         """Note a value."""
+        self.last = value
         self.greatest = max(self.greatest, value)
         if len(self._newest) < self._size:
             self._newest.append(value)
@@ -21,9 +24,9 @@ class Quantiles:
             self._newest[self._next] = value
             self._next = (self._next + 1) % self._size
 
-    def quantile(self, share: float) -> float | None:
-        """The value that this share of the newest ones does not exceed; None without any."""
-        if not self._newest:
-            return None
+    def quantiles(self, *shares: float) -> list[float]:
+        """For each share the value that it of the newest ones does not exceed; empty without any values."""
         ordered = sorted(self._newest)
-        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+        if not ordered:
+            return []
+        return [ordered[min(len(ordered) - 1, int(share * len(ordered)))] for share in shares]

@@ -4,11 +4,12 @@ import math
 from dataclasses import dataclass
 
 from vfguide.companion.boot_clock import BootClock
+from vfguide.companion.foresight import Foresight
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
 from vfguide.mavlink.reports import PositionReport
-from vfguide.state import VehicleState
+from vfguide.state import Setpoint, VehicleState
 
 GAP_S = 1.0
 """After a silence longer than this the filter starts anew."""
@@ -50,6 +51,8 @@ class Fix:
     """Since the report before, s; infinite for the first."""
     rebooted: bool
     """Whether the autopilot has started anew since the report before."""
+    foresight: Foresight | None = None
+    """Where the vehicle will be when setpoints take effect; None where they do at once."""
 
 
 class OwnVehicle:
@@ -66,6 +69,16 @@ class OwnVehicle:
         self._airspeed_time = -math.inf
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
+        self._foresight = Foresight(plan.airframe) if plan.airframe.lags else None
+
+    def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
+        """A setpoint has gone out; None: the vehicle is not steered."""
+        if self._foresight is None:
+            return
+        if setpoint is None:
+            self._foresight.forget()
+        else:
+            self._foresight.note(setpoint, now)
 
     def note_airspeed(self, airspeed: float, now: float) -> None:
         """Take an airspeed report."""
@@ -92,6 +105,8 @@ class OwnVehicle:
             step = navigate_blind if self._blind else navigate
             state = step(previous, sample, self._filters)
         self._state = state
+        if self._foresight is not None:
+            self._foresight.observe(state)
         latitude, longitude = self._frame.shifted(
             report.latitude_deg,
             report.longitude_deg,
@@ -102,7 +117,12 @@ class OwnVehicle:
             latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
         )
         return Fix(
-            state=state, place=place, period=self._period, interval=interval, rebooted=rebooted
+            state=state,
+            place=place,
+            period=self._period,
+            interval=interval,
+            rebooted=rebooted,
+            foresight=self._foresight,
         )
 
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:

@@ -1,7 +1,8 @@
 """From a mission file to what one companion has to know: radians, metres, and its own part only."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 from vfguide.companion.supervisor import Patience
 from vfguide.frames import LocalFrame
@@ -11,17 +12,46 @@ from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
+from vfguide.guidance.pace import paced
 from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
-from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
+from vfguide.guidance.settings import (
+    AxisGains,
+    FollowerLaw,
+    GuidanceSettings,
+    MpcWeights,
+    PathGains,
+    PidGains,
+    SlidingGains,
+)
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.px4 import Px4
+from vfguide.mission.controller import ControllerType, Pid
 from vfguide.mission.flight_path import CirclePath, FlightPath, LinePath
 from vfguide.mission.model import Mission
 from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.state import Airframe
+
+ADAPTERS: dict[str, Callable[[Vehicle], AutopilotAdapter]] = {
+    "auto": DetectedAutopilot,
+    "ardupilot": ArduPlane,
+    "px4": Px4,
+    # What MAVSDK carries are PX4's messages.
+    "mavsdk": Px4,
+}
+"""By what a mission calls an autopilot."""
+
+
+LAWS: dict[ControllerType, FollowerLaw] = {
+    "slot": "field",
+    "article": "field",
+    "pid": "pid",
+    "mpc": "mpc",
+}
+"""What keeps a follower on its slot, by the mission's word for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +64,8 @@ class FollowerTask:
     """What the mission tells about the leader."""
     airspeed: float
     """To fly away at when the formation breaks up, m/s."""
+    spacing: Mapping[str, float]
+    """The other followers, and how far their slots are from this one, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +98,11 @@ class FlightPlan:
         """Whether this vehicle is the leader."""
         return isinstance(self.task, LeaderTask)
 
+    @property
+    def neighbours(self) -> tuple[str, ...]:
+        """Vehicles that this one keeps clear of, besides the leader."""
+        return () if isinstance(self.task, LeaderTask) else tuple(self.task.spacing)
+
 
 def flight_plan(mission: Mission, name: str) -> FlightPlan:
     """The part of the vehicle with this name.
@@ -90,9 +127,31 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         frame=local_frame(mission),
         altitude_amsl=height,
         settings=guidance_settings(mission),
-        airframe=airframe_of(vehicle),
+        airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         patience=Patience(**mission.patience.model_dump()),
         task=task,
+    )
+
+
+def course_settings(plan: FlightPlan) -> GuidanceSettings:
+    """Settings for what goes out as a course, by how late that takes effect."""
+    airframe = plan.airframe
+    return paced(
+        plan.settings,
+        airframe.course_dead_time + airframe.course_lag,
+        period=1.0 / plan.rate_hz,
+        speed=airframe.cruise,
+    )
+
+
+def speed_settings(plan: FlightPlan) -> GuidanceSettings:
+    """Settings for what goes out as a speed, by how late that takes effect."""
+    airframe = plan.airframe
+    return paced(
+        plan.settings,
+        airframe.speed_dead_time + airframe.speed_lag,
+        period=1.0 / plan.rate_hz,
+        speed=airframe.cruise,
     )
 
 
@@ -112,6 +171,10 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         airspeed_max=vehicle.airspeed_range_m_s[1],
         max_bank=math.radians(vehicle.max_bank_deg),
         max_acceleration=vehicle.max_acceleration_m_s2,
+        course_dead_time=vehicle.course_dead_time_s,
+        course_lag=vehicle.course_lag_s,
+        speed_dead_time=vehicle.speed_dead_time_s,
+        speed_lag=vehicle.speed_lag_s,
     )
 
 
@@ -123,7 +186,7 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
         hold=vehicle.plant,
         lateral_acceleration=GRAVITY * math.tan(math.radians(vehicle.max_bank_deg)),
     )
-    return ArduPlane(address) if vehicle.autopilot == "ardupilot" else Px4(address)
+    return ADAPTERS[vehicle.autopilot](address)
 
 
 def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
@@ -139,7 +202,19 @@ def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset)
             rate_filter_s=mission.controller.rate_filter_s,
         ),
         airspeed=min(max(leads.airspeed, lowest), highest),
+        spacing=slot_spacing(mission, offset),
     )
+
+
+def slot_spacing(mission: Mission, offset: SlotOffset) -> dict[str, float]:
+    """Distance (m, level) from this slot to those of all other followers, by name."""
+    return {
+        other.vehicle: math.hypot(
+            other.slot.forward_m - offset.forward_m, other.slot.right_m - offset.right_m
+        )
+        for other in mission.followers
+        if other.slot is not offset
+    }
 
 
 def leader_task(mission: Mission) -> LeaderTask:
@@ -184,7 +259,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
     """Gains and switches."""
     chosen = mission.controller
     return GuidanceSettings(
-        field_type=chosen.type,
+        field_type="article" if chosen.type == "article" else "slot",
         field=FieldGains(
             k_x=chosen.k_x,
             k_y=chosen.k_y,
@@ -207,4 +282,34 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
+        rate_feedforward=chosen.rate_feedforward,
+        law=LAWS[chosen.type],
+        pid=pid_gains(chosen.pid),
+        mpc=MpcWeights(
+            horizon_s=chosen.mpc.horizon_s,
+            intervals=chosen.mpc.intervals,
+            velocity=chosen.mpc.velocity_weight_s2,
+            acceleration=chosen.mpc.acceleration_weight_s4,
+            max_course=math.radians(chosen.mpc.max_course_deg),
+        ),
+    )
+
+
+def pid_gains(chosen: Pid) -> PidGains[float]:
+    """Gains of the PID baseline."""
+    return PidGains(
+        lateral=AxisGains(
+            proportional=chosen.lateral_p_rad_m,
+            integral=chosen.lateral_i_rad_m_s,
+            derivative=chosen.lateral_d_rad_s_m,
+            derivative_filter_s=chosen.derivative_filter_s,
+            greatest=math.radians(chosen.max_course_deg),
+        ),
+        longitudinal=AxisGains(
+            proportional=chosen.longitudinal_p_1_s,
+            integral=chosen.longitudinal_i_1_s2,
+            derivative=chosen.longitudinal_d,
+            derivative_filter_s=chosen.derivative_filter_s,
+            greatest=chosen.max_speed_m_s,
+        ),
     )

@@ -1,14 +1,17 @@
 """One guidance step of a follower: onto its slot by the dual field."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Generic
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number
+from vfguide.elementwise import BoolArray, Number, atan2, hypot, like, where
 from vfguide.guidance.course_law import sliding_course_rate
 from vfguide.guidance.formation import (
+    FieldGains,
     FormationError,
     Slot,
+    SlotMotion,
     arc_tangent_field,
     article_motion,
     formation_error,
@@ -16,9 +19,11 @@ from vfguide.guidance.formation import (
     predict_leader,
     slot_motion,
 )
+from vfguide.guidance.separation import Obstacle, separated_velocity
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.speed_law import sliding_acceleration
+from vfguide.guidance.wind_triangle import compose
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 
@@ -36,6 +41,22 @@ class FollowerGuidance(Generic[Number]):
     """V~_f, m/s."""
     lyapunov: Number
     """W, m²."""
+    avoiding: bool | BoolArray
+    """Whether it keeps clear of somebody instead of following the field."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesiredMotion(Generic[Number]):
+    """Course and speed over ground that the dual field asks for, and their rates."""
+
+    course: Number
+    """rad."""
+    course_rate: Number
+    """rad/s."""
+    speed: Number
+    """m/s."""
+    acceleration: Number
+    """m/s²."""
 
 
 def follower_step(
@@ -46,6 +67,7 @@ def follower_step(
     airframe: Airframe,
     *,
     period: float,
+    obstacles: Sequence[Obstacle[Number]] = (),
 ) -> FollowerGuidance[Number]:
     """Setpoint of a follower; it remembers nothing between steps.
 
@@ -56,29 +78,28 @@ def follower_step(
         settings: the mission's gains and switches.
         airframe: response and limits.
         period: since the step before, s.
+        obstacles: the other vehicles, now.
     """
     if settings.predict_leader:
         leader = predict_leader(leader, state.time_s)
     motion_of = slot_motion if settings.field_type == "slot" else article_motion
     motion = motion_of(leader, slot)
     error = formation_error(motion, state)
+    if not settings.rate_feedforward:
+        still = like(0.0, motion.speed)
+        motion = replace(motion, turn_rate=still, acceleration=still)
     gains, sliding = settings.field, settings.sliding
-    turn, turn_rate = arc_tangent_field(
-        error.cross_track, error.cross_track_rate, gains.k_y, gains.chi_inf
-    )
-    push, push_rate = arc_tangent_field(
-        error.along_track, error.along_track_rate, gains.k_x, gains.v_inf
-    )
-    course_error = wrap_angle(state.course - (motion.course + turn))
-    speed_error = state.ground_speed - (motion.speed + push)
+    desired = field_motion(motion, error, gains)
+    clear, avoiding = separated_motion(desired, motion, state, obstacles)
+    course_error = wrap_angle(state.course - clear.course)
+    speed_error = state.ground_speed - clear.speed
     layer = sliding.layer(period)
-    course_rate = sliding_course_rate(
-        course_error, motion.turn_rate + turn_rate, sliding.kappa, layer
-    )
+    course_rate = sliding_course_rate(course_error, clear.course_rate, sliding.kappa, layer)
     acceleration = sliding_acceleration(
         speed_error,
-        error.along_track,
-        motion.acceleration + push_rate,
+        # Whoever keeps clear of somebody is not drawn to the slot as well.
+        where(avoiding, like(0.0, error.along_track), error.along_track),
+        clear.acceleration,
         gain=sliding.kappa,
         layer=layer,
         rho=sliding.rho,
@@ -95,4 +116,47 @@ def follower_step(
         course_error=course_error,
         speed_error=speed_error,
         lyapunov=lyapunov(error, course_error, speed_error, sliding.rho),
+        avoiding=avoiding,
     )
+
+
+def field_motion(
+    motion: SlotMotion[Number], error: FormationError[Number], gains: FieldGains
+) -> DesiredMotion[Number]:
+    """What the dual field asks of a follower that is this far from its slot."""
+    turn, turn_rate = arc_tangent_field(
+        error.cross_track, error.cross_track_rate, gains.k_y, gains.chi_inf
+    )
+    push, push_rate = arc_tangent_field(
+        error.along_track, error.along_track_rate, gains.k_x, gains.v_inf
+    )
+    return DesiredMotion(
+        course=motion.course + turn,
+        course_rate=motion.turn_rate + turn_rate,
+        speed=motion.speed + push,
+        acceleration=motion.acceleration + push_rate,
+    )
+
+
+def separated_motion(
+    desired: DesiredMotion[Number],
+    motion: SlotMotion[Number],
+    state: VehicleState[Number],
+    obstacles: Sequence[Obstacle[Number]],
+) -> tuple[DesiredMotion[Number], bool | BoolArray]:
+    """The desired motion, changed where it would bring the follower too close to somebody; and whether it is.
+
+    How fast the change goes is not known: the rates are then those of the slot's motion alone.
+    """
+    north, east, avoiding = separated_velocity(
+        (state.north, state.east),
+        compose(desired.speed, like(0.0, desired.speed), desired.course),
+        obstacles,
+    )
+    clear = DesiredMotion(
+        course=where(avoiding, atan2(east, north), desired.course),
+        course_rate=where(avoiding, motion.turn_rate, desired.course_rate),
+        speed=where(avoiding, hypot(north, east), desired.speed),
+        acceleration=where(avoiding, motion.acceleration, desired.acceleration),
+    )
+    return clear, avoiding

@@ -3,7 +3,8 @@
 import asyncio
 import importlib
 import logging
-from collections.abc import AsyncIterator
+from collections import UserDict
+from collections.abc import AsyncIterator, ItemsView, Iterator
 from contextlib import asynccontextmanager, suppress
 
 from vfguide.errors import VfguideError
@@ -50,6 +51,21 @@ async def embedded_broker(port: int = 0) -> AsyncIterator[int]:
         await server.wait_closed()
 
 
+class Subscriptions(UserDict[str, list[object]]):
+    """What amqtt keeps its subscriptions in.
+
+    While it goes through them it awaits other things. A plain dictionary fails if it has grown meanwhile,
+    and the connection of a client that comes at the same time as another is gone.
+    """
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(list(self.data))
+
+    def items(self) -> ItemsView[str, list[object]]:
+        """As they are at this moment."""
+        return dict(self.data).items()
+
+
 class Broker:
     """The broker of amqtt with connections from elsewhere: its own listeners do not tell their ports."""
 
@@ -62,6 +78,7 @@ class Broker:
         plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
         listeners = {LISTENER: {"type": "external", "bind": "unused:0"}}
         self._broker = amqtt.Broker({"listeners": listeners, "plugins": plugins})
+        vars(self._broker)["_subscriptions"] = Subscriptions()
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
 

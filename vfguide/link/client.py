@@ -5,11 +5,13 @@ import logging
 import re
 import socket
 import ssl
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from aiomqtt import Client, Message, MqttError, Will
+from aiomqtt import Client, Message, MqttCodeError, MqttError, Will
 from aiomqtt.types import PahoSocket
+from paho.mqtt.client import MQTT_ERR_SUCCESS
 from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
@@ -97,10 +99,15 @@ class BrokerClient(Client):
         self._gone = asyncio.Event()
         self._client.on_socket_close = self._noting(self._client.on_socket_close)
         self._client.on_socket_register_write = self._wait_to_write
+        self._thread = threading.get_ident()
 
     def _wait_to_write(self, engine: Engine, _userdata: object, sock: PahoSocket) -> None:
-        """Watch for room to write, a turn of the loop later: the engine may be in a thread of its own."""
-        self._loop.call_soon_threadsafe(self._watch, engine, sock)
+        """Watch for room to write, a turn of the loop later."""
+        if threading.get_ident() == self._thread:
+            self._loop.call_soon(self._watch, engine, sock)
+        else:
+            # Dialling runs in a thread of its own.
+            self._loop.call_soon_threadsafe(self._watch, engine, sock)
 
     def _watch(self, engine: Engine, sock: PahoSocket) -> None:
         # By now everything may be written, or the socket closed: aiomqtt's own way fails on the latter.
@@ -126,6 +133,26 @@ class BrokerClient(Client):
             self._loop.call_soon_threadsafe(self._gone.set)
 
         return closing
+
+    async def send(self, topic: str, payload: bytes) -> None:
+        """Publish once, without an answer: at once, or when the socket has room again.
+
+        Raises:
+            MqttError: the connection is lost, or the socket stays full.
+        """
+        engine = self._client
+        if engine.want_write():
+            await self.publish(topic, payload)
+            return
+        # The engine makes up an answer of the broker for whoever waits for it, which costs more than to send.
+        waiting, engine.on_publish = engine.on_publish, None
+        try:
+            result = engine.publish(topic, payload).rc
+            engine.loop_write()
+        finally:
+            engine.on_publish = waiting
+        if result != MQTT_ERR_SUCCESS:
+            raise MqttCodeError(result, "cannot publish")
 
     async def open(self) -> None:
         """Connect. Not to be cancelled: it ends by itself, one way or the other, after some seconds.
@@ -154,14 +181,20 @@ class BrokerClient(Client):
             await self.__aexit__(None, None, None)
         await self._hang_up()
 
-    async def _hang_up(self) -> None:
-        """Close the socket if it is still open, and wait for that."""
+    def give_up(self) -> bool:
+        """Close the connection; whether there is one yet."""
         sock = self._client.socket()
         if not isinstance(sock, socket.socket):
-            return
+            return False
         with suppress(OSError):
             # The engine finds the end of the stream and closes; it has no call for closing at once.
             sock.shutdown(socket.SHUT_RDWR)
+        return True
+
+    async def _hang_up(self) -> None:
+        """Close the socket if it is still open, and wait for that."""
+        if not self.give_up():
+            return
         with suppress(TimeoutError):
             async with asyncio.timeout(ANSWER_S):
                 await self._gone.wait()

@@ -2,6 +2,8 @@
 
 A broker whose access list forbids a topic takes messages for it without a word and drops them. And another
 vehicle may fly under the same name by mistake.
+
+To hear oneself takes as much of the computer as to speak. So it is done now and then, for a moment.
 """
 
 from collections import deque
@@ -18,31 +20,30 @@ class Echo:
 
     def __init__(self) -> None:
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
-        self._unheard_since: float | None = None
-        self._speaks = self._hears = False
+        self._speaks = False
+        self._deaf = 0
+        self.heard = False
+        """Whether a state has come back since it was last listened for."""
+
+    def listen(self) -> None:
+        """Begin to listen for own states."""
+        self._speaks = self.heard = False
         self._deaf = 0
 
-    def speak(self, data: bytes, now: float) -> None:
+    def speak(self, data: bytes) -> None:
         """A state is published."""
         self._sent.append(data)
         self._speaks = True
-        if self._unheard_since is None:
-            self._unheard_since = now
 
     def hear(self, data: bytes) -> bool:
         """A state under the own name came from the broker; whether it is one's own."""
         if data not in self._sent:
             return False
-        self._hears = True
-        self._unheard_since = None
+        self.heard = True
         return True
 
-    def age(self, now: float) -> float:
-        """For how long states have been published without one coming back, s; 0 where all is well."""
-        return 0.0 if self._unheard_since is None else max(now - self._unheard_since, 0.0)
-
     def check(self) -> bool:
-        """To be called every second or so while connected: whether the broker is deaf to this vehicle."""
-        self._deaf = self._deaf + 1 if self._speaks and not self._hears else 0
-        self._speaks = self._hears = False
+        """To be called every second or so while listening: whether the broker is deaf to this vehicle."""
+        self._deaf = self._deaf + 1 if self._speaks and not self.heard else 0
+        self._speaks = False
         return self._deaf >= DEAF_CHECKS

@@ -9,7 +9,7 @@ from aiomqtt import Message
 LARGEST = 4096
 """Bytes of a message: nothing that the formation shares is longer."""
 
-MOST_TOPICS = 64
+MOST_TOPICS = 256
 """Topics with something new at the same time; more than vehicles in any formation."""
 
 MOST_TURNS = 256

@@ -7,7 +7,7 @@ waits in a queue in either direction, since the next state is better than an old
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 from random import Random
@@ -51,7 +51,7 @@ class Link:
     def publish(self, data: bytes) -> None:
         """Publish this vehicle's state. Never waits: one that is not sent yet gives way to it."""
         parts = self._parts
-        parts.echo.speak(data, parts.clock())
+        parts.echo.speak(data)
         if parts.status.connected:
             parts.outbox.put(parts.topics.state(parts.topics.vehicle), data)
         else:
@@ -62,16 +62,10 @@ class Link:
         self._parts.presence = presence
         self._parts.announced.set()
 
-    def echo_age(self, now: float) -> float:
-        """For how long states have been published without one coming back from the broker.
 
-        Args:
-            now: on the clock that the link was opened with, s.
-
-        Returns:
-            s; 0 where all is well, or nothing is published.
-        """
-        return self._parts.echo.age(now)
+def nobody(vehicle: str, data: bytes) -> None:
+    """Takes the states of neighbours where there are none."""
+    del vehicle, data
 
 
 @asynccontextmanager
@@ -83,6 +77,8 @@ async def open_link(
     listen_to: str | None,
     receive: Callable[[bytes], None],
     random: Random,
+    neighbours: Collection[str] = (),
+    receive_neighbour: Callable[[str, bytes], None] = nobody,
     peer_clock: PeerClock | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> AsyncIterator[Link]:
@@ -96,6 +92,8 @@ async def open_link(
         vehicle: name of this vehicle.
         listen_to: vehicle whose states are wanted; None for the leader, who tells others its clock instead.
         receive: called from the event loop with the newest state each time that there is a new one.
+        neighbours: other vehicles whose states are wanted.
+        receive_neighbour: called with the name of one of them and its newest state.
         random: keeps companions that lost the same broker from coming back in step.
         peer_clock: learns the clock of the vehicle that is listened to.
         clock: this vehicle's clock, s.
@@ -108,6 +106,8 @@ async def open_link(
         topics=Topics(prefix=address.prefix, formation=formation, vehicle=vehicle),
         listen_to=listen_to,
         receive=receive,
+        neighbours=neighbours,
+        receive_neighbour=receive_neighbour,
         peer_clock=peer_clock,
         clock=clock,
         status=status,

@@ -111,6 +111,10 @@ class PeerClock:
         """A time of the peer's clock on one's own, s; NaN while the offset is not known."""
         return peer_time - self.offset_s
 
+    def to_peer(self, local_time: float) -> float:
+        """A time of one's own clock on the peer's, s; NaN while the offset is not known."""
+        return local_time + self.offset_s
+
     def request(self, now: float) -> bytes:
         """A question to send at once."""
         self._number = (self._number + 1) % 2**32

@@ -21,6 +21,9 @@ logger = logging.getLogger(__name__)
 STABLE_S = 5.0
 """A connection that lasted this long was a success: the next try follows soon."""
 
+GOODBYE_S = 0.5
+"""s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
+
 ODD_LOSSES = 3
 """Connections in a row that stood, but not for long."""
 
@@ -82,10 +85,27 @@ class Reconnecting:
             queue=inbox.as_queue(),
             context=self._security,
         )
-        await client.open()
+        await self._open(client)
         try:
             session = Session(client, inbox, parts)
             await session.run(self._stop)
-            await session.announce(replace(parts.presence, status="offline"))
+            goodbye = replace(parts.presence, status="offline")
+            await session.announce(goodbye, patience_s=GOODBYE_S)
         finally:
             await client.close()
+
+    async def _open(self, client: BrokerClient) -> None:
+        """Connect; whoever is told to stop meanwhile does not wait for an answer.
+
+        Raises:
+            MqttError: it does not work.
+        """
+        opening = asyncio.ensure_future(client.open())
+        stopping = asyncio.ensure_future(self._stop.wait())
+        try:
+            await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            if not opening.done():
+                client.give_up()
+            await opening
+        finally:
+            stopping.cancel()

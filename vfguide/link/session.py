@@ -2,9 +2,10 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Collection, Coroutine, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 
 from vfguide.link.client import ANSWER_S, BrokerClient
 from vfguide.link.codec import LinkDataError
@@ -19,6 +20,9 @@ logger = logging.getLogger(__name__)
 
 BEAT_S = 1.0
 """s between presences. Each is acknowledged: a broker that hangs shows within this and an answer's time."""
+
+ECHO_REST_S = 20.0
+"""s from one time that own states are listened for to the next."""
 
 INSISTENCE_S = 0.1
 """s after which a task that has not ended is cancelled again."""
@@ -37,6 +41,10 @@ class Parts:
     """Vehicle whose states are wanted; None for the leader."""
     receive: Callable[[bytes], None]
     """Takes them."""
+    neighbours: Collection[str]
+    """Other vehicles whose states are wanted."""
+    receive_neighbour: Callable[[str, bytes], None]
+    """Takes those, with the vehicle's name."""
     peer_clock: PeerClock | None
     """Learns that vehicle's clock."""
     clock: Callable[[], float]
@@ -64,11 +72,12 @@ class Session:
         self._own = topics.vehicle
         self._handlers: dict[str, Callable[[bytes], None]] = {}
         if listen_to is not None:
-            self._handlers[topics.state(listen_to)] = self._take_state
+            self._handlers[topics.state(listen_to)] = partial(self._take, parts.receive)
             if parts.peer_clock is not None:
                 self._handlers[topics.tell(listen_to)] = self._take_time
-        # One's own last, so that nobody who listens to himself loses anything.
-        self._handlers.setdefault(topics.state(self._own), self._take_echo)
+        for vehicle in parts.neighbours:
+            receive = partial(parts.receive_neighbour, vehicle)
+            self._handlers[topics.state(vehicle)] = partial(self._take, receive)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Share until told to stop.
@@ -76,7 +85,10 @@ class Session:
         Raises:
             MqttError: the connection is lost.
         """
-        await self._subscribe()
+        topics = list(self._handlers)
+        if self._parts.listen_to is None:
+            topics.append(self._parts.topics.every_ask())
+        await self._subscribe(topics)
         self._parts.outbox.clear()
         self._parts.status.up()
         jobs: list[Coroutine[None, None, object]] = [
@@ -98,11 +110,7 @@ class Session:
             if isinstance(result, Exception):
                 raise result
 
-    async def _subscribe(self) -> None:
-        topics = self._parts.topics
-        wanted = list(self._handlers)
-        if self._parts.listen_to is None:
-            wanted.append(topics.every_ask())
+    async def _subscribe(self, wanted: list[str]) -> None:
         results = await self._client.subscribe([(topic, 0) for topic in wanted])
         codes = [result if isinstance(result, int) else result.value for result in results]
         for topic, code in zip(wanted, codes, strict=True):
@@ -131,9 +139,9 @@ class Session:
         else:
             self._parts.status.counters["dropped: other topic"] += 1
 
-    def _take_state(self, payload: bytes) -> None:
+    def _take(self, receive: Callable[[bytes], None], payload: bytes) -> None:
         try:
-            self._parts.receive(payload)
+            receive(payload)
         except Exception:
             # What comes over the network must not end the link, whatever a receiver makes of it.
             if not self._parts.status.counters["failed to use"]:
@@ -163,7 +171,7 @@ class Session:
             await self._parts.outbox.wait()
             while (mail := self._parts.outbox.take()) is not None:
                 # Returns at once unless the socket is full: then the outbox keeps only what is newest.
-                await self._client.publish(*mail)
+                await self._client.send(*mail)
 
     async def _beat(self) -> None:
         """Keep the presence fresh, which shows a broker that hangs."""
@@ -175,23 +183,43 @@ class Session:
                 async with asyncio.timeout(BEAT_S):
                     await parts.announced.wait()
 
-    async def announce(self, presence: Presence) -> None:
+    async def announce(self, presence: Presence, *, patience_s: float = ANSWER_S) -> None:
         """Have the broker keep a presence.
+
+        Args:
+            presence: what it is to keep.
+            patience_s: how long its answer is awaited.
 
         Raises:
             MqttError: it does not answer.
         """
         topic, content = self._parts.topics.presence(self._own), encode_presence(presence)
-        await self._client.publish(topic, content, qos=1, retain=True, timeout=ANSWER_S)
+        await self._client.publish(topic, content, qos=1, retain=True, timeout=patience_s)
 
     async def _watch_echo(self) -> None:
-        parts = self._parts
-        topic = parts.topics.state(self._own)
+        """Listen for own states until one has come back, and after a while again."""
+        topic = self._parts.topics.state(self._own)
+        if topic in self._handlers:
+            # Who follows his own states hears them anyway.
+            await asyncio.Event().wait()
+        while True:
+            self._handlers[topic] = self._take_echo
+            self._parts.echo.listen()
+            await self._subscribe([topic])
+            await self._until_echo(topic)
+            await self._client.unsubscribe(topic)
+            await asyncio.sleep(ECHO_REST_S)
+
+    async def _until_echo(self, topic: str) -> None:
+        echo, status = self._parts.echo, self._parts.status
         hint = f"does the broker let this vehicle write and read {topic}?"
         while True:
+            # The whole time even if the first one comes at once: others of this name are heard, too.
             await asyncio.sleep(BEAT_S)
-            if parts.echo.check():
-                parts.status.warn("not heard", f"own states do not come back: {hint}")
+            if echo.check():
+                status.warn("not heard", f"own states do not come back: {hint}")
+            if echo.heard:
+                return
 
     async def _ask(self) -> None:
         parts = self._parts

@@ -1,10 +1,13 @@
 """What differs between autopilots, behind one interface; one file for each of them."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.reports import ParameterReport
 from vfguide.state import Hold
 
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
@@ -14,8 +17,39 @@ VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 class AutopilotAdapter(Protocol):
     """How one kind of autopilot wants to be spoken to. Makes messages; sends and remembers nothing."""
 
-    streams_before_engaging: bool
-    """Whether setpoints have to arrive before the autopilot lets itself be engaged."""
+    @property
+    def streams_before_engaging(self) -> bool:
+        """Whether setpoints have to arrive before the autopilot lets itself be engaged."""
+
+    @property
+    def holds_altitude(self) -> bool:
+        """Whether `hold_altitude` can be obeyed; if not, the altitude of engaging is kept."""
+
+    @property
+    def keep_alive_s(self) -> float:
+        """Longest time between repetitions of setpoints that have not changed, s."""
+
+    @property
+    def parts_belong_together(self) -> bool:
+        """Whether each course setpoint cancels the speed, so that neither may be sent without the other."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that `parameter_warnings` wants to know."""
+
+    def recognise(self, autopilot: int) -> str | None:
+        """None if this adapter can speak to this MAV_AUTOPILOT, or else what is wrong, in words."""
+
+    def parameter_value(self, report: ParameterReport) -> float:
+        """The value in a report, in the way in which this autopilot packs it."""
+
+    def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """What in the autopilot's parameters does not fit the flight, one line each.
+
+        Args:
+            parameters: those of `parameters` that were answered; an autopilot may not know them all.
+            needs: what the mission expects of the vehicle.
+        """
 
     def is_engaged(self, custom_mode: int) -> bool:
         """Whether the autopilot obeys setpoints in this mode."""

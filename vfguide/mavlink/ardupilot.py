@@ -1,12 +1,17 @@
 """ArduPlane: GUIDED mode, course, airspeed and altitude by commands that it holds until the next."""
 
 import math
+from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_course
 from vfguide.mavlink.adapter import Vehicle, command_int, set_mode, telemetry_at
+from vfguide.mavlink.arduplane_parameters import NAMES, arduplane_warnings
+from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.recognition import other_autopilot
+from vfguide.mavlink.reports import ParameterReport
 
 GUIDED = 15
 LOITER = 12
@@ -19,11 +24,28 @@ class ArduPlane:
     """Adapter for ArduPlane."""
 
     streams_before_engaging = False
+    holds_altitude = True
+    keep_alive_s = 0.5
+    """It holds commands for ever: repetitions are for those that were lost on the way."""
+    parts_belong_together = False
+    parameters = NAMES
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         # ArduPlane itself denies a ground speed; the article's ideal hold takes one.
         self._speed_type = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
+
+    def recognise(self, autopilot: int) -> str | None:
+        """Anything but ArduPilot is another one."""
+        return other_autopilot(autopilot, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+    def parameter_value(self, report: ParameterReport) -> float:
+        """ArduPilot converts whole numbers to real ones."""
+        return report.value
+
+    def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """What does not fit the flight, one line each."""
+        return arduplane_warnings(parameters, needs)
 
     def is_engaged(self, custom_mode: int) -> bool:
         """GUIDED."""

@@ -1,6 +1,7 @@
 """MAVLink frames to reports and back. The only place that knows degE7, cm/s and centidegrees."""
 
 import math
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterable
 
@@ -12,16 +13,28 @@ from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
     HeartbeatReport,
+    ParameterReport,
     PositionReport,
     Report,
     TextReport,
 )
+from vfguide.mavlink.signing import Signing
 
 UNKNOWN_HEADING = 65535
 """hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
 
 GREATEST_AIRSPEED = 500.0
 """m/s: what is faster is no aircraft that is guided here."""
+
+WHOLE_NUMBERS = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+}
+"""How whole numbers lie in the four bytes of a parameter's value, where they are not converted."""
 
 COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
@@ -71,12 +84,24 @@ def text_report(message: MAVLink_message) -> TextReport:
     return TextReport(severity=message.severity, text=text)
 
 
+def parameter_report(message: MAVLink_message) -> ParameterReport | None:
+    """PARAM_VALUE, or None where it is neither a finite number nor a whole one."""
+    layout = WHOLE_NUMBERS.get(message.param_type)
+    value = float(message.param_value)
+    if layout is None and not math.isfinite(value):
+        return None
+    name = "".join(character for character in message.param_id if character.isprintable())
+    whole = None if layout is None else struct.unpack(layout, struct.pack("<f", value))[0]
+    return ParameterReport(name=name, value=value, whole=whole)
+
+
 REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position_report,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: airspeed_report,
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat_report,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: command_report,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT: text_report,
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE: parameter_report,
 }
 """What is listened to. Everything else is passed over and counted."""
 
@@ -84,16 +109,20 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
 class Codec:
     """Frames of one companion's connection: datagrams to reports, messages to bytes."""
 
-    def __init__(self, system_id: int, component_id: int) -> None:
+    def __init__(
+        self, system_id: int, component_id: int, *, signing: Signing | None = None
+    ) -> None:
         """Listen to one autopilot and speak as the onboard computer of the same system.
 
         Args:
             system_id: of the vehicle.
             component_id: of its autopilot.
+            signing: signs what is said, and lets nothing else be heard; without it signatures are ignored.
         """
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
         self._source = (system_id, component_id)
+        self._signing = signing
         self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
 
     def decode(self, datagram: bytes) -> list[Report]:
@@ -108,6 +137,8 @@ class Codec:
                 self.counters["not used"] += 1
             elif (message := self._message(frame.content)) is None:
                 self.counters["not MAVLink"] += 1
+            elif self._signing is not None and not self._signing.accepts(frame):
+                self.counters["not signed"] += 1
             elif (report := reader(message)) is None:
                 self.counters["out of range"] += 1
             else:
@@ -116,10 +147,14 @@ class Codec:
 
     def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
         """One datagram of these messages."""
+        if self._signing is not None:
+            self._signing.prepare(self._parser)
         return b"".join([self._pack(message) for message in messages])
 
     def _message(self, frame: bytes) -> MAVLink_message | None:
         """The message in a frame, or None where checksum or length are wrong."""
+        # Signatures are checked apart from this: see `signing`.
+        self._parser.signing.secret_key = None
         try:
             return self._parser.decode(bytearray(frame))
         except MAVError:

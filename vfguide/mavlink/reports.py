@@ -63,4 +63,18 @@ class TextReport:
     """What it says."""
 
 
-Report = PositionReport | AirspeedReport | HeartbeatReport | CommandReport | TextReport
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterReport:
+    """PARAM_VALUE."""
+
+    name: str
+    """Of the parameter."""
+    value: float
+    """The value field as a number: what ArduPilot means, and PX4 where the type is a real number."""
+    whole: int | None
+    """The value field's bytes as a whole number, where the type is one: what PX4 means then."""
+
+
+Report = (
+    PositionReport | AirspeedReport | HeartbeatReport | CommandReport | TextReport | ParameterReport
+)

@@ -6,6 +6,9 @@ from pydantic import Field
 
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section, Switch
 
+ControllerType = Literal["slot", "article", "pid", "mpc"]
+"""The laws that keep a slot."""
+
 
 class Observer(Section):
     """The adaptive estimate of the ground speed inside the course law."""
@@ -20,11 +23,67 @@ class Observer(Section):
     """sigma of the article: pull of the estimate toward the measured ground speed."""
 
 
-class Controller(Section):
-    """Formation keeping: which field, how sharp, and what is fed forward."""
+class Pid(Section):
+    """The baseline `pid`: a correction of course and speed on top of the slot's own motion.
 
-    type: Literal["slot", "article"] = "slot"
-    """`slot` steers around the slot's own motion, `article` around the leader's velocity."""
+    The defaults are what `tests/benchmarks/tune_baselines.py` finds on the calm missions.
+    """
+
+    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.087
+    """Course for the error across track, rad/m."""
+
+    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 0.017
+    """Course for its integral, rad/(m s)."""
+
+    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.0084
+    """Course for its rate, rad s/m."""
+
+    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 3.0
+    """Speed for the error along track, m/s per m."""
+
+    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 0.0033
+    """Speed for its integral, m/s per m s."""
+
+    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 3.2
+    """Speed for its rate, m/s per m/s."""
+
+    derivative_filter_s: Duration = 0.2
+    """Time constant of the rates, s."""
+
+    max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
+    """Largest correction of the course, degrees."""
+
+    max_speed_m_s: Annotated[Number, Field(ge=0.1, le=100.0)] = 8.0
+    """Largest correction of the speed, m/s."""
+
+
+class Mpc(Section):
+    """The baseline `mpc`: a quadratic programme over the next seconds; a metre of error weighs 1.
+
+    The defaults are what `tests/benchmarks/tune_baselines.py` finds on the calm missions.
+    """
+
+    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 3.0
+    """How far it looks, s."""
+
+    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 20
+    """Into how many intervals of constant acceleration the horizon is cut."""
+
+    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 1.0
+    """Weight of the velocity relative to the slot, s²."""
+
+    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.1
+    """Weight of the acceleration relative to the slot, s⁴."""
+
+    max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
+    """Largest course relative to the slot's that is planned, degrees."""
+
+
+class Controller(Section):
+    """Formation keeping: which law, how sharp, and what is fed forward."""
+
+    type: ControllerType = "slot"
+    """`slot`: field around the slot's motion; `article`: around the leader's; `pid`, `mpc`: baselines."""
 
     k_x: Annotated[Gain, Field(le=10.0)] = 0.2
     """How sharply speed answers the error along track, 1/m."""
@@ -74,5 +133,14 @@ class Controller(Section):
     wind_feedforward: Switch = True
     """Feed the estimated change of wind forward."""
 
+    rate_feedforward: Switch = True
+    """Let a follower's field know how the slot's course and speed change."""
+
     give_way: Switch = True
     """Let the leader change its airspeed when a slot would leave its follower's airspeed range."""
+
+    pid: Pid = Pid()
+    """Gains of the baseline `pid`."""
+
+    mpc: Mpc = Mpc()
+    """Weights of the baseline `mpc`."""

@@ -88,6 +88,41 @@ class Start(Section):
         return dict(self.__pydantic_extra__)
 
 
+class Emulator(Section):
+    """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
+
+    plant: Literal["course-hold", "heading-hold", "bank"] | None = None
+    """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,
+    as ArduPlane does it."""
+
+    guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
+    """`bank`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
+
+    roll_time_s: Annotated[Positive, Field(le=10.0)] = 0.4
+    """`bank`: time constant of the roll, s."""
+
+    turn_efficiency: Annotated[Positive, Field(le=2.0)] = 1.0
+    """`bank`: turn rate in parts of the coordinated turn's; 0.7 was measured on ArduPlane."""
+
+    speed_response: Literal["first-order", "tecs"] = "first-order"
+    """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane."""
+
+    course_dead_time_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
+    """From a new course to the moment at which the autopilot's loop knows it, s."""
+
+    speed_dead_time_s: Annotated[NotNegative, Field(le=10.0)] | None = None
+    """The same for a speed, s; if absent 0, or 0.5 with `tecs`."""
+
+    indicated_airspeed: bool = False
+    """Whether airspeeds on the wire are indicated ones, lower than the true ones by the air's density."""
+
+    airspeed_calibration: Annotated[Number, Field(ge=0.5, le=2.0)] = 1.0
+    """What airspeed sensors show in parts of what they should."""
+
+    loop_rate_hz: Annotated[Number, Field(ge=10.0, le=1000.0)] | None = None
+    """Rate of the scheduler on whose ticks telemetry leaves, Hz; if absent it leaves exactly on time."""
+
+
 class Rehearsal(Section):
     """The flight on the computer."""
 
@@ -99,6 +134,9 @@ class Rehearsal(Section):
 
     start: Start = Start()
     """Where everyone begins."""
+
+    emulator: Emulator = Emulator()
+    """What the emulated autopilots do that their companions are not told."""
 
     link_delay_s: Duration = 0.1
     """Time a leader state takes to arrive, s."""

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
-from vfguide.mission.quantity import Gain, Number, Section, Speed
+from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed
 
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
@@ -30,8 +30,9 @@ class Vehicle(Section):
     component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
     """MAVLink component id of its autopilot."""
 
-    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Which autopilot flies it; decides how setpoints and modes are spoken."""
+    autopilot: Literal["auto", "ardupilot", "px4", "mavsdk"] = "ardupilot"
+    """Which autopilot flies it; decides how setpoints and modes are spoken. `auto` finds out from its
+    heartbeat, `mavsdk` is PX4 spoken to by way of MAVSDK."""
 
     plant: Literal["course-hold", "heading-hold"] = "heading-hold"
     """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
@@ -48,5 +49,22 @@ class Vehicle(Section):
     max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = 45.0
     """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
 
+    course_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """From a course setpoint to the first turn, s; `vfguide identify` measures it."""
+
+    course_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """Time constant with which the turn rate then follows, that of the roll, s; 0 where it is at once."""
+
+    speed_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """From a speed setpoint to the first change of speed, s."""
+
+    speed_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """Time constant with which the acceleration then follows, s."""
+
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""
+
+    @property
+    def emulated_autopilot(self) -> Literal["ardupilot", "px4"]:
+        """What flies it in a rehearsal."""
+        return "px4" if self.autopilot in {"px4", "mavsdk"} else "ardupilot"

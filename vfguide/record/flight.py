@@ -13,6 +13,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.record.archive import AnyArray, read_archive, write_archive
+from vfguide.record.latency import Latency, compose_latency, describe_latency
 from vfguide.record.vehicle import (
     SERIES,
     IntegerArray,
@@ -73,7 +74,7 @@ class FlightRecord:
     controller: str
     """`slot`, `article`, `pid` or `mpc`."""
     plant: str
-    """`course-hold` or `heading-hold`."""
+    """`course-hold`, `heading-hold` or `bank`."""
     wind: str
     """Type of the wind that blew, such as `calm` or `article`."""
     mode: FlightMode
@@ -84,10 +85,14 @@ class FlightRecord:
     """Of everything random."""
     duration_s: float
     """How long the flight lasted, as flown, s."""
-    wall_s: float
-    """How long that took, s."""
+    wall_s: float | None
+    """How long that took, s. Not kept in the file, so that equal flights have equal files; then None."""
     acceptance: Acceptance
     """What the flight had to reach."""
+    interrupted: bool = False
+    """Whether it was stopped before its end."""
+    latency: Latency | None = None
+    """How quick the programs were, of a live flight."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -156,7 +161,7 @@ class FlightRecord:
 
 
 TEXTS = ("mission", "controller", "plant", "wind", "mode")
-NUMBERS = ("rate_hz", "duration_s", "wall_s")
+NUMBERS = ("rate_hz", "duration_s")
 
 
 def _describe(record: FlightRecord) -> dict[str, object]:
@@ -168,6 +173,8 @@ def _describe(record: FlightRecord) -> dict[str, object]:
         "seed": record.seed,
         "mode_names": list(record.mode_names),
         "acceptance": asdict(record.acceptance),
+        "interrupted": record.interrupted,
+        "latency": None if record.latency is None else describe_latency(record.latency),
         "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
     }
 
@@ -194,8 +201,11 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         rate_hz=float(description["rate_hz"]),
         seed=int(description["seed"]),
         duration_s=float(description["duration_s"]),
-        wall_s=float(description["wall_s"]),
+        wall_s=None,
         acceptance=_compose_acceptance(description["acceptance"]),
+        # Records of earlier versions have neither.
+        interrupted=bool(description.get("interrupted", False)),
+        latency=compose_latency(latency) if (latency := description.get("latency")) else None,
     )
 
 

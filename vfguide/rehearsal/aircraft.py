@@ -10,6 +10,9 @@ from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.emulators import emulator_of
 from vfguide.rehearsal.recorder import VehicleRecorder
 
+Mail = tuple[str, bytes]
+"""Name of the vehicle that published a state, and the state."""
+
 
 class Aircraft:
     """An aircraft of a rehearsal, in virtual time."""
@@ -36,26 +39,30 @@ class Aircraft:
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
         self._emulator = emulator_of(mission, name)
-        self._companion = Companion(plan, adapter_of(vehicle), engage=True)
-        self._link = None if plan.leads else MemoryLink(quality, f"{rehearsal.seed} {name}")
+        self.companion = Companion(plan, adapter_of(vehicle), engage=True)
+        """May be replaced by one that knows nothing, as when the process is restarted."""
+        self.leads = plan.leads
+        """Whether it is the leader."""
+        self._leader = mission.leader.vehicle
+        self._links: dict[str, MemoryLink] = {}
+        if not plan.leads:
+            self._links[self._leader] = MemoryLink(quality, f"{rehearsal.seed} {name}")
+            for other in mission.followers_by_name.keys() - {name}:
+                self._links[other] = MemoryLink(quality, f"{rehearsal.seed} {other} {name}")
         self._replies = b""
 
-    def step(self, now: float, published: Sequence[bytes]) -> list[bytes]:
+    def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
         """Fly on to this time, report, be guided, answer.
 
         Args:
             now: virtual time, s.
-            published: leader states that were sent at this time; they arrive when the link lets them.
+            mail: states of others that the link is handed at this time; they arrive when it lets them.
 
         Returns:
-            leader states that this aircraft sends.
+            states that this aircraft publishes.
         """
-        companion, emulator = self._companion, self._emulator
-        if self._link is not None:
-            for data in published:
-                self._link.send(data, now)
-            for data in self._link.receive(now):
-                companion.receive_link(data, now)
+        companion, emulator = self.companion, self._emulator
+        self._hear(now, mail)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
@@ -65,15 +72,36 @@ class Aircraft:
         if self.log is not None:
             self.log.add(now, telemetry)
             self.log.add(now, out.to_autopilot)
-        return out.to_link
+        return [(self.name, data) for data in out.to_link]
+
+    def _hear(self, now: float, mail: Sequence[Mail]) -> None:
+        """Whatever arrives over the link by now."""
+        for sender, data in mail:
+            if sender in self._links:
+                self._links[sender].send(data, now)
+        for sender, link in self._links.items():
+            for data in link.receive(now):
+                if sender == self._leader:
+                    self.companion.receive_link(data, now)
+                else:
+                    self.companion.receive_neighbour(sender, data, now)
 
 
-def step_all(formation: Sequence[Aircraft], now: float, published: list[bytes]) -> list[bytes]:
-    """One turn of each aircraft, leader first: whoever comes later hears what was published before.
+def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) -> list[Mail]:
+    """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
+
+    Args:
+        formation: the aircraft, or those of them that this process flies.
+        now: virtual time, s.
+        mail: states from elsewhere that the link is handed at this time.
 
     Returns:
-        everything published at this time.
+        everything that these aircraft publish at this time.
     """
+    heard, published = list(mail), []
     for aircraft in formation:
-        published = published + aircraft.step(now, published)
+        sent = aircraft.step(now, heard)
+        if aircraft.leads:
+            heard += sent
+        published += sent
     return published

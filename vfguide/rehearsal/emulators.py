@@ -19,6 +19,27 @@ def wind_of(mission: Mission) -> sitl_stub.Wind:
     return sitl_stub.CalmWind()
 
 
+def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
+    """What really flies under this name."""
+    vehicle, emulator = mission.vehicles[name], mission.rehearsal.emulator
+    lowest, highest = vehicle.airspeed_range_m_s
+    return sitl_stub.PlantParameters(
+        kind=emulator.plant or vehicle.plant,
+        alpha_1_s=vehicle.alpha_1_s,
+        beta_1_s=vehicle.beta_1_s,
+        airspeed_min_m_s=lowest,
+        airspeed_max_m_s=highest,
+        max_bank_rad=math.radians(vehicle.max_bank_deg),
+        max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
+        guided_p_cdeg_rad=emulator.guided_p,
+        roll_time_s=emulator.roll_time_s,
+        turn_efficiency=emulator.turn_efficiency,
+        speed_response=emulator.speed_response,
+        course_dead_time_s=emulator.course_dead_time_s,
+        speed_dead_time_s=emulator.speed_dead_time_s,
+    )
+
+
 def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
     """The aircraft of this name, in the air at its start."""
     vehicle = mission.vehicles[name]
@@ -26,19 +47,10 @@ def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
     ground = mission.origin.altitude_amsl_m
     lowest, highest = vehicle.airspeed_range_m_s
-    plant = sitl_stub.PlantParameters(
-        kind=vehicle.plant,
-        alpha_1_s=vehicle.alpha_1_s,
-        beta_1_s=vehicle.beta_1_s,
-        airspeed_min_m_s=lowest,
-        airspeed_max_m_s=highest,
-        max_bank_rad=math.radians(vehicle.max_bank_deg),
-        max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
-    )
     config = sitl_stub.AutopilotConfig(
         system_id=vehicle.system_id,
-        autopilot=vehicle.autopilot,
-        plant=plant,
+        autopilot=vehicle.emulated_autopilot,
+        plant=plant_of(mission, name),
         latitude_deg=latitude,
         longitude_deg=longitude,
         altitude_amsl_m=ground + mission.height_above_origin_m + start.up_m,
@@ -46,6 +58,9 @@ def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
         course_rad=math.radians(start.course_deg),
         airspeed_m_s=min(max(mission.leader.airspeed_m_s, lowest), highest),
         position_noise_m=mission.rehearsal.position_noise_m,
+        indicated_airspeed=mission.rehearsal.emulator.indicated_airspeed,
+        airspeed_calibration=mission.rehearsal.emulator.airspeed_calibration,
+        loop_rate_hz=mission.rehearsal.emulator.loop_rate_hz,
         seed=mission.rehearsal.seed,
     )
     return sitl_stub.Autopilot(config, wind_of(mission))

@@ -1,6 +1,7 @@
 """The formation in real time: emulators and companions as processes of their own, joined by sockets."""
 
 import asyncio
+import os
 import socket
 import time
 from collections.abc import AsyncIterator
@@ -9,17 +10,17 @@ from pathlib import Path
 
 import yaml
 
-from vfguide.companion.core import Snapshot
+from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
-from vfguide.companion.supervisor import Mode
 from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
+from vfguide.record.guidance_log import SUFFIX, read_guidance
 from vfguide.rehearsal.emulators import start_of
 from vfguide.rehearsal.judge import Judge
 from vfguide.rehearsal.processes import Process, free_port, python_module
-from vfguide.rehearsal.recorder import VehicleRecorder, flight_record
+from vfguide.rehearsal.usage import Account, accounts_of
 
 LEAD_S = 3.0
 """Real time that emulators get to start before simulation time 0."""
@@ -42,19 +43,35 @@ def wind_option(mission: Mission) -> str:
 
 
 def emulator_command(
-    mission: Mission, name: str, *, port: int, truth_port: int, epoch_s: float, speedup: float
+    mission: Mission, name: str, *, mavlink: str, truth: str, epoch_s: float, speedup: float
 ) -> list[str]:
-    """How to run the emulator of a vehicle that speaks to a companion at this port."""
+    """How to run the emulator of a vehicle.
+
+    Args:
+        mission: the mission.
+        name: of the vehicle.
+        mavlink: address of its companion, or where it waits for one.
+        truth: address of the judge.
+        epoch_s: Unix time of simulation time 0.
+        speedup: simulation seconds for each real one.
+    """
     vehicle, start = mission.vehicles[name], start_of(mission, name)
+    emulator = mission.rehearsal.emulator
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
     ground = mission.origin.altitude_amsl_m
     altitude = ground + mission.height_above_origin_m + start.up_m
     lowest, highest = vehicle.airspeed_range_m_s
     options = {
         "system-id": vehicle.system_id,
-        "mavlink": f"udpout://127.0.0.1:{port}",
-        "autopilot": vehicle.autopilot,
-        "plant": vehicle.plant,
+        "mavlink": mavlink,
+        "autopilot": vehicle.emulated_autopilot,
+        "plant": emulator.plant or vehicle.plant,
+        "guided-p": emulator.guided_p,
+        "roll-time": emulator.roll_time_s,
+        "turn-efficiency": emulator.turn_efficiency,
+        "speed-response": emulator.speed_response,
+        "course-dead-time": emulator.course_dead_time_s,
+        "airspeed-calibration": emulator.airspeed_calibration,
         "alpha": vehicle.alpha_1_s,
         "beta": vehicle.beta_1_s,
         "wind": wind_option(mission),
@@ -66,11 +83,17 @@ def emulator_command(
         "position-noise": mission.rehearsal.position_noise_m,
         "speedup": speedup,
         "seed": mission.rehearsal.seed,
-        "truth": f"udpout://127.0.0.1:{truth_port}",
+        "truth": truth,
         "truth-rate": mission.rehearsal.rate_hz,
         "epoch": repr(epoch_s),
     }
-    pairs = (f"--{option}={value}" for option, value in options.items())
+    if emulator.speed_dead_time_s is not None:
+        options["speed-dead-time"] = emulator.speed_dead_time_s
+    if emulator.loop_rate_hz is not None:
+        options["loop-rate"] = emulator.loop_rate_hz
+    pairs = [f"--{option}={value}" for option, value in options.items()]
+    if emulator.indicated_airspeed:
+        pairs.append("--indicated-airspeed")
     return python_module("sitl_stub", *pairs, "--airborne")
 
 
@@ -94,6 +117,7 @@ class LiveFlight:
         self._link = link
         self._speedup = speedup
         self._epoch_s = 0.0
+        self._companions_zero_s = 0.0
 
     @property
     def names(self) -> list[str]:
@@ -110,7 +134,10 @@ class LiveFlight:
         mission_file = self._directory / "mission.yaml"
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        clock = f"{time.monotonic()!r},{self._speedup!r}"
+        clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
+        for name in self.names:
+            # Of an earlier flight into the same directory.
+            (self._directory / f"{name}{SUFFIX}").unlink(missing_ok=True)
         ports = {name: free_port(socket.SOCK_DGRAM) for name in self.names}
         for name, port in ports.items():
             options = [
@@ -118,7 +145,7 @@ class LiveFlight:
                 f"--mavlink=udpin://127.0.0.1:{port}",
                 f"--link={self._link}",
                 f"--record={self._directory}",
-                f"--clock={clock}",
+                f"--clock={clock.epoch_s!r},{clock.rate!r}",
                 "--engage",
             ]
             companion = python_module("vfguide", "companion", name, *options)
@@ -127,12 +154,13 @@ class LiveFlight:
         await asyncio.gather(*(one.start() for one in self.companions.values()))
         await self._until_companions_listen()
         self._epoch_s = time.time() + LEAD_S
+        self._companions_zero_s = clock.now() + LEAD_S * self._speedup
         for name, port in ports.items():
             emulator = emulator_command(
                 self.mission,
                 name,
-                port=port,
-                truth_port=truth_port,
+                mavlink=f"udpout://127.0.0.1:{port}",
+                truth=f"udpout://127.0.0.1:{truth_port}",
                 epoch_s=self._epoch_s,
                 speedup=self._speedup,
             )
@@ -147,42 +175,50 @@ class LiveFlight:
                 while any(one.running and not one.last_words() for one in self.companions.values()):
                     await asyncio.sleep(LOOK_S)
 
+    async def stop_companions(self) -> None:
+        """Have companions hand their vehicles back, and write down what they did."""
+        await asyncio.gather(*(one.stop() for one in self.companions.values()))
+
     async def stop(self) -> None:
-        """Stop every process, companions first: they hand their vehicles back."""
-        for group in (self.companions, self.emulators):
-            await asyncio.gather(*(one.stop() for one in group.values()))
+        """Stop every process, companions first."""
+        await self.stop_companions()
+        await asyncio.gather(*(one.stop() for one in self.emulators.values()))
+
+    def accounts(self) -> dict[str, Account]:
+        """What each process has taken so far, this one with whatever else it runs included."""
+        running = (*self.companions.values(), *self.emulators.values())
+        pids = {one.name: one.pid for one in running if one.pid is not None}
+        return accounts_of({**pids, "judge": os.getpid()})
 
     def check(self) -> None:
         """Look after the processes.
 
         Raises:
-            VfguideError: an emulator has ended, or nothing has been seen of the flight for too long.
+            VfguideError: an emulator has ended, or a companion by itself, or nothing has been seen of the
+                flight for too long.
         """
         for process in self.emulators.values():
             if not process.running:
+                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
+        for process in self.companions.values():
+            # One that is killed is a rehearsal's own doing.
+            if (process.exit_code or 0) > 0:
                 raise VfguideError(f"{process.name} has ended: {process.last_words()}")
         late = self.time_s / self._speedup > START_PATIENCE_S
         if late and self.judge.time_s < 0.0:
             raise VfguideError("no emulator has flown")
 
     def record(self, *, wall_s: float) -> FlightRecord:
-        """What has been seen so far.
+        """What has been seen so far; what companions did is known once they have ended.
 
         Raises:
             VfguideError: nothing has.
         """
-        samples = self.judge.common_samples()
-        if not samples:
-            raise VfguideError("nothing was seen of the flight")
-        times = [sample / self.mission.rehearsal.rate_hz for sample in samples]
-        unseen = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
-        vehicles = []
-        for name in self.names:
-            recorder = VehicleRecorder(self.mission, name)
-            for sample in samples:
-                recorder.sample(self.judge.truths[name][sample], unseen)
-            vehicles.append(recorder.record())
-        return flight_record(self.mission, times, vehicles, wall_s=wall_s, mode="live")
+        tracks = {
+            name: read_guidance(self._directory / f"{name}{SUFFIX}", zero_s=self._companions_zero_s)
+            for name in self.names
+        }
+        return self.judge.record(wall_s=wall_s, tracks=tracks)
 
 
 @asynccontextmanager

@@ -3,13 +3,16 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import islice
 
 from vfguide.companion.core import Event
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
+from vfguide.record.latency import Latency
 from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.aircraft import step_all
+from vfguide.rehearsal.exchange import WINDOWS, Exchange, window_length
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.rehearsal.squad import Squad, launch, outcome_of
 
@@ -29,8 +32,8 @@ class Flight:
     """Telemetry logs by vehicle, where they were kept."""
     interrupted: bool
     """Whether it was stopped before its end."""
-    latency: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Of a live flight, for each vehicle: latencies in milliseconds, what its companion took."""
+    latency: Latency | None = None
+    """How quick the programs of a live flight were."""
 
 
 def instants(mission: Mission) -> Iterator[float]:
@@ -38,6 +41,14 @@ def instants(mission: Mission) -> Iterator[float]:
     rate_hz = mission.rehearsal.rate_hz
     for step in range(round(mission.rehearsal.duration_s * rate_hz) + 1):
         yield step / rate_hz
+
+
+def windows(mission: Mission) -> Iterator[list[float]]:
+    """The same times, by windows of the exchange between followers."""
+    remaining = instants(mission)
+    length = window_length(mission.rehearsal.rate_hz)
+    while window := list(islice(remaining, length)):
+        yield window
 
 
 def fly_lockstep(
@@ -71,15 +82,27 @@ def fly_lockstep(
             for number in range(1, processes)
         ]
         formation = launch(mission, names[::processes], epoch_s)
-        for now in instants(mission):
-            if interrupted := stop() and bool(times):
-                break
-            published = step_all(formation, now, [])
-            times.append(now)
+        exchange = Exchange()
+        for window, due in enumerate(windows(mission)):
+            if window >= WINDOWS:
+                for squad in squads:
+                    exchange.post(window - WINDOWS, squad.published())
+            mail, flown = exchange.collect(window), []
+            for now in due:
+                if interrupted := stop() and bool(times):
+                    break
+                published = step_all(formation, now, mail)
+                led = [sent for sent in published if sent[0] == names[0]]
+                exchange.post(window, [sent for sent in published if sent[0] != names[0]])
+                flown.append((now, [*mail, *led]))
+                mail = []
+                times.append(now)
+                if progress is not None:
+                    progress(now)
             for squad in squads:
-                squad.pass_on(now, published)
-            if progress is not None:
-                progress(now)
+                squad.pass_on(flown)
+            if interrupted:
+                break
         outcomes = [outcome_of(aircraft) for aircraft in formation]
         for squad in squads:
             outcomes += squad.land()

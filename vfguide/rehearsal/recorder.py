@@ -101,7 +101,7 @@ def flight_record(
         path_east_m=path_east,
         mission=mission.name,
         controller=mission.controller.type,
-        plant=mission.leader_vehicle.plant,
+        plant=mission.rehearsal.emulator.plant or mission.leader_vehicle.plant,
         wind=mission.wind.type,
         mode=mode,
         rate_hz=mission.rehearsal.rate_hz,

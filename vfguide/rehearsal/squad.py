@@ -1,8 +1,8 @@
 """Aircraft that fly in a process of their own, a little behind the leader's.
 
-Followers hear the leader and nobody hears them, so the formation splits: this process is handed what was
-published at each instant and needs nothing else. The instants, the seeds and therefore the bytes are the same
-as in one process.
+Nobody has to know at once what a follower publishes (`exchange.py`), so the formation splits: this process is
+handed what was published elsewhere and needs nothing else. The instants, the seeds and therefore the bytes
+are the same as in one process.
 """
 
 import multiprocessing
@@ -18,13 +18,10 @@ from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
-from vfguide.rehearsal.aircraft import Aircraft, step_all
+from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
 
-Instant = tuple[float, list[bytes]]
-"""Virtual time, and what was published then."""
-
-BATCH = 40
-"""Instants handed over at once."""
+Instant = tuple[float, list[Mail]]
+"""Virtual time, and the states that the links are handed then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,10 +63,10 @@ class Squad:
         """Start the process and launch these aircraft in it."""
         context = multiprocessing.get_context("spawn")
         instants, self._instants = context.Pipe(duplex=False)
-        self._outcomes, outcomes = context.Pipe(duplex=False)
-        self._batch: list[Instant] = []
+        self._answers, answers = context.Pipe(duplex=False)
+        self._flown = 0
         self._process = context.Process(
-            target=fly_squad, args=(mission, names, epoch_s, instants, outcomes), daemon=True
+            target=fly_squad, args=(mission, names, epoch_s, instants, answers), daemon=True
         )
         # Started by the first process otherwise, and with that it would lift the blocking of signals.
         resource_tracker.ensure_running()
@@ -81,17 +78,32 @@ class Squad:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         # With one holder for each end, the death of either process is an end of file for the other.
         instants.close()
-        outcomes.close()
+        answers.close()
 
-    def pass_on(self, now: float, published: list[bytes]) -> None:
-        """Let the squad fly the instant at which this was published.
+    def pass_on(self, window: list[Instant]) -> None:
+        """Let the squad fly these instants.
 
         Raises:
             VfguideError: the process died.
         """
-        self._batch.append((now, published))
-        if len(self._batch) >= BATCH:
-            self._hand_over()
+        try:
+            self._instants.send(window)
+        except OSError as error:
+            raise self._death() from error
+        self._flown += 1
+
+    def published(self) -> list[Mail]:
+        """What the squad published in the oldest window for which that was not asked yet; waits for it.
+
+        Raises:
+            VfguideError: the process died.
+        """
+        self._flown -= 1
+        try:
+            mail: list[Mail] = self._answers.recv()
+        except (EOFError, OSError) as error:
+            raise self._death() from error
+        return mail
 
     def land(self) -> list[Outcome]:
         """Let the squad fly what was passed on to the end, and take what it brings home.
@@ -99,10 +111,11 @@ class Squad:
         Raises:
             VfguideError: the process died.
         """
-        self._hand_over()
+        while self._flown:
+            self.published()
         try:
             self._instants.send(None)
-            outcomes: list[Outcome] = self._outcomes.recv()
+            outcomes: list[Outcome] = self._answers.recv()
         except (EOFError, OSError) as error:
             raise self._death() from error
         self._process.join()
@@ -113,14 +126,7 @@ class Squad:
         self._process.kill()
         self._process.join()
         self._instants.close()
-        self._outcomes.close()
-
-    def _hand_over(self) -> None:
-        try:
-            self._instants.send(self._batch)
-        except OSError as error:
-            raise self._death() from error
-        self._batch = []
+        self._answers.close()
 
     def _death(self) -> VfguideError:
         self._process.join()
@@ -132,13 +138,12 @@ def fly_squad(
     names: Sequence[str],
     epoch_s: float | None,
     instants: Connection,
-    outcomes: Connection,
+    answers: Connection,
 ) -> None:
-    """The far end: fly every instant that comes, then send home what was brought along."""
+    """The far end: fly every window that comes, say what was published, at last send home what there is."""
     squad = launch(mission, names, epoch_s)
     # Without a near end there is nobody to fly for.
     with suppress(EOFError, BrokenPipeError):
-        while (batch := instants.recv()) is not None:
-            for now, published in batch:
-                step_all(squad, now, published)
-        outcomes.send([outcome_of(aircraft) for aircraft in squad])
+        while (window := instants.recv()) is not None:
+            answers.send([sent for now, mail in window for sent in step_all(squad, now, mail)])
+        answers.send([outcome_of(aircraft) for aircraft in squad])

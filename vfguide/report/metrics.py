@@ -11,6 +11,7 @@ import numpy as np
 
 from vfguide.elementwise import BoolArray
 from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.latency import describe_latency
 from vfguide.report.figures import (
     excess_variation_rate,
     in_window,
@@ -34,6 +35,8 @@ def summarise(record: FlightRecord) -> Summary:
     formation = _summarise_formation(record, window)
     # Without followers there is no formation to ask anything of.
     rejections = find_rejections(record.acceptance, formation) if record.followers else ()
+    if record.interrupted:
+        rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
     vehicles: dict[str, LeaderSummary | FollowerSummary] = {
         record.leader.name: _summarise_leader(record, window)
     }
@@ -49,18 +52,24 @@ def summarise(record: FlightRecord) -> Summary:
         seed=record.seed,
         duration_s=record.duration_s,
         wall_s=record.wall_s,
-        real_time_factor=record.duration_s / record.wall_s if record.wall_s > 0.0 else None,
+        real_time_factor=record.duration_s / record.wall_s if record.wall_s else None,
         accepted=not rejections,
         rejections=rejections,
         acceptance=record.acceptance,
         formation=formation,
         vehicles=vehicles,
+        latency=record.latency,
     )
 
 
 def summary_json(summary: Summary) -> dict[str, Any]:
     """The summary as plain data for `summary.json`; null for what is not known or not finite."""
-    return {name: _plain(value) for name, value in asdict(summary).items()}
+    plain = {name: _plain(value) for name, value in asdict(summary).items()}
+    if summary.latency is None:
+        del plain["latency"]
+    else:
+        plain["latency"] = _plain(describe_latency(summary.latency))
+    return plain
 
 
 def _plain(value: object) -> object:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from vfguide.record.flight import Acceptance, Role
+from vfguide.record.latency import Latency
 from vfguide.report.figures import Spread
 
 
@@ -71,7 +72,7 @@ class Summary:
     controller: str
     """`slot`, `article`, `pid` or `mpc`."""
     plant: str
-    """`course-hold` or `heading-hold`."""
+    """`course-hold`, `heading-hold` or `bank`."""
     wind: str
     """Type of wind."""
     mode: str
@@ -82,7 +83,7 @@ class Summary:
     """Of everything random."""
     duration_s: float
     """Length of the flight."""
-    wall_s: float
+    wall_s: float | None
     """What it took."""
     real_time_factor: float | None
     """Duration over wall time."""
@@ -96,3 +97,5 @@ class Summary:
     """All followers together."""
     vehicles: dict[str, LeaderSummary | FollowerSummary]
     """Each vehicle by name, the leader first."""
+    latency: Latency | None
+    """How quick the programs of a live flight were; None of one in virtual time."""

@@ -112,7 +112,9 @@ def setting(summary: Summary) -> str:
 
 def pace(summary: Summary) -> str:
     """How long the flight was, and how long it took."""
-    flown = f"{summary.duration_s:g} s in {summary.wall_s:.1f} s"
+    flown = f"{summary.duration_s:g} s"
+    if summary.wall_s is not None:
+        flown += f" in {summary.wall_s:.1f} s"
     if summary.real_time_factor is not None:
         flown += f" ({summary.real_time_factor:.3g} times real time)"
     return flown

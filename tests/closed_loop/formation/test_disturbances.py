@@ -12,14 +12,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
 import vfguide.rehearsal.aircraft
-from vfguide.companion.core import Companion
+from vfguide.companion.core import Companion, Outgoing, Snapshot
+from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.elementwise import FloatArray
 from vfguide.link.codec import decode, encode
 from vfguide.link.memory import LinkQuality, MemoryLink
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.tlog import TelemetryLog
-from vfguide.rehearsal.aircraft import Aircraft, step_all
+from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
 from vfguide.rehearsal.emulators import emulator_of
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.report.geometry import pair_separations, slot_error
@@ -77,6 +78,23 @@ class Disturbed:
         return b"" if self.silent else data
 
 
+class Dead:
+    """A companion that is no more."""
+
+    def __init__(self, snapshot: Snapshot) -> None:
+        self.snapshot = snapshot
+
+    def receive_link(self, data: bytes, now: float) -> None:
+        del data, now
+
+    def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
+        del vehicle, data, now
+
+    def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
+        del data, now
+        return Outgoing()
+
+
 @dataclass(slots=True)
 class Formation:
     """Aircraft in virtual time, with access to what is between them."""
@@ -90,6 +108,8 @@ class Formation:
     companions: list[Companion] = field(default_factory=list)
     aircraft: list[Aircraft] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
+    mail: list[Mail] = field(default_factory=list)
+    """What the followers have published, heard by the others a step later."""
 
     def launch(self, patch: pytest.MonkeyPatch) -> None:
         def emulator(mission: Mission, name: str) -> Disturbed:
@@ -111,12 +131,25 @@ class Formation:
                 log = TelemetryLog(1.7e9) if self.logged else None
                 self.aircraft.append(Aircraft(self.mission, name, log=log))
 
+    def kill(self, name: str) -> None:
+        """End a companion without a last word."""
+        (aircraft,) = (one for one in self.aircraft if one.name == name)
+        aircraft.companion = Dead(aircraft.companion.snapshot)
+
+    def restart(self, name: str) -> None:
+        """Start a companion that knows nothing of the one before."""
+        (aircraft,) = (one for one in self.aircraft if one.name == name)
+        vehicle = self.mission.vehicles[name]
+        plan = flight_plan(self.mission, name)
+        aircraft.companion = Companion(plan, adapter_of(vehicle), engage=True)
+
     def fly(self, until_s: float) -> FlightRecord:
         """Fly on; what has happened so far."""
         leader, *followers = self.aircraft
         rate_hz = self.mission.rehearsal.rate_hz
         while (now := len(self.times) / rate_hz) <= until_s:
-            step_all(followers, now, self.inject(leader.step(now, [])))
+            led = self.inject([data for _, data in leader.step(now, [])])
+            self.mail = step_all(followers, now, [*((leader.name, one) for one in led), *self.mail])
             self.times.append(now)
         records = [aircraft.recorder.record() for aircraft in self.aircraft]
         return flight_record(self.mission, self.times, records, wall_s=0.0)
@@ -161,7 +194,7 @@ def test_formation_is_kept_over_a_bad_link(launched: Launched) -> None:
     assert least_separation(record) >= 5.0
 
 
-@pytest.mark.parametrize(("name", "length_s"), [("f1", 5.0), ("f2", 10.0)])
+@pytest.mark.parametrize(("name", "length_s"), [("f1", 5.0), ("f2", 10.0), ("f3", 5.0)])
 def test_a_follower_that_its_pilot_borrows_comes_back(
     name: str, length_s: float, launched: Launched
 ) -> None:
@@ -179,6 +212,46 @@ def test_a_follower_that_its_pilot_borrows_comes_back(
     assert borrowed.setpoints > before
     assert errors(record, SETTLED_S, returned_s).max() > 10.0
     assert errors(record, returned_s + RECOVERY_S).max() < 1.0
+    assert least_separation(record) >= 5.0
+
+
+@pytest.mark.parametrize("name", ["f1", "f2", "f3"])
+def test_a_follower_whose_companion_was_dead_comes_back_clear_of_the_others(
+    name: str, launched: Launched
+) -> None:
+    # The autopilot holds the last course that it was given: on a circle that leads through the others' slots.
+    restarted_s = SETTLED_S + 4.0
+    formation = launched()
+    formation.fly(SETTLED_S)
+    formation.kill(name)
+    before = formation.emulators[name].setpoints
+    formation.fly(restarted_s)
+    assert formation.emulators[name].setpoints == before > 0
+    formation.restart(name)
+    record = formation.fly(restarted_s + RECOVERY_S + 10.0)
+    assert errors(record, SETTLED_S, restarted_s + 5.0).max() > 10.0
+    assert errors(record, restarted_s + RECOVERY_S).max() < 1.0
+    assert least_separation(record) >= 5.0
+
+
+def test_two_that_come_back_at_once_keep_clear_of_a_third_whose_companion_is_dead(
+    launched: Launched,
+) -> None:
+    formation = launched()
+    formation.fly(SETTLED_S)
+    for name in ("f1", "f3"):
+        formation.emulators[name].select(LOITER)
+    formation.fly(SETTLED_S + 5.0)
+    formation.kill("f2")
+    formation.fly(SETTLED_S + 8.0)
+    for name in ("f1", "f3"):
+        formation.emulators[name].select(GUIDED)
+    formation.fly(SETTLED_S + 12.0)
+    formation.restart("f2")
+    # Those who went round have more than 100 m to make up, at 8 m/s.
+    record = formation.fly(SETTLED_S + 12.0 + RECOVERY_S + 20.0)
+    assert errors(record, SETTLED_S, SETTLED_S + 20.0).max() > 100.0
+    assert errors(record, SETTLED_S + 12.0 + RECOVERY_S + 10.0).max() < 1.0
     assert least_separation(record) >= 5.0
 
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 import sitl_stub
 import vfguide.rehearsal.aircraft
 from vfguide.mission import Mission
-from vfguide.rehearsal.aircraft import Aircraft, step_all
+from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
 from vfguide.rehearsal.emulators import emulator_of
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.report.geometry import slot_error
@@ -50,6 +50,7 @@ def test_a_follower_that_its_pilot_took_and_gave_back_joins_again(
     rate_hz = mission.rehearsal.rate_hz
     times = [step / rate_hz for step in range(round(END_S * rate_hz) + 1)]
     flown, answers = emulators["f1"], []
+    mail: list[Mail] = []
     for now in times:
         if now == TAKEN_S:
             assert flown.truth().mode == "OFFBOARD"
@@ -58,7 +59,7 @@ def test_a_follower_that_its_pilot_took_and_gave_back_joins_again(
             # Nobody but the pilot has touched the mode in the meantime.
             assert flown.truth().mode == "AUTO.LOITER"
             answers += results_of_selecting(flown, OFFBOARD)
-        step_all(formation, now, [])
+        mail = step_all(formation, now, mail)
     assert answers == [mavlink.MAV_RESULT_ACCEPTED] * 2
     assert flown.truth().mode == "OFFBOARD"
     records = [aircraft.recorder.record() for aircraft in formation]

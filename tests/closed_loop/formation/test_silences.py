@@ -11,7 +11,7 @@ import vfguide.rehearsal.aircraft
 from vfguide.elementwise import FloatArray
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
-from vfguide.rehearsal.aircraft import Aircraft, step_all
+from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
 from vfguide.rehearsal.emulators import emulator_of
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.report.geometry import pair_separations, slot_error
@@ -31,6 +31,8 @@ class Silence:
     ends_s: float
     formation: list[Aircraft] = field(init=False)
     times: list[float] = field(default_factory=list)
+    mail: list[Mail] = field(default_factory=list)
+    """What the followers have published, heard by the others a step later."""
 
     def __post_init__(self) -> None:
         names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
@@ -42,7 +44,8 @@ class Silence:
         while len(self.times) / self.mission.rehearsal.rate_hz <= until_s:
             now = len(self.times) / self.mission.rehearsal.rate_hz
             published = leader.step(now, [])
-            step_all(followers, now, [] if self.begins_s < now < self.ends_s else published)
+            mail = [] if self.begins_s < now < self.ends_s else published
+            self.mail = step_all(followers, now, [*mail, *self.mail])
             self.times.append(now)
         records = [aircraft.recorder.record() for aircraft in self.formation]
         return flight_record(self.mission, self.times, records, wall_s=0.0)

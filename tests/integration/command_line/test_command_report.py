@@ -1,5 +1,6 @@
 """`vfguide report`: the report of a flight that was recorded before, or one line that says why not."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -18,11 +19,11 @@ def copy_of_flown(flown: SimpleNamespace, tmp_path: Path) -> Path:
     return directory
 
 
-def test_a_report_is_written_again_from_the_record_alone(
+def test_a_report_is_written_again_from_the_record(
     command: Make, copy_of_flown: Path, flown: SimpleNamespace
 ) -> None:
     for path in copy_of_flown.iterdir():
-        if path.name != "flight.npz":
+        if path.name not in {"flight.npz", "summary.json"}:
             path.unlink()
     outcome = command("report", copy_of_flown)
     assert outcome.status == 0
@@ -31,6 +32,21 @@ def test_a_report_is_written_again_from_the_record_alone(
     for name in ("summary.json", "report.html"):
         again, first = copy_of_flown / name, flown.directory / name
         assert again.read_text(encoding="utf-8") == first.read_text(encoding="utf-8")
+
+
+def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
+    command: Make, copy_of_flown: Path
+) -> None:
+    summary = copy_of_flown / "summary.json"
+    first = json.loads(summary.read_text(encoding="utf-8"))
+    for content in ("{", "[]", '{"wall_s": "long"}', '{"wall_s": NaN}', None):
+        if content is None:
+            summary.unlink()
+        else:
+            summary.write_text(content, encoding="utf-8")
+        assert command("report", copy_of_flown).status == 0
+        again = json.loads(summary.read_text(encoding="utf-8"))
+        assert again == {**first, "wall_s": None, "real_time_factor": None}
 
 
 def test_a_refused_flight_is_reported_without_complaint(

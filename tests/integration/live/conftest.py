@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ MODE = re.compile(r"\b[a-z]+ -> ([a-z]+)\b")
 logger = logging.getLogger(__name__)
 
 
-async def until(condition: Callable[[], object]) -> None:
+async def wait_until(condition: Callable[[], object]) -> None:
     """Wait for a condition."""
     async with asyncio.timeout(PATIENCE_S):
         while not condition():
@@ -104,11 +105,11 @@ class Watched:
     @staticmethod
     async def until(condition: Callable[[], object]) -> None:
         """Wait for a condition."""
-        await until(condition)
+        await wait_until(condition)
 
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
-        await until(lambda: self.flight.judge.time_s >= time_s)
+        await wait_until(lambda: self.flight.judge.time_s >= time_s)
 
     async def settle(self) -> None:
         """Wait until everyone is in the slots."""
@@ -122,12 +123,14 @@ class Watched:
     async def until_followers_are(self, *modes: str) -> None:
         """Wait until each follower's companion says that it is in one of these modes."""
         _, *followers = self.flight.names
-        await until(lambda: all(MODE.findall(self.log(name))[-1] in modes for name in followers))
+        await wait_until(
+            lambda: all(MODE.findall(self.log(name))[-1] in modes for name in followers)
+        )
 
     async def wait(self, length_s: float) -> None:
         """Let this much simulation time pass by the clock, whether or not anybody flies."""
         ends_s = self.flight.time_s + length_s
-        await until(lambda: self.flight.time_s >= ends_s)
+        await wait_until(lambda: self.flight.time_s >= ends_s)
 
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""
@@ -162,14 +165,18 @@ class Watched:
 
 
 @pytest.fixture
+def until() -> Callable[..., Any]:
+    """Waits for a condition."""
+    return wait_until
+
+
+@pytest.fixture
 def mission() -> Mission:
     """The article's circle in wind, with everyone in place at the beginning."""
     content = load_mission(MISSION).model_dump(exclude_unset=True)
     followers = [follower["vehicle"] for follower in content["followers"]]
     leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
     content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}
-    # Links call again in real time: in a fast flight that takes longer than it would in the air.
-    content["patience"] = {"prediction_s": 60.0}
     return Mission.model_validate(content)
 
 

@@ -10,6 +10,9 @@ from typing import Any
 
 import yaml
 
+from vfguide.mission import Mission
+from vfguide.rehearsal.live import LiveFlight, live_flight
+
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
 ALLOWANCE_M = 0.1
@@ -39,8 +42,46 @@ def test_live_flight_is_as_good_as_the_mission_asks(
     assert status == 0, summary["rejections"]
     assert summary["mode"] == "live"
     assert summary["accepted"] is True
-    assert summary["duration_s"] >= 100.0
+    assert summary["duration_s"] == 100.0
     asked = yaml.safe_load(MISSION.read_text())["acceptance"]
     assert summary["formation"]["window_s"][0] == summary["duration_s"] / 2.0
     assert summary["formation"]["mean_error_m"] <= asked["mean_error_m"] + ALLOWANCE_M
     assert summary["formation"]["min_separation_m"] >= 5.0
+    for vehicle in summary["vehicles"].values():
+        assert vehicle["course_setpoint_variation_rad_s"] > 0.0
+    latency = summary["latency"]
+    assert set(latency["vehicles"]) == set(summary["vehicles"])
+    for figure in ("response_ms", "leader_age_ms"):
+        assert 0.0 < latency[figure]["p50"] <= latency[figure]["p99"] <= latency[figure]["max"]
+    # Companions and emulators of four vehicles, and the judge.
+    assert len(latency["processes"]) == 9
+    assert all(one["cpu_share"] > 0.0 for one in latency["processes"].values())
+
+
+def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]],
+    until: Callable[..., Any],
+    mission: Mission,
+    tmp_path: Path,
+) -> None:
+    async def fly() -> None:
+        async with (
+            broker_in(tmp_path) as broker,
+            live_flight(mission, directory=tmp_path, link=broker.url, speedup=5.0) as flight,
+        ):
+            await until(lambda: modes(flight) == ["GUIDED"] * 4)
+            await flight.stop_companions()
+            # By themselves: one that has to be killed after some seconds ends with -9.
+            assert {one.exit_code for one in flight.companions.values()} == {0}
+            await until(lambda: modes(flight) == ["LOITER"] * 4)
+        for name in flight.names:
+            log = (tmp_path / f"{name}.companion.log").read_text()
+            assert "stopping: handing back" in log
+            assert (tmp_path / f"{name}.guidance.csv").stat().st_size > 0
+
+    asyncio.run(fly())
+
+
+def modes(flight: LiveFlight) -> list[str]:
+    """Of each vehicle's autopilot, now."""
+    return [truths[max(truths)].mode for truths in flight.judge.truths.values()]

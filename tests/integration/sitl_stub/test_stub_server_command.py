@@ -66,7 +66,15 @@ def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
         async with command(
             *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
             *("--speedup", "20", "--duration", "2", "--truth", str(path), "--truth-rate", "10"),
-            *("--start", "47,8,500,90", "--airspeed", "15", "--airspeed-range", "10,20"),
+            *(
+                "--start",
+                "47,8,500,90",
+                "--airspeed",
+                "15",
+                "--airspeed-range",
+                "10,20",
+                "--airborne",
+            ),
         ) as process:
             assert await process.wait() == 0
 

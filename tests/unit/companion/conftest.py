@@ -12,6 +12,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from vfguide.companion.core import Companion
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.mission import load_mission
@@ -194,7 +195,7 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
         kind: str = "ardupilot",
         link: Callable[[float], Iterable[bytes]] | None = None,
         patience: dict[str, float] | None = None,
-        to_own_time: Callable[[float], float] = float,
+        clock: SharedClock = SAME_CLOCK,
     ) -> Flight:
         mission = mission_of("line-calm")
         sections = {
@@ -208,7 +209,7 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
                 flight_plan(mission, vehicle),
                 adapter_of(declared),
                 engage=engage,
-                to_own_time=to_own_time,
+                clock=clock,
             ),
             autopilot=emulator(kind, declared.system_id),
             link=link or (lambda now: [leader_bytes(now)]),

@@ -7,9 +7,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.core import Companion, is_flyable
+from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
-from vfguide.companion.roles import FollowerRole, RoleStep
+from vfguide.companion.role import RoleStep
 from vfguide.mission.model import Mission
 from vfguide.state import Setpoint
 

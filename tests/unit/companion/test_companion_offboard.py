@@ -1,6 +1,7 @@
 """An autopilot that can only be engaged while setpoints arrive, and one that needs none."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -56,7 +57,9 @@ def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey
     flown.pilot(*mode)
     flown.run(20.0)
     assert flown.mode_at(20.0) is Mode.PILOT
-    assert flown.later(VELOCITY, 10.0) == [pytest.approx(10.05 + 0.05 * k) for k in range(200)]
+    stream = flown.later(VELOCITY, 10.0)
+    assert max(later - earlier for earlier, later in pairwise(stream)) <= 0.25 + 1e-6
+    assert stream[-1] > 19.75
     assert flown.later(CHANGE_SPEED, 10.0) == flown.later(SET_MODE, 10.0) == []
     assert flown.autopilot.truth().mode == ("ALTCTL" if mode[0] == 2 else "AUTO.LOITER")
 

@@ -7,6 +7,7 @@ import pytest
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode
 from vfguide.link.codec import LeaderMessage, decode
 from vfguide.mavlink.reports import PositionReport
@@ -17,14 +18,14 @@ Make = Callable[..., Any]
 
 @pytest.fixture
 def follower(plan: MakePlan) -> FollowerRole:
-    role = role_of(plan(vehicle="f1"), float)
+    role = role_of(plan(vehicle="f1"), SAME_CLOCK)
     assert isinstance(role, FollowerRole)
     return role
 
 
 @pytest.fixture
 def leader(plan: MakePlan) -> LeaderRole:
-    role = role_of(plan(vehicle="leader"), float)
+    role = role_of(plan(vehicle="leader"), SAME_CLOCK)
     assert isinstance(role, LeaderRole)
     return role
 
@@ -118,7 +119,6 @@ def test_before_the_first_leader_state_there_is_nothing_to_steer_by(
     (fix,) = fixes(plan(), 0.0, [3.0])
     step = follower.step(fix, Mode.WAITING)
     assert step.setpoint is None
-    assert step.publish is None
     assert step.distance == math.inf
 
 
@@ -180,7 +180,7 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
         return round(now * 1024.0) / 1024.0
 
     same = flight(link=lambda now: [leader_bytes(now, time_s=on_a_grid(now))])
-    mapped = flight(link=skewed, to_own_time=lambda time_s: time_s - 2.0)
+    mapped = flight(link=skewed, clock=SharedClock(to_own=lambda time_s: time_s - 2.0))
     unmapped = flight(link=skewed)
     for flown in (same, mapped, unmapped):
         flown.run(20.0)
@@ -197,3 +197,23 @@ def test_what_is_no_leader_state_is_counted(follower: FollowerRole, data: bytes)
     follower.receive(data, 10.0)
     assert follower.leader is None
     assert dict(follower.counters) == {"malformed": 1}
+
+
+def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock(
+    plan: MakePlan,
+) -> None:
+    role = role_of(plan(), SharedClock(from_own=lambda time_s: time_s + 50.0))
+    times = [3.0 + 0.05 * number for number in range(20)]
+    steps = [role.step(fix, Mode.TRACKING) for fix in fixes(plan(), 0.5, times)]
+    told = [decode(step.publish) for step in steps if step.publish is not None]
+    assert [one.time_s for one in told] == [
+        pytest.approx(53.0 + 0.2 * number) for number in range(5)
+    ]
+    assert [one.sequence for one in told] == [1, 2, 3, 4, 5]
+    assert told[0].latitude_deg == pytest.approx(47.397742, abs=1e-9)
+
+
+def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: MakePlan) -> None:
+    role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
+    (fix,) = fixes(plan(), 0.5, [3.0])
+    assert role.step(fix, Mode.TRACKING).publish is None

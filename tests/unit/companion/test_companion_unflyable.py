@@ -108,10 +108,10 @@ def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
     flown.run(20.0)
     assert flown.autopilot.truth().mode == "LOITER"
     flown.pilot(GUIDED)
-    flown.run(60.0)
+    flown.run(85.0)
     assert flown.later(HEADING, 10.0)[0] == pytest.approx(20.05)
     assert flown.autopilot.truth().mode == "GUIDED"
-    assert flown.mode_at(60.0) is Mode.TRACKING
+    assert flown.mode_at(85.0) is Mode.TRACKING
 
 
 def test_autopilots_that_need_a_stream_are_not_engaged_without_one(

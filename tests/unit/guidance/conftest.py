@@ -10,7 +10,7 @@ import pytest
 from vfguide.guidance.formation import FieldGains, FieldType
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.settings import GuidanceSettings, SlidingGains, SpeedSource
+from vfguide.guidance.settings import FollowerLaw, GuidanceSettings, SlidingGains, SpeedSource
 from vfguide.state import LeaderState, VehicleState
 
 
@@ -45,6 +45,7 @@ class Changes(TypedDict, total=False):
     predict_leader: bool
     wind_feedforward: bool
     give_way: bool
+    law: FollowerLaw
 
 
 @pytest.fixture(scope="session")

@@ -77,19 +77,15 @@ def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
     asyncio.run(scenario())
 
 
-def test_delays_grow_by_half_from_a_fifth_of_a_second_to_five() -> None:
-    delays = [round(retry_delay(failures, 1.0), 3) for failures in range(1, 11)]
-    assert delays == [0.2, 0.3, 0.45, 0.675, 1.012, 1.519, 2.278, 3.417, 5.0, 5.0]
-    assert retry_delay(10**9, 1.0) == 5.0
+def test_delays_grow_by_half_from_a_fifth_of_a_second_to_one() -> None:
+    delays = [round(retry_delay(failures, 1.0), 3) for failures in range(1, 7)]
+    assert delays == [0.2, 0.3, 0.45, 0.675, 1.0, 1.0]
+    assert retry_delay(10**9, 1.0) == 1.0
     assert retry_delay(1, 0.0) == 0.1
 
 
-def test_after_two_seconds_of_outage_the_next_try_is_less_than_a_second_away() -> None:
-    time_s, failures = 0.0, 0
-    while time_s < 2.0:
-        failures += 1
-        time_s += retry_delay(failures, 1.0)
-    assert time_s < 3.0
+def test_however_long_the_outage_the_next_try_is_a_second_away_at_most() -> None:
+    assert all(retry_delay(failures, 0.999) <= 1.0 for failures in range(1, 100))
 
 
 def test_topics_of_a_vehicle() -> None:
@@ -110,39 +106,37 @@ def test_names_cannot_reach_into_other_topics() -> None:
     assert TOPICS.state("a/b+#%") == "p/q/circle/a%2Fb%2B%23%25/state"
 
 
-def test_the_echo_has_no_age_while_states_come_back() -> None:
+def test_a_state_that_comes_back_is_heard_until_the_next_time_of_listening() -> None:
     echo = Echo()
-    assert echo.age(5.0) == 0.0
-    for number in range(10):
-        echo.speak(b"%d" % number, float(number))
-        assert echo.hear(b"%d" % number)
-        assert not echo.check()
-    assert echo.age(99.0) == 0.0
-
-
-def test_states_that_do_not_come_back_age_from_the_first_of_them() -> None:
-    echo = Echo()
+    echo.listen()
     for number in range(3):
-        echo.speak(b"%d" % number, float(number))
-    assert echo.age(5.0) == 5.0
-    assert echo.hear(b"2")
-    assert echo.age(5.0) == 0.0
+        echo.speak(b"%d" % number)
+    assert not echo.heard
+    assert echo.hear(b"1")
+    assert echo.heard
+    echo.listen()
+    assert not echo.heard
 
 
 def test_the_state_of_somebody_else_is_no_echo() -> None:
     echo = Echo()
-    echo.speak(b"own", 0.0)
+    echo.speak(b"own")
     assert not echo.hear(b"other")
-    assert echo.age(1.0) == 1.0
+    assert not echo.heard
 
 
 def test_two_checks_without_an_echo_make_the_broker_deaf() -> None:
     echo, found = Echo(), []
+    echo.listen()
     for _ in range(3):
-        echo.speak(b"own", 0.0)
+        echo.speak(b"own")
         found.append(echo.check())
     assert found == [False, True, True]
     echo.hear(b"own")
     assert not echo.check()
-    # Nor is it deaf to someone who says nothing.
-    assert not echo.check()
+
+
+def test_a_broker_is_not_deaf_to_someone_who_says_nothing() -> None:
+    echo = Echo()
+    echo.listen()
+    assert not any(echo.check() for _ in range(5))

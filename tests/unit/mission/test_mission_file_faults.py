@@ -89,7 +89,7 @@ def line_of(text: str) -> int:
         (
             "type: slot",
             "type: solt",
-            "controller.type: 'solt' is not known; did you mean 'slot'? use one of: slot, article",
+            "controller.type: 'solt' is not known; did you mean 'slot'? use one of: slot, article, pid, mpc",
         ),
         (
             "[12, 32]",

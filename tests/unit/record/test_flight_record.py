@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from vfguide.errors import InputError
 from vfguide.record.archive import write_archive
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.latency import Latency, Percentiles, Promptness, Usage
 from vfguide.record.vehicle import SERIES
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -107,6 +108,29 @@ def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
     some_flight().save(tmp_path / "first.npz")
     some_flight().save(tmp_path / "second.npz")
     assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
+
+
+def test_how_long_a_flight_took_makes_no_difference_to_its_file(tmp_path: Path) -> None:
+    flight = some_flight()
+    flight.save(tmp_path / "first.npz")
+    replace(flight, wall_s=99.0).save(tmp_path / "second.npz")
+    assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
+    assert FlightRecord.load(tmp_path / "first.npz").wall_s is None
+
+
+def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path: Path) -> None:
+    quick = Percentiles(p50=0.3, p99=2.0, max=9.0)
+    latency = Latency(
+        vehicles={
+            "leader": Promptness(response_ms=quick, leader_age_ms=None),
+            "f1": Promptness(response_ms=quick, leader_age_ms=Percentiles(p50=50, p99=60, max=70)),
+        },
+        processes={"companion of f1": Usage(cpu_share=0.03, rss_mb=70.5)},
+    )
+    flight = replace(some_flight(), interrupted=True, latency=latency)
+    flight.save(tmp_path / "flight.npz")
+    loaded = FlightRecord.load(tmp_path / "flight.npz")
+    assert (loaded.interrupted, loaded.latency) == (True, latency)
 
 
 def test_saving_leaves_no_other_file_behind(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.latency import Latency, Percentiles, Promptness
 from vfguide.report.figures import (
     excess_variation_rate,
     least_separation,
@@ -179,6 +180,23 @@ def test_figures_of_a_stepped_approach(stepped_flight: FlightRecord) -> None:
     assert formation.max_error_m == pytest.approx(0.5)
     assert (formation.settle_10m_s, formation.settle_1m_s) == (1.0, 3.0)
     assert formation.min_separation_m == pytest.approx(20.2)
+
+
+def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight: FlightRecord) -> None:
+    easy = replace(stepped_flight, acceptance=Acceptance(mean_error_m=100.0))
+    assert summarise(easy).accepted
+    stopped = summarise(replace(easy, interrupted=True))
+    assert not stopped.accepted
+    assert stopped.rejections == ("stopped after 10.0 s, before its end",)
+
+
+def test_only_a_live_flight_has_latencies(stepped_flight: FlightRecord) -> None:
+    assert "latency" not in summary_json(summarise(stepped_flight))
+    quick = Promptness(response_ms=Percentiles(p50=0.3, p99=2.0, max=9.0), leader_age_ms=None)
+    live = replace(stepped_flight, latency=Latency(vehicles={"leader": quick}))
+    latency = summary_json(summarise(live))["latency"]
+    assert latency["response_ms"] == {"p50": 0.3, "p99": 2.0, "max": 9.0}
+    assert latency["vehicles"]["leader"]["leader_age_ms"] is None
 
 
 def test_json_has_the_published_layout(stepped_flight: FlightRecord) -> None:

@@ -78,6 +78,12 @@ StationFactory = Callable[..., GroundStation]
 
 
 @pytest.fixture
+def ground_station() -> Callable[[Autopilot, int], GroundStation]:
+    """Makes a ground station for an autopilot with this system id."""
+    return GroundStation
+
+
+@pytest.fixture
 def station() -> StationFactory:
     """Makes a ground station with its aircraft: 20 m/s, northbound, in the air over 47 N 8 E."""
 

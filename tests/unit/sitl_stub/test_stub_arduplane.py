@@ -271,15 +271,6 @@ def test_velocity_setpoints_are_silently_ignored(station: Station) -> None:
     assert vehicle.autopilot.truth() == before
 
 
-def test_arming_shows_in_the_heartbeat(station: Station) -> None:
-    vehicle = station()
-    assert vehicle.result(vehicle.command_long(400, 0)) == "ACCEPTED"
-    assert not vehicle.autopilot.truth().armed
-    heartbeat = vehicle.advance(0.0)[0]
-    assert not heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    assert vehicle.result(vehicle.command_long(400, 2)) == "DENIED"
-
-
 def test_an_unknown_command_is_unsupported(station: Station) -> None:
     vehicle = station()
     assert vehicle.result(vehicle.command_long(31_337)) == "UNSUPPORTED"
@@ -298,20 +289,3 @@ def test_an_echo_of_its_own_messages_is_dropped(station: Station) -> None:
     echo = vehicle.autopilot.advance(0.0)
     assert vehicle.autopilot.receive(echo) == b""
     assert vehicle.autopilot.counters["from itself"] == 5
-
-
-def test_parameters_tell_the_limits_flown(station: Station) -> None:
-    vehicle = station()
-    listed = {
-        value.param_id: value.param_value
-        for value in vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
-    }
-    assert listed["AIRSPEED_MIN"] == 12.0
-    assert listed["AIRSPEED_MAX"] == 32.0
-    assert listed["ROLL_LIMIT_DEG"] == pytest.approx(45.0)
-    assert listed["FS_GCS_ENABL"] == 0.0
-    (one,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"AIRSPEED_MIN", -1))
-    assert (one.param_id, one.param_value) == ("AIRSPEED_MIN", 12.0)
-    (second,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", 1))
-    assert (second.param_index, second.param_id) == (1, "AIRSPEED_MIN")
-    assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"NONE", -1)) == []

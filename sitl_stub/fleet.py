@@ -1,0 +1,240 @@
+"""From the words of the command line to aircraft that can be served."""
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+from sitl_stub.address import Address, parse_address
+from sitl_stub.aircraft import PlantKind, PlantParameters, SpeedResponse
+from sitl_stub.autopilot import Autopilot
+from sitl_stub.bad_link import BadLink, Emulated
+from sitl_stub.config import AutopilotConfig, GpsGlitch
+from sitl_stub.earth import moved
+from sitl_stub.options import OptionError, parse_numbers, parse_wind
+from sitl_stub.signing import Signing, key_of
+
+AutopilotName = Literal["ardupilot", "px4"]
+
+DEFAULT_HEIGHT_M = 100.0
+"""Start above home, where home's altitude is not given."""
+
+MAX_COUNT = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aircraft:
+    """How they fly, all of them alike."""
+
+    autopilot: AutopilotName
+    """Whose manners they have."""
+    plant: PlantKind
+    """Which model flies."""
+    alpha_1_s: float
+    """Gain of the course or heading hold."""
+    beta_1_s: float
+    """Gain of the speed hold."""
+    speed_response: SpeedResponse
+    """Shape of the speed hold."""
+    guided_p: float
+    """0.01 deg of bank per rad of course error."""
+    roll_time_s: float
+    """Of the bank plant."""
+    turn_efficiency: float
+    """Of the bank plant."""
+    course_dead_time_s: float
+    """Of the lateral loop."""
+    speed_dead_time_s: float | None
+    """Of the speed loop; None: what belongs to its response."""
+    airspeed_range: str
+    """LO,HI in m/s."""
+    max_bank_deg: float
+    """Limit of the bank."""
+    wind: str
+    """In the option's words."""
+
+    def parameters(self) -> PlantParameters:
+        """The plant.
+
+        Raises:
+            ValueError: there is no such plant; the message is one line.
+        """
+        slowest, fastest = parse_numbers("--airspeed-range", self.airspeed_range, "LO,HI")
+        if not 0.0 < self.max_bank_deg < 90.0:
+            raise OptionError(f"--max-bank: {self.max_bank_deg:g} is not between 0 and 90")
+        return PlantParameters(
+            kind=self.plant,
+            alpha_1_s=self.alpha_1_s,
+            beta_1_s=self.beta_1_s,
+            airspeed_min_m_s=slowest,
+            airspeed_max_m_s=fastest,
+            max_bank_rad=math.radians(self.max_bank_deg),
+            guided_p_cdeg_rad=self.guided_p,
+            roll_time_s=self.roll_time_s,
+            turn_efficiency=self.turn_efficiency,
+            speed_response=self.speed_response,
+            course_dead_time_s=self.course_dead_time_s,
+            speed_dead_time_s=self.speed_dead_time_s,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Where they begin."""
+
+    where: str
+    """LAT,LON,ALT,COURSE of the first."""
+    airborne: bool
+    """In the air, or on the ground at ALT."""
+    airspeed_m_s: float
+    """In the air, where none is commanded."""
+    home_altitude_m: float | None
+    """Of the ground below a start in the air."""
+    spacing_m: float
+    """From each to the next, to the right of the course."""
+    ready_after_s: float
+    """Until they can be armed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """What is wrong with what they measure."""
+
+    position_m: float
+    """Standard deviation per axis."""
+    velocity_m_s: float
+    """Standard deviation per axis."""
+    heading_deg: float
+    """Standard deviation."""
+    airspeed_m_s: float
+    """Standard deviation."""
+    gps_glitches: tuple[str, ...]
+    """AT,FOR,N,E each."""
+
+    def glitches(self) -> tuple[GpsGlitch, ...]:
+        """The glitches.
+
+        Raises:
+            ValueError: one is none; the message is one line.
+        """
+        return tuple(
+            GpsGlitch(*parse_numbers("--gps-glitch", text, "AT,FOR,N,E"))
+            for text in self.gps_glitches
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Telemetry:
+    """In which way they report."""
+
+    indicated_airspeed: bool
+    """Indicated instead of true airspeed."""
+    airspeed_calibration: float
+    """Shown in parts of the right one."""
+    loop_rate_hz: float | None
+    """Of the scheduler, if there is one."""
+    old_parameter_names: bool
+    """ArduPlane's before 4.5."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkQuality:
+    """How their datagrams travel, both ways."""
+
+    delay_s: float
+    """Each way."""
+    jitter_s: float
+    """More or less than the delay."""
+    loss: float
+    """Share that does not arrive."""
+
+
+def fleet_of(
+    *,
+    system_id: int,
+    url: str,
+    count: int,
+    seed: int,
+    signing_key: str | None,
+    aircraft: Aircraft,
+    start: Start,
+    errors: Errors,
+    telemetry: Telemetry,
+    quality: LinkQuality,
+) -> list[tuple[Emulated, Address]]:
+    """All aircraft with their addresses: system ids and ports count up from the first one's.
+
+    Raises:
+        ValueError: a word of the command line is wrong; the message is one line.
+    """
+    if not 1 <= count <= MAX_COUNT:
+        raise OptionError(f"--count: {count} is not 1 to {MAX_COUNT}")
+    first = parse_address(url)
+    wind = parse_wind(aircraft.wind)
+    key = None if signing_key is None else key_of(signing_key)
+    fleet: list[tuple[Emulated, Address]] = []
+    for index in range(count):
+        latitude_deg, longitude_deg, altitude_m, course_deg = place_of(start, index)
+        below_m = DEFAULT_HEIGHT_M if start.airborne else 0.0
+        home_m = start.home_altitude_m
+        config = AutopilotConfig(
+            system_id=system_id + index,
+            autopilot=aircraft.autopilot,
+            plant=aircraft.parameters(),
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            altitude_amsl_m=altitude_m,
+            home_altitude_amsl_m=altitude_m - below_m if home_m is None else home_m,
+            course_rad=math.radians(course_deg),
+            airspeed_m_s=start.airspeed_m_s,
+            airborne=start.airborne,
+            armed=start.airborne,
+            ready_after_s=start.ready_after_s,
+            position_noise_m=errors.position_m,
+            velocity_noise_m_s=errors.velocity_m_s,
+            heading_noise_rad=math.radians(errors.heading_deg),
+            airspeed_noise_m_s=errors.airspeed_m_s,
+            gps_glitches=errors.glitches(),
+            indicated_airspeed=telemetry.indicated_airspeed,
+            airspeed_calibration=telemetry.airspeed_calibration,
+            loop_rate_hz=telemetry.loop_rate_hz,
+            old_parameter_names=telemetry.old_parameter_names,
+            seed=seed,
+        )
+        signing = None if key is None else Signing(key)
+        one: Emulated = Autopilot(config, wind, signing=signing, unix_time=time.time)
+        if quality.delay_s or quality.jitter_s or quality.loss:
+            one = BadLink(
+                one,
+                delay_s=quality.delay_s,
+                jitter_s=quality.jitter_s,
+                loss=quality.loss,
+                seed=seed,
+            )
+        port = first.port + index if first.port else 0
+        fleet.append((one, Address(first.scheme, first.host, port)))
+    if first.port + count - 1 > 65_535:
+        raise OptionError(f"--count: there are no {count} ports from {first.port} on")
+    return fleet
+
+
+def place_of(start: Start, index: int) -> tuple[float, float, float, float]:
+    """Latitude, longitude, altitude and course of one of them: each right of the one before.
+
+    Raises:
+        OptionError: the start is no place.
+    """
+    latitude_deg, longitude_deg, altitude_m, course_deg = parse_numbers(
+        "--start", start.where, "LAT,LON,ALT,COURSE"
+    )
+    if index == 0 or abs(latitude_deg) > 89.0:
+        return latitude_deg, longitude_deg, altitude_m, course_deg
+    right_rad = math.radians(course_deg + 90.0)
+    latitude_rad, longitude_rad = moved(
+        math.radians(latitude_deg),
+        math.radians(longitude_deg),
+        altitude_m,
+        north_m=index * start.spacing_m * math.cos(right_rad),
+        east_m=index * start.spacing_m * math.sin(right_rad),
+    )
+    return math.degrees(latitude_rad), math.degrees(longitude_rad), altitude_m, course_deg

@@ -1,0 +1,149 @@
+"""The aircraft whose roll and speed have states of their own, flown through the air.
+
+`bank` is what ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag,
+then the turn of that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration,
+and height that gives way meanwhile. Either may be flown without the other.
+
+Source of the structure: ArduPlane's guided mode and its GUIDED_P (an AC_PID without integral whose 5 Hz
+filter, 0.03 s, is left out beside the roll's 0.4 s). Source of the speed's figures: flights of ArduPlane
+4.7 in software; a test holds the model to them.
+"""
+
+import math
+from typing import NamedTuple
+
+from sitl_stub.aircraft import PlantParameters
+from sitl_stub.angles import wrap_to_pi
+from sitl_stub.loops import (
+    GRAVITY_M_S2,
+    acceleration_m_s2,
+    bank_limited_turn_rate_rad_s,
+    bank_of_rad,
+    clamped,
+    climb_rate_m_s,
+    turn_rate_rad_s,
+)
+from sitl_stub.targets import Targets, TurnTarget
+
+CENTIDEGREE_RAD = math.radians(0.01)
+
+TECS_GAIN_1_S = 0.55
+TECS_INTEGRAL_1_S2 = 0.03
+"""Proportional and integral gain of the `tecs` speed hold: +-1.5 m/s over 24 s comes out 0.99 times as
+large and, with the dead time, 2.3 s late."""
+
+TECS_ACCELERATION_M_S2 = 2.5
+"""What throttle and pitch give at most, both ways."""
+
+TECS_HEIGHT_SHARE = 0.4
+"""Part of the kinetic energy's change that comes out of the height: 2 m for 6 m/s."""
+
+
+class LaggingRates(NamedTuple):
+    """How everything moves at one moment."""
+
+    turn_rate_rad_s: float
+    """Of the nose, positive right."""
+
+    acceleration_m_s2: float
+    """Of the airspeed."""
+
+    roll_rate_rad_s: float
+    """Of the bank; nothing where the plant is not `bank`."""
+
+    integral_rate_m_s3: float
+    """Of the speed hold's integral; nothing where the response is not `tecs`."""
+
+    climb_m_s: float
+    """Positive up."""
+
+    north_m_s: float
+    """Ground velocity."""
+
+    east_m_s: float
+    """Ground velocity."""
+
+
+def lagging_rates(
+    parameters: PlantParameters,
+    targets: Targets,
+    *,
+    heading_rad: float,
+    airspeed_m_s: float,
+    roll_rad: float,
+    speed_integral_m_s2: float,
+    altitude_amsl_m: float,
+    wind_m_s: tuple[float, float],
+) -> LaggingRates:
+    """All rates at one moment."""
+    north_m_s = airspeed_m_s * math.cos(heading_rad) + wind_m_s[0]
+    east_m_s = airspeed_m_s * math.sin(heading_rad) + wind_m_s[1]
+    course_rad = math.atan2(east_m_s, north_m_s)
+    if parameters.kind == "bank":
+        wanted_rad = wanted_bank_rad(
+            parameters, targets.turn, course_rad=course_rad, heading_rad=heading_rad
+        )
+        roll_rate = (wanted_rad - roll_rad) / parameters.roll_time_s
+        coordinated = bank_limited_turn_rate_rad_s(roll_rad, airspeed_m_s)
+        turn = parameters.turn_efficiency * coordinated
+    else:
+        roll_rate = 0.0
+        turn = turn_rate_rad_s(
+            parameters,
+            targets.turn,
+            course_rad=course_rad,
+            heading_rad=heading_rad,
+            speed_m_s=airspeed_m_s,
+        )
+    climb_m_s = climb_rate_m_s(parameters, targets.height, altitude_amsl_m)
+    if parameters.speed_response == "tecs":
+        error_m_s = targets.speed.speed_m_s - airspeed_m_s
+        limit = min(TECS_ACCELERATION_M_S2, targets.speed.max_acceleration_m_s2)
+        acceleration = tecs_acceleration_m_s2(error_m_s, speed_integral_m_s2, limit)
+        integral_rate = tecs_integral_rate_m_s3(error_m_s, speed_integral_m_s2, limit)
+        climb_m_s -= TECS_HEIGHT_SHARE * airspeed_m_s * acceleration / GRAVITY_M_S2
+    else:
+        acceleration = acceleration_m_s2(parameters, targets.speed, airspeed_m_s)
+        integral_rate = 0.0
+    return LaggingRates(
+        turn, acceleration, roll_rate, integral_rate, climb_m_s, north_m_s, east_m_s
+    )
+
+
+def wanted_bank_rad(
+    parameters: PlantParameters, target: TurnTarget, *, course_rad: float, heading_rad: float
+) -> float:
+    """ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)), positive right.
+
+    Saturated by the bank limit and by atan(a / g) of the lateral acceleration a that came with the
+    command, whichever is smaller.
+    """
+    if target.hold == "bank":
+        return clamped(target.angle_rad, parameters.max_bank_rad)
+    error_rad = wrap_to_pi(
+        target.angle_rad - (course_rad if target.hold == "course" else heading_rad)
+    )
+    limit = min(parameters.max_bank_rad, math.atan(target.max_acceleration_m_s2 / GRAVITY_M_S2))
+    return clamped(parameters.guided_p_cdeg_rad * CENTIDEGREE_RAD * error_rad, limit)
+
+
+def tecs_acceleration_m_s2(error_m_s: float, integral_m_s2: float, limit_m_s2: float) -> float:
+    """Speed hold with an integral: dV/dt = sat(k (target - V) + I)."""
+    return clamped(TECS_GAIN_1_S * error_m_s + integral_m_s2, limit_m_s2)
+
+
+def tecs_integral_rate_m_s3(error_m_s: float, integral_m_s2: float, limit_m_s2: float) -> float:
+    """dI/dt = k_i (target - V), and nothing while the acceleration is at its limit towards it."""
+    wanted = TECS_GAIN_1_S * error_m_s + integral_m_s2
+    if abs(wanted) >= limit_m_s2 and wanted * error_m_s > 0.0:
+        return 0.0
+    return TECS_INTEGRAL_1_S2 * error_m_s
+
+
+def shown_bank_rad(
+    parameters: PlantParameters, rates: LaggingRates, roll_rad: float, airspeed_m_s: float
+) -> float:
+    """The bank as an attitude sensor would see it."""
+    if parameters.kind == "bank":
+        return roll_rad
+    return bank_of_rad(rates.turn_rate_rad_s, airspeed_m_s)

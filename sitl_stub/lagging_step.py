@@ -1,0 +1,72 @@
+"""One integration step of the aircraft whose roll and speed lag."""
+
+from sitl_stub.aircraft import PlantParameters
+from sitl_stub.angles import wrap_to_two_pi
+from sitl_stub.earth import moved
+from sitl_stub.lagging_plant import LaggingRates, lagging_rates
+from sitl_stub.plant_state import PlantState
+from sitl_stub.targets import Targets
+from sitl_stub.wind import Wind
+
+MAX_LAGGING_STEP_S = 0.025
+"""Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
+
+
+def rates_of(
+    parameters: PlantParameters,
+    targets: Targets,
+    state: PlantState,
+    wind_m_s: tuple[float, float],
+) -> LaggingRates:
+    """How a state moves in this wind."""
+    return lagging_rates(
+        parameters,
+        targets,
+        heading_rad=state.direction_rad,
+        airspeed_m_s=state.speed_m_s,
+        roll_rad=state.roll_rad,
+        speed_integral_m_s2=state.speed_integral_m_s2,
+        altitude_amsl_m=state.altitude_amsl_m,
+        wind_m_s=wind_m_s,
+    )
+
+
+def moved_by(
+    parameters: PlantParameters, state: PlantState, rates: LaggingRates, span_s: float
+) -> PlantState:
+    """The state after a span at constant rates, within what the aircraft can do."""
+    latitude_rad, longitude_rad = moved(
+        state.latitude_rad,
+        state.longitude_rad,
+        state.altitude_amsl_m,
+        north_m=span_s * rates.north_m_s,
+        east_m=span_s * rates.east_m_s,
+    )
+    speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
+    return PlantState(
+        wrap_to_two_pi(state.direction_rad + span_s * rates.turn_rate_rad_s),
+        max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)),
+        "airspeed",
+        latitude_rad,
+        longitude_rad,
+        state.altitude_amsl_m + span_s * rates.climb_m_s,
+        state.roll_rad + span_s * rates.roll_rate_rad_s,
+        state.speed_integral_m_s2 + span_s * rates.integral_rate_m_s3,
+    )
+
+
+def lagging_stepped(
+    parameters: PlantParameters,
+    targets: Targets,
+    state: PlantState,
+    wind: Wind,
+    *,
+    time_s: float,
+    step_s: float,
+) -> PlantState:
+    """The state one midpoint (second-order Runge-Kutta) step later."""
+    half_s = 0.5 * step_s
+    start = rates_of(parameters, targets, state, wind.at(time_s))
+    middle = moved_by(parameters, state, start, half_s)
+    rates = rates_of(parameters, targets, middle, wind.at(time_s + half_s))
+    return moved_by(parameters, state, rates, step_s)

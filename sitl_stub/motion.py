@@ -1,0 +1,105 @@
+"""The true motion at one instant, out of the state and what the loops hold."""
+
+import math
+from typing import NamedTuple
+
+from sitl_stub.aircraft import PlantParameters
+from sitl_stub.angles import wrap_to_two_pi
+from sitl_stub.lagging_plant import shown_bank_rad
+from sitl_stub.lagging_step import rates_of
+from sitl_stub.loops import bank_of_rad, climb_rate_m_s
+from sitl_stub.plant import RATES, with_speed_kind
+from sitl_stub.plant_state import PlantState
+from sitl_stub.targets import Targets
+
+
+class Motion(NamedTuple):
+    """The true motion at one instant. A tuple, since one is made per report."""
+
+    north_m_s: float
+    """Ground velocity."""
+
+    east_m_s: float
+    """Ground velocity."""
+
+    down_m_s: float
+    """Ground velocity, positive down."""
+
+    course_rad: float
+    """Direction of the ground velocity, [0, 2 pi)."""
+
+    ground_speed_m_s: float
+    """Horizontal speed over ground."""
+
+    heading_rad: float
+    """Direction of the nose, which is that of the air velocity (no sideslip), [0, 2 pi)."""
+
+    airspeed_m_s: float
+    """Horizontal speed through the air."""
+
+    turn_rate_rad_s: float
+    """Of the velocity that the plant turns, positive right."""
+
+    bank_rad: float
+    """Of the coordinated turn, positive right."""
+
+
+def flying_motion(
+    plant: PlantParameters, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]
+) -> Motion:
+    """In the air."""
+    if plant.lags:
+        return _lagging_motion(plant, targets, state, wind_m_s)
+    state = with_speed_kind(state, targets.speed.kind, wind_m_s)
+    rates = RATES[plant.kind](plant, targets, state.direction_rad, state.speed_m_s, wind_m_s)
+    north_m_s, east_m_s = rates.north_m_s, rates.east_m_s
+    air_north_m_s, air_east_m_s = north_m_s - wind_m_s[0], east_m_s - wind_m_s[1]
+    ground_speed_m_s = math.hypot(north_m_s, east_m_s)
+    airspeed_m_s = math.hypot(air_north_m_s, air_east_m_s)
+    turning_speed_m_s = airspeed_m_s if plant.kind == "heading-hold" else ground_speed_m_s
+    return Motion(
+        north_m_s,
+        east_m_s,
+        -climb_rate_m_s(plant, targets.height, state.altitude_amsl_m),
+        wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
+        ground_speed_m_s,
+        wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s)),
+        airspeed_m_s,
+        rates.turn_rate_rad_s,
+        bank_of_rad(rates.turn_rate_rad_s, turning_speed_m_s),
+    )
+
+
+def _lagging_motion(
+    plant: PlantParameters, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]
+) -> Motion:
+    rates = rates_of(plant, targets, state, wind_m_s)
+    return Motion(
+        rates.north_m_s,
+        rates.east_m_s,
+        -rates.climb_m_s,
+        wrap_to_two_pi(math.atan2(rates.east_m_s, rates.north_m_s)),
+        math.hypot(rates.north_m_s, rates.east_m_s),
+        state.direction_rad,
+        state.speed_m_s,
+        rates.turn_rate_rad_s,
+        shown_bank_rad(plant, rates, state.roll_rad, state.speed_m_s),
+    )
+
+
+def rolling_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+    """On the ground: along the nose, at the state's speed over ground."""
+    north, east = math.cos(state.direction_rad), math.sin(state.direction_rad)
+    against_m_s = north * wind_m_s[0] + east * wind_m_s[1]
+    return Motion(
+        state.speed_m_s * north,
+        state.speed_m_s * east,
+        0.0,
+        state.direction_rad,
+        state.speed_m_s,
+        state.direction_rad,
+        # What blows into the tube from ahead; from behind it shows nothing.
+        max(0.0, state.speed_m_s - against_m_s),
+        0.0,
+        0.0,
+    )

@@ -1,0 +1,34 @@
+"""What an aircraft remembers from one integration step to the next."""
+
+from dataclasses import dataclass
+
+from sitl_stub.targets import SpeedKind
+
+
+@dataclass(frozen=True, slots=True)
+class PlantState:
+    """Position, motion, and the states of loops that have some."""
+
+    direction_rad: float
+    """Heading (heading-hold, bank) or course (course-hold), in [0, 2 pi)."""
+
+    speed_m_s: float
+    """The speed that `speed_kind` names."""
+
+    speed_kind: SpeedKind
+    """Always `airspeed` but on the course-hold plant."""
+
+    latitude_rad: float
+    """Geodetic latitude."""
+
+    longitude_rad: float
+    """Longitude, in (-pi, pi]."""
+
+    altitude_amsl_m: float
+    """Altitude, also taken as height above the ellipsoid (the geoid's 100 m at most are 2e-5)."""
+
+    roll_rad: float = 0.0
+    """Bank of the bank plant, positive right."""
+
+    speed_integral_m_s2: float = 0.0
+    """Integral of the `tecs` speed hold."""

@@ -1,0 +1,86 @@
+"""What the autopilot measures of the true motion: noise, glitches, airspeed as its sensor shows it."""
+
+import math
+from typing import NamedTuple
+
+from numpy.random import default_rng
+
+from sitl_stub.angles import wrap_to_two_pi
+from sitl_stub.config import AutopilotConfig
+from sitl_stub.earth import moved
+from sitl_stub.flight import Flight
+from sitl_stub.motion import Motion
+
+MICROSECOND = 1e-6
+
+
+class Measurement(NamedTuple):
+    """Everything that telemetry tells of one instant. A tuple, since one is made per report."""
+
+    motion: Motion
+    """As measured."""
+
+    latitude_rad: float
+    """As measured."""
+
+    longitude_rad: float
+    """As measured."""
+
+
+class Sensors:
+    """Measures one flight. Positions have a generator of noise of their own."""
+
+    def __init__(self, config: AutopilotConfig) -> None:
+        self._config = config
+        self._position_random = default_rng((config.seed, config.system_id))
+        self._random = default_rng((config.seed, config.system_id, 1))
+        self._moves = bool(
+            config.velocity_noise_m_s or config.heading_noise_rad or config.airspeed_noise_m_s
+        )
+
+    def measure(self, flight: Flight, *, with_position: bool) -> Measurement:
+        """What is measured now; a position without its errors, unless it is asked for."""
+        latitude_rad, longitude_rad = flight.state.latitude_rad, flight.state.longitude_rad
+        if with_position:
+            north_m, east_m = self._position_error_m(flight.time_us * MICROSECOND)
+            if north_m or east_m:
+                latitude_rad, longitude_rad = moved(
+                    latitude_rad,
+                    longitude_rad,
+                    flight.state.altitude_amsl_m,
+                    north_m=north_m,
+                    east_m=east_m,
+                )
+        return Measurement(self._motion(flight), latitude_rad, longitude_rad)
+
+    def _position_error_m(self, time_s: float) -> tuple[float, float]:
+        north_m = east_m = 0.0
+        if self._config.position_noise_m > 0.0:
+            north_m = self._config.position_noise_m * self._position_random.standard_normal()
+            east_m = self._config.position_noise_m * self._position_random.standard_normal()
+        for glitch in self._config.gps_glitches:
+            if 0.0 <= time_s - glitch.start_s < glitch.length_s:
+                north_m += glitch.north_m
+                east_m += glitch.east_m
+        return north_m, east_m
+
+    def _motion(self, flight: Flight) -> Motion:
+        motion = flight.motion()
+        shown_m_s = flight.shown_airspeed_m_s(motion.airspeed_m_s)
+        if not self._moves:
+            return (
+                motion
+                if shown_m_s == motion.airspeed_m_s
+                else motion._replace(airspeed_m_s=shown_m_s)
+            )
+        config, normal = self._config, self._random.standard_normal
+        north_m_s = motion.north_m_s + config.velocity_noise_m_s * normal()
+        east_m_s = motion.east_m_s + config.velocity_noise_m_s * normal()
+        return motion._replace(
+            north_m_s=north_m_s,
+            east_m_s=east_m_s,
+            course_rad=wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
+            ground_speed_m_s=math.hypot(north_m_s, east_m_s),
+            heading_rad=wrap_to_two_pi(motion.heading_rad + config.heading_noise_rad * normal()),
+            airspeed_m_s=max(0.0, shown_m_s + config.airspeed_noise_m_s * normal()),
+        )

@@ -1,0 +1,76 @@
+"""How a flight begins."""
+
+import math
+
+from sitl_stub.air_data import AirData
+from sitl_stub.angles import wrap_to_two_pi
+from sitl_stub.config import AutopilotConfig
+from sitl_stub.flight import Flight, Home
+from sitl_stub.personality import Personality
+from sitl_stub.plant_state import PlantState
+from sitl_stub.triangle import ground_speed_along_m_s
+from sitl_stub.wind import Wind
+
+
+def flight_at_start(config: AutopilotConfig, wind: Wind, personality: Personality) -> Flight:
+    """The configured flight, with the distances that the autopilot's parameters give it."""
+    air_data = AirData(config.indicated_airspeed, config.airspeed_calibration)
+    airspeed_m_s = config.airspeed_m_s / air_data.shown_per_true(config.altitude_amsl_m)
+    if config.airborne:
+        state = state_in_the_air(config, airspeed_m_s, wind.at(0.0))
+    else:
+        state = state_on_the_ground(config)
+    flight = Flight(
+        plant=config.plant,
+        wind=wind,
+        state=state,
+        home=Home(
+            math.radians(config.latitude_deg),
+            math.radians(config.longitude_deg),
+            config.home_altitude_amsl_m,
+        ),
+        cruise_airspeed_m_s=config.airspeed_m_s,
+        mode=personality.initial_mode if config.airborne else personality.ground_mode,
+        armed=config.armed,
+        on_ground=not config.airborne,
+        air_data=air_data,
+    )
+    personality.begin(flight)
+    return flight
+
+
+def state_in_the_air(
+    config: AutopilotConfig, airspeed_m_s: float, wind_m_s: tuple[float, float]
+) -> PlantState:
+    """The plant's state that has the configured course over ground and airspeed in this wind."""
+    course_rad = wrap_to_two_pi(config.course_rad)
+    if config.plant.kind == "course-hold":
+        direction_rad = course_rad
+    else:
+        ground_speed_m_s = ground_speed_along_m_s(course_rad, airspeed_m_s, *wind_m_s)
+        direction_rad = wrap_to_two_pi(
+            math.atan2(
+                ground_speed_m_s * math.sin(course_rad) - wind_m_s[1],
+                ground_speed_m_s * math.cos(course_rad) - wind_m_s[0],
+            )
+        )
+    return PlantState(
+        direction_rad,
+        airspeed_m_s,
+        "airspeed",
+        math.radians(config.latitude_deg),
+        math.radians(config.longitude_deg),
+        config.altitude_amsl_m,
+    )
+
+
+def state_on_the_ground(config: AutopilotConfig) -> PlantState:
+    """Standing at home, the nose in the direction of the runway."""
+    return PlantState(
+        wrap_to_two_pi(config.course_rad),
+        0.0,
+        "airspeed",
+        math.radians(config.latitude_deg),
+        math.radians(config.longitude_deg),
+        config.home_altitude_amsl_m,
+    )

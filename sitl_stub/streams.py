@@ -1,0 +1,189 @@
+"""Which messages are sent how often, and those that are asked for once."""
+
+from collections.abc import Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub.codec import whole_number
+from sitl_stub.commands import (
+    GET_HOME_POSITION,
+    GET_MESSAGE_INTERVAL,
+    REQUEST_AUTOPILOT_CAPABILITIES,
+    REQUEST_MESSAGE,
+    REQUEST_PROTOCOL_VERSION,
+    SET_MESSAGE_INTERVAL,
+    Command,
+    Handler,
+    Handlers,
+    Result,
+)
+from sitl_stub.extra_messages import (
+    AVAILABLE_MODES,
+    PROTOCOL_VERSION,
+    available_modes,
+    protocol_version,
+)
+from sitl_stub.flight import Flight
+from sitl_stub.personality import Personality
+from sitl_stub.schedule import Schedule
+from sitl_stub.telemetry import TELEMETRY
+from sitl_stub.telemetry_ids import (
+    ATTITUDE,
+    AUTOPILOT_VERSION,
+    BATTERY_STATUS,
+    EKF_STATUS_REPORT,
+    GLOBAL_POSITION_INT,
+    GPS_RAW_INT,
+    HEARTBEAT,
+    HOME_POSITION,
+    LOCAL_POSITION_NED,
+    MISSION_CURRENT,
+    NAV_CONTROLLER_OUTPUT,
+    SYS_STATUS,
+    SYSTEM_TIME,
+    UNREQUESTED_US,
+    VFR_HUD,
+    WIND,
+)
+
+MIN_INTERVAL_US = 10_000
+"""Fastest stream where no scheduler limits it: 100 Hz."""
+
+LOOP_SHARE = 0.8
+"""Fastest stream in parts of the scheduler's loop rate: ArduPilot denies more."""
+
+DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        SYS_STATUS,
+        MISSION_CURRENT,
+        GPS_RAW_INT,
+        NAV_CONTROLLER_OUTPUT,
+    ),
+    mavlink.MAV_DATA_STREAM_POSITION: (GLOBAL_POSITION_INT, LOCAL_POSITION_NED),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (SYSTEM_TIME, WIND, BATTERY_STATUS, EKF_STATUS_REPORT),
+}
+"""What ArduPilot sends in each of the streams that older ground stations ask for."""
+
+ON_REQUEST: Mapping[int, int] = {
+    REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
+    REQUEST_AUTOPILOT_CAPABILITIES: AUTOPILOT_VERSION,
+    GET_HOME_POSITION: HOME_POSITION,
+}
+"""Commands that ask for one message each."""
+
+
+Wanted = int | list[MAVLink_message]
+"""Telemetry by its number, or messages that are made already."""
+
+
+class Streams:
+    """The schedule of one autopilot, and the commands that change it."""
+
+    def __init__(self, personality: Personality, loop_rate_hz: float | None) -> None:
+        self._personality = personality
+        self._fastest_us = MIN_INTERVAL_US
+        self._tick_us = 1
+        if loop_rate_hz is not None:
+            self._tick_us = round(1e6 / loop_rate_hz)
+            self._fastest_us = round(1e6 / (LOOP_SHARE * loop_rate_hz))
+        self.schedule = self._defaults(-1)
+        """What is due when."""
+        self._requested: list[Wanted] = []
+
+    @property
+    def commands(self) -> Handlers:
+        """Handlers of the commands about messages."""
+        return {
+            SET_MESSAGE_INTERVAL: self.set_interval,
+            GET_MESSAGE_INTERVAL: self.get_interval,
+            REQUEST_MESSAGE: self.request,
+            **{number: self.request_of(wanted) for number, wanted in ON_REQUEST.items()},
+        }
+
+    def take_requested(self) -> list[Wanted]:
+        """What follows the acknowledgement of the command at hand, once."""
+        requested, self._requested = self._requested, []
+        return requested
+
+    def restart(self, now_us: int) -> None:
+        """Forget what was asked for, as a reboot does."""
+        self.schedule = self._defaults(now_us)
+
+    def set_interval(self, _flight: Flight, command: Command) -> Result:
+        """511: param1 message id, param2 microseconds, -1 to stop, 0 for the default."""
+        message_id, interval_us = map(whole_number, command.used(1, 2))
+        if message_id == HEARTBEAT or message_id is None or not self._sends(message_id):
+            return Result.DENIED
+        interval_us = interval_us if interval_us is not None else round(command.parameters[1])
+        if interval_us == 0:
+            unrequested = message_id in self._personality.unrequested
+            interval_us = UNREQUESTED_US if unrequested else -1
+        if interval_us == -1:
+            self.schedule.stop(message_id)
+            return Result.ACCEPTED
+        if interval_us < self._fastest_us:
+            return Result.DENIED
+        self.schedule.every(message_id, interval_us)
+        return Result.ACCEPTED
+
+    def get_interval(self, _flight: Flight, command: Command) -> Result:
+        """510: param1 message id; MESSAGE_INTERVAL follows, -1 us for what is not sent."""
+        message_id = whole_number(*command.used(1))
+        if message_id is None or not 0 <= message_id <= 65_535:
+            return Result.DENIED
+        never, unknown = -1, 0
+        known = self._sends(message_id)
+        interval_us = self.schedule.interval_us(message_id) or never if known else unknown
+        self._requested.append([mavlink.MAVLink_message_interval_message(message_id, interval_us)])
+        return Result.ACCEPTED
+
+    def request(self, _flight: Flight, command: Command) -> Result:
+        """512: param1 message id; the message follows the acknowledgement."""
+        message_id = whole_number(*command.used(1))
+        if message_id == PROTOCOL_VERSION:
+            self._requested.append([protocol_version()])
+        elif message_id == AVAILABLE_MODES:
+            index = whole_number(command.parameters[1])
+            modes = self._personality.modes
+            if index is None or not 0 <= index <= len(modes):
+                return Result.DENIED
+            self._requested.append(available_modes(modes, index))
+        elif message_id is not None and self._sends(message_id):
+            self._requested.append(message_id)
+        else:
+            return Result.DENIED
+        return Result.ACCEPTED
+
+    def request_of(self, message_id: int) -> Handler:
+        """The handler of a command that asks for one message by its own name."""
+
+        def handle(flight: Flight, command: Command) -> Result:
+            return self.request(flight, Command(command.number, (message_id, 0, 0, 0), 0, 0))
+
+        return handle
+
+    def request_data_stream(self, message: MAVLink_message) -> None:
+        """REQUEST_DATA_STREAM, ArduPilot's older way: one of its streams, or all of them, at a rate in Hz."""
+        rate_hz = message.req_message_rate if message.start_stop else 0
+        interval_us = max(self._fastest_us, round(1e6 / rate_hz)) if rate_hz else 0
+        wanted = message.req_stream_id
+        everything = wanted == mavlink.MAV_DATA_STREAM_ALL
+        for stream, message_ids in DATA_STREAMS.items():
+            for message_id in message_ids if everything or stream == wanted else ():
+                if not interval_us:
+                    self.schedule.stop(message_id)
+                elif self._sends(message_id):
+                    self.schedule.every(message_id, interval_us)
+
+    def _sends(self, message_id: int) -> bool:
+        return message_id in TELEMETRY and message_id not in self._personality.unsent
+
+    def _defaults(self, sent_until_us: int) -> Schedule:
+        """What comes unrequested after a boot, from the instant after this one."""
+        schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
+        for message_id in self._personality.unrequested:
+            schedule.every(message_id, UNREQUESTED_US)
+        return schedule

@@ -1,0 +1,73 @@
+"""The array form against lockstep: the same case without noise, step for step."""
+
+import numpy as np
+import pytest
+
+from vfguide.bench.array_formation import fly_formations
+from vfguide.bench.array_mission import conditions_of, start_of
+from vfguide.bench.article import FOLLOWER_STARTS, LEADER_STARTS, MISSIONS, article_mission
+from vfguide.elementwise import FloatArray
+from vfguide.errors import VfguideError
+from vfguide.mission import Mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+from vfguide.report.geometry import slot_error
+
+DURATION_S = 30.0
+
+
+def mission_near_its_slots(name: str, law: str, plant: str) -> Mission:
+    """One of the four, from starts between which nobody has to keep clear of anybody."""
+    start = {
+        "leader": LEADER_STARTS[name.partition("-")[0]],
+        **{
+            follower: {"forward_m": ahead / 10.0, "right_m": right / 10.0}
+            for follower, (ahead, right) in FOLLOWER_STARTS.items()
+        },
+    }
+    return article_mission(
+        name,
+        {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S, "start": start}},
+        plant=plant,
+    )
+
+
+def distances_in_lockstep(mission: Mission) -> FloatArray:
+    record = fly_lockstep(mission).record
+    return np.array([slot_error(record.leader, one).distance_m for one in record.followers])
+
+
+def distances_on_arrays(mission: Mission, count: int) -> FloatArray:
+    seen: list[FloatArray] = []
+    fly_formations(
+        start_of(mission, count), conditions_of(mission), lambda _time, far, _told: seen.append(far)
+    )
+    return np.moveaxis(np.array(seen), 0, -1)
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize(
+    ("law", "plant"), [("slot", "heading-hold"), ("slot", "course-hold"), ("pid", "heading-hold")]
+)
+def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: str) -> None:
+    mission = mission_near_its_slots(name, law, plant)
+    wanted = distances_in_lockstep(mission)
+    flown = distances_on_arrays(mission, 2)
+    assert flown.shape == (3, 2, wanted.shape[1])
+    for column in (0, 1):
+        # A millimetre is what was asked for; the arithmetic is the same to the last bits.
+        assert np.max(np.abs(flown[:, column] - wanted)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"rehearsal": {"link_loss": 0.1}}, "loss or jitter"),
+        ({"controller": {"type": "mpc"}}, "a predictive controller"),
+        ({"controller": {"leader_speed_source": "observer"}}, "measured ground speed"),
+    ],
+)
+def test_what_the_array_form_has_not_is_refused(
+    changes: dict[str, dict[str, object]], what: str
+) -> None:
+    with pytest.raises(VfguideError, match=what):
+        conditions_of(article_mission("line-calm", changes))

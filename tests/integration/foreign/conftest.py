@@ -1,0 +1,107 @@
+"""Other people's programs, as they are, against the emulator as a process."""
+
+import asyncio
+import json
+import os
+import socket
+import subprocess
+import sys
+import venv
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PATIENCE_S = 60.0
+"""Real time for anything; nothing here measures how long it takes."""
+
+MAVPROXY = "MAVProxy==1.8.75"
+
+
+def mavproxy_home() -> Path:
+    """Where MAVProxy has its virtual environment: it brings too much for this project's own."""
+    given = os.environ.get("VFGUIDE_MAVPROXY_VENV")
+    return Path(given) if given else Path(__file__).parents[3] / ".venv-mavproxy"
+
+
+@pytest.fixture(scope="session")
+def mavproxy() -> Path:
+    """The MAVProxy program, installed on first use."""
+    home = mavproxy_home()
+    program = home / "bin" / "mavproxy.py"
+    if not program.exists():
+        venv.create(home, with_pip=True)
+        install = [str(home / "bin" / "pip"), "install", "--quiet", MAVPROXY]
+        finished = subprocess.run(install, capture_output=True, text=True, check=False)
+        if finished.returncode != 0:
+            said = finished.stderr.strip().splitlines()[-1:]
+            # Without a package registry there is no MAVProxy; where tests are judged, there has to be.
+            if os.environ.get("CI"):
+                pytest.fail(f"MAVProxy cannot be installed: {said}")
+            pytest.skip(f"MAVProxy cannot be installed: {said}")
+    return program
+
+
+@dataclass(frozen=True, slots=True)
+class Emulation:
+    """A running emulator."""
+
+    port: int
+    truth: Path
+
+    def latest(self) -> dict[str, Any]:
+        """The true state now."""
+        with self.truth.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 4096))
+            line = file.read().splitlines(keepends=True)[-2]
+        state: dict[str, Any] = json.loads(line)
+        return state
+
+    async def until(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The first true state from now on, seen some times a second, of which something holds."""
+        state: dict[str, Any] = {}
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while True:
+                    state = self.latest()
+                    if holds(state):
+                        return state
+                    await asyncio.sleep(0.05)
+        except TimeoutError:
+            pytest.fail(f"it has not come to that, but to: {state}")
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+Emulate = Callable[..., AbstractAsyncContextManager[Emulation]]
+
+
+@pytest.fixture
+def emulate(tmp_path: Path) -> Emulate:
+    """Runs `sitl-stub` with some options, speaking to a free port, as long as its context lasts."""
+
+    @asynccontextmanager
+    async def running(*options: str, port: int | None = None) -> AsyncIterator[Emulation]:
+        emulation = Emulation(port or free_port(), tmp_path / "truth.jsonl")
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "sitl_stub.cli", "--system-id", "1"),
+            *("--mavlink", f"udpout://127.0.0.1:{emulation.port}"),
+            *("--truth", str(emulation.truth), *options),
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+        try:
+            yield emulation
+            assert process.returncode is None
+        finally:
+            if process.returncode is None:
+                process.terminate()
+            await process.wait()
+
+    return running

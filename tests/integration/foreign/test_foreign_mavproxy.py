@@ -1,0 +1,139 @@
+"""MAVProxy, as its users type it, against the emulator with ArduPlane's manners."""
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Emulate = Callable[..., Any]
+
+PATIENCE_S = 60.0
+
+
+class Console:
+    """MAVProxy's prompt."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self._process = process
+        self._said = ""
+
+    def type(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line.encode() + b"\n")
+
+    async def says(self, words: str) -> str:
+        """Wait until it has said these words; what came after them is looked at next time."""
+        assert self._process.stdout is not None
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while words not in self._said:
+                    data = await self._process.stdout.read(4096)
+                    assert data, f"MAVProxy has ended: {self._said}"
+                    self._said += data.decode(errors="replace")
+        except TimeoutError:
+            pytest.fail(f"MAVProxy never said {words!r}, but: {self._said}")
+        before, self._said = self._said.split(words, 1)
+        return before
+
+
+@asynccontextmanager
+async def console(
+    program: Path, state: Path, port: int, modules: str = "mode,arm,param,wp,cmdlong"
+) -> AsyncIterator[Console]:
+    state.mkdir()
+    process = await asyncio.create_subprocess_exec(
+        *(str(program.parent / "python"), str(program)),
+        f"--master=udpin:127.0.0.1:{port}",
+        f"--default-modules={modules}",
+        f"--state-basedir={state}",
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+        cwd=state,
+        env={**os.environ, "PYTHONUNBUFFERED": "1", "HOME": str(state), "MPLBACKEND": "agg"},
+    )
+    try:
+        yield Console(process)
+    finally:
+        process.kill()
+        await process.communicate()
+
+
+def test_it_loads_parameters_arms_takes_off_and_flies_guided(
+    emulate: Emulate, mavproxy: Path, tmp_path: Path
+) -> None:
+    async def test() -> None:
+        async with (
+            emulate("--speedup", "5", "--ready-after", "2", "--plant", "bank") as emulation,
+            console(mavproxy, tmp_path / "state", emulation.port) as ground,
+        ):
+            await ground.says("Detected vehicle 1:1")
+            await ground.says("Received ")
+            assert int((await ground.says(" parameters")).strip()) > 40
+            ground.type("param show GUIDED_P")
+            await ground.says("12000")
+            ground.type("param set TKOFF_ALT 60")
+            ground.type("wp list")
+            await ground.says("Requesting 0 waypoints")
+            ground.type("arm throttle")
+            await ground.says("ARMED")
+            ground.type("mode TAKEOFF")
+            await ground.says("Mode TAKEOFF")
+            height_m = 588.0 + 60.0
+            await emulation.until(lambda state: state["altitude_amsl_m"] > height_m - 2.0)
+            ground.type("mode GUIDED")
+            await ground.says("Mode GUIDED")
+            # GUIDED_CHANGE_HEADING: course over ground, 200 degrees, 9.8 m/s^2.
+            ground.type("long 43002 0 200 9.8")
+            await ground.says("ACCEPTED")
+            await emulation.until(lambda state: abs(state["course_rad"] - 3.4907) < 0.01)
+
+    asyncio.run(test())
+
+
+def test_disarming_in_the_air_and_leaving_the_airspeed_range_are_refused(
+    emulate: Emulate, mavproxy: Path, tmp_path: Path
+) -> None:
+    async def test() -> None:
+        async with (
+            emulate("--airborne") as emulation,
+            console(mavproxy, tmp_path / "state", emulation.port) as ground,
+        ):
+            await ground.says("online system 1")
+            ground.type("disarm")
+            await ground.says("COMPONENT_ARM_DISARM: FAILED")
+            ground.type("mode GUIDED")
+            await ground.says("Mode GUIDED")
+            ground.type("long 43000 0 40 0")
+            await ground.says("FAILED")
+            ground.type("long 43000 1 20 0")
+            await ground.says("DENIED")
+            assert emulation.latest()["armed"]
+
+    asyncio.run(test())
+
+
+def test_a_signed_link_is_set_up_with_its_passphrase(
+    emulate: Emulate, mavproxy: Path, tmp_path: Path
+) -> None:
+    async def test() -> None:
+        options = ("--airborne", "--signing-key", "sesame-4711")
+        modules = "mode,arm,signing"
+        async with (
+            emulate(*options) as emulation,
+            console(mavproxy, tmp_path / "state", emulation.port, modules) as ground,
+        ):
+            await ground.says("Detected vehicle 1:1")
+            ground.type("mode GUIDED")
+            await asyncio.sleep(1.0)  # an unsigned command has had every chance to be obeyed
+            assert emulation.latest()["mode"] == "LOITER"
+            ground.type("signing key sesame-4711")
+            ground.type("mode GUIDED")
+            await ground.says("Mode GUIDED")
+            await emulation.until(lambda state: state["mode"] == "GUIDED")
+
+    asyncio.run(test())

@@ -1,0 +1,140 @@
+"""The arithmetic of studies, and that a study is the same wherever it is flown."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vfguide.bench.array_outcome import Watch
+from vfguide.bench.article import MISSIONS, article_mission
+from vfguide.bench.comparison import seeded, summed_up
+from vfguide.bench.flown import Figures
+from vfguide.bench.monte_carlo import batches, drawn_slots, sampled, summary_of
+from vfguide.bench.scale import crowd, growth_exponent
+from vfguide.bench.spread import dask_executor
+from vfguide.bench.tuning import weighed
+from vfguide.mission import load_mission
+from vfguide.state import Setpoint
+
+SHIPPED = Path(__file__).parents[3] / "missions"
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_the_benchmark_flies_the_shipped_missions(name: str) -> None:
+    shipped = load_mission(SHIPPED / f"{name}.yaml").model_dump()
+    flown = article_mission(name).model_dump()
+    # What a good flight is, is not flown.
+    del shipped["acceptance"], flown["acceptance"]
+    assert flown == shipped
+
+
+def figures(mean_error_m: float, settle_1m_s: float | None = 10.0) -> Figures:
+    return Figures(
+        mean_error_m=mean_error_m,
+        p95_error_m=1.0,
+        max_error_m=2.0,
+        settle_10m_s=5.0,
+        settle_1m_s=settle_1m_s,
+        min_separation_m=20.0,
+        effort_m_s2=1.0,
+        course_variation_rad_s=0.1,
+        speed_variation_m_s2=0.1,
+        limited=0.0,
+        wall_s=1.0,
+    )
+
+
+def test_a_mean_comes_with_its_confidence_interval() -> None:
+    mean, half = summed_up([figures(1.0), figures(2.0), figures(3.0)])
+    assert mean.mean_error_m == pytest.approx(2.0)
+    # Standard deviation 1, three values, 97.5 % point 4.303.
+    assert half["mean_error_m"] == pytest.approx(4.303 / math.sqrt(3.0))
+    assert half["p95_error_m"] == pytest.approx(0.0)
+
+
+def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean() -> None:
+    mean, half = summed_up([figures(1.0)])
+    assert mean.mean_error_m == 1.0
+    assert half["mean_error_m"] is None
+    unsettled, _ = summed_up([figures(1.0), figures(1.0, settle_1m_s=None)])
+    assert unsettled.settle_1m_s is None
+
+
+def test_seeds_differ_and_repeat() -> None:
+    assert seeded("line-calm", 1, 60.0) == seeded("line-calm", 1, 60.0)
+    assert seeded("line-calm", 1, 60.0) != seeded("line-calm", 2, 60.0)
+
+
+def test_the_exponent_of_a_cost_that_grows_with_the_square_is_two() -> None:
+    sizes = [
+        {"vehicles": count, "processor_s": 0.3 * count**2 * 5.0, "duration_s": 5.0}
+        for count in (4, 10, 30, 100)
+    ]
+    assert growth_exponent(sizes) == pytest.approx(2.0)
+
+
+def test_a_crowd_keeps_its_distances() -> None:
+    mission = crowd(100, 5.0)
+    slots = [(0.0, 0.0), *((one.slot.forward_m, one.slot.right_m) for one in mission.followers)]
+    assert len(set(slots)) == 100
+
+
+def test_a_cost_adds_error_settling_and_chatter() -> None:
+    assert weighed(0.02, 15.0, 0.025) == pytest.approx(2.0 + 1.5 + 0.5)
+    assert weighed(0.02, None, 0.0) == 1e3
+
+
+def test_figures_are_gathered_while_flying() -> None:
+    watch = Watch(1.0)
+    for step in range(11):
+        time_s = step / 10.0
+        distances = (
+            np.array([[20.0, 0.5], [5.0, 0.5]]) if step < 5 else np.array([[2.0, 0.5], [0.0, 0.3]])
+        )
+        course = np.array([[0.1 * (step % 2), 0.1 * step]] * 2)
+        watch(
+            time_s,
+            distances,
+            Setpoint(course=course, speed=course, limited=np.array([[False, True]] * 2)),
+        )
+    outcome = watch.outcome()
+    assert outcome.mean_error_m == pytest.approx([1.0, 0.4])
+    assert outcome.max_error_m == pytest.approx([2.0, 0.5])
+    assert outcome.settle_10m_s == pytest.approx([0.4, 0.0])
+    assert list(outcome.settle_1m_s) == [math.inf, 0.0]
+    assert outcome.limited == pytest.approx([0.0, 1.0])
+    # Five steps of 0.1 rad there and back in half a second, one of them net; a steady turn has none.
+    assert outcome.chatter_rad_s == pytest.approx([0.8, 0.0], abs=1e-12)
+
+
+def test_drawn_slots_are_apart() -> None:
+    slots = [(0.0, 0.0), *drawn_slots(3, np.random.default_rng(1))]
+    for number, one in enumerate(slots):
+        for other in slots[:number]:
+            assert math.dist(one, other) >= 15.0
+
+
+def test_a_sample_of_formations_is_repeatable_by_its_seed() -> None:
+    tasks = batches("slot", 6, 3, duration_s=8.0)
+    with ThreadPoolExecutor(1) as executor:
+        first, second = (next(sampled(executor, tasks)).outcome.mean_error_m for _ in range(2))
+    assert np.array_equal(first, second)
+    assert first.shape == (6,)
+
+
+def test_a_dask_cluster_takes_the_same_call() -> None:
+    from distributed import LocalCluster
+
+    tasks = batches("pid", 4, 5, duration_s=6.0)
+    with ThreadPoolExecutor(1) as executor:
+        here = summary_of(list(sampled(executor, tasks)))
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        dask_executor(cluster.scheduler_address) as executor,
+    ):
+        there = summary_of(list(sampled(executor, tasks)))
+    assert there["mean_error_m"] == here["mean_error_m"]

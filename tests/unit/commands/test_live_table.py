@@ -1,0 +1,86 @@
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vfguide.commands.live_table import Row, line_of, live_table, rows_of, table_of
+from vfguide.commands.terminal import Terminal
+from vfguide.link.presence import Presence
+from vfguide.mission import load_mission
+from vfguide.record.flight import FlightRecord
+from vfguide.rehearsal.lockstep import fly_lockstep
+
+MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
+
+NAMES = ("leader", "f1", "f2", "f3")
+
+ROW = Row(vehicle="f1", mode="tracking", error_m=0.123, ground_speed_m_s=19.96, leader_age_s=0.0512)
+
+
+def flown() -> FlightRecord:
+    mission = load_mission(MISSION)
+    short = mission.rehearsal.model_copy(update={"duration_s": 1.0})
+    return fly_lockstep(mission.model_copy(update={"rehearsal": short})).record
+
+
+def presence(**figures: float) -> Presence:
+    return Presence(status="online", mode="joining", time_s=1.0, version="1", figures=figures)
+
+
+def test_before_anything_is_known_every_vehicle_has_a_row_of_dashes() -> None:
+    rows = rows_of(NAMES, None, {})
+    assert [row.vehicle for row in rows] == list(NAMES)
+    assert line_of(rows[:1]) == "leader - - m off"
+
+
+def test_a_row_tells_true_distance_and_speed_and_what_the_companion_says() -> None:
+    said = {"leader": presence(leader_age_ms_last=0.0), "f1": presence(leader_age_ms_last=51.2)}
+    leader, f1, f2, _ = rows_of(NAMES, flown(), said)
+    assert (leader.mode, f1.mode, f2.mode) == ("joining", "joining", "")
+    assert (leader.leader_age_s, f1.leader_age_s, f2.leader_age_s) == (None, 0.0512, None)
+    # Everyone starts out of place, at about the leader's airspeed.
+    assert f1.error_m is not None
+    assert f1.error_m > 10.0
+    assert f1.ground_speed_m_s is not None
+    assert 15.0 < f1.ground_speed_m_s < 25.0
+
+
+def test_a_companion_that_is_gone_is_offline_whatever_it_did_last() -> None:
+    gone = replace(presence(), status="offline")
+    assert rows_of(("f1",), None, {"f1": gone})[0].mode == "offline"
+
+
+def printed(*times_s: float) -> str:
+    console = Terminal()
+    console.file = io.StringIO()
+    with live_table(console, "flying", 100.0) as show:
+        for time_s in times_s:
+            show(time_s, [ROW])
+    return console.file.getvalue()
+
+
+def test_away_from_a_terminal_there_is_a_line_for_each_fifth_of_the_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TERM", "dumb")
+    lines = printed(0.0, 1.0, 20.0, 21.0, 39.9, 40.0).splitlines()
+    assert lines == [
+        "flying: 20 of 100 s: f1 tracking 0.12 m off",
+        "flying: 40 of 100 s: f1 tracking 0.12 m off",
+    ]
+
+
+def test_on_a_terminal_the_table_is_drawn_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    text = printed(1.0, 2.0)
+    assert "flying: 2 of 100 s" in text
+    for cell in ("f1", "tracking", "0.12", "20.0", "0.051"):
+        assert cell in text
+    # Up, to where the table before began.
+    assert "\x1b[1A" in text
+
+
+def test_the_table_has_a_row_for_each_vehicle() -> None:
+    assert table_of("flying", [ROW, ROW]).row_count == 2

@@ -1,0 +1,124 @@
+"""Which autopilot answers, what its parameters are, and what is said of both."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.core import Companion
+from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.companion.supervisor import Mode
+from vfguide.mission.model import Mission
+
+Make = Callable[..., Any]
+
+SET_MODE = 176
+
+
+def beat(autopilot: int, custom_mode: int, *, armed: bool = True) -> MAVLink_message:
+    flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (128 if armed else 0)
+    return mavlink.MAVLink_heartbeat_message(1, autopilot, flags, custom_mode, 4, 3)
+
+
+def position(boot_time_s: float) -> MAVLink_message:
+    return mavlink.MAVLink_global_position_int_message(
+        round(boot_time_s * 1e3), 473_977_420, 85_455_940, 588_000, 100_000, 2000, 0, 0, 0
+    )
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_an_autopilot_that_is_found_out_is_flown_like_one_that_is_named(
+    flight: Make, new_autopilot: Make, kind: str
+) -> None:
+    flown = flight(kind="auto")
+    flown.autopilot = new_autopilot(kind, 2)
+    flown.run(60.0)
+    assert flown.mode_at(60.0) is Mode.TRACKING
+    assert flown.autopilot.truth().mode == ("OFFBOARD" if kind == "px4" else "GUIDED")
+
+
+@pytest.mark.parametrize(("named", "flies"), [("ardupilot", "px4"), ("px4", "ardupilot")])
+def test_another_autopilot_than_the_missions_is_said_once_and_not_steered(
+    flight: Make, new_autopilot: Make, named: str, flies: str
+) -> None:
+    flown = flight(kind=named)
+    flown.autopilot = new_autopilot(flies, 2)
+    flown.run(20.0)
+    assert ["the vehicle is" in text for _, text in flown.events] == [True]
+    assert flown.times(SET_MODE) == []
+    assert {mode for _, mode in flown.modes} == {Mode.WAITING}
+
+
+def test_a_vehicle_that_is_not_armed_is_not_engaged(
+    plan: Callable[..., FlightPlan],
+    mission: Callable[[str], Mission],
+    spoken: Make,
+    parsed: Make,
+    leader_bytes: Make,
+) -> None:
+    companion = Companion(plan(), adapter_of(mission("line-calm").vehicles["f1"]), engage=True)
+    sent: dict[bool, list[int]] = {True: [], False: []}
+    told = []
+    for step in range(200):
+        now, armed = step / 20, step >= 100
+        companion.receive_link(leader_bytes(now), now)
+        data = spoken(beat(3, 12, armed=armed), position(now))
+        out = companion.receive_mavlink(data, now)
+        told += [event.text for event in out.events]
+        sent[armed] += [getattr(one, "command", 0) for one in parsed(out.to_autopilot)]
+    assert SET_MODE not in sent[False]
+    assert SET_MODE in sent[True]
+    assert told.count("the vehicle is not armed: not engaged until it is") == 1
+
+
+def inspected(
+    plan: Callable[..., FlightPlan],
+    mission: Callable[[str], Mission],
+    spoken: Make,
+    parsed: Make,
+    values: dict[str, float],
+) -> tuple[list[float], list[str]]:
+    """When parameters are asked for, and what is said of those with these values."""
+    companion = Companion(
+        plan(), adapter_of(mission("line-calm").vehicles["f1"]), engage=False, inspect=True
+    )
+    asked, told = [], []
+    answers: list[Any] = []
+    for step in range(200):
+        now = step / 20
+        out = companion.receive_mavlink(spoken(beat(3, 12), position(now), *answers), now)
+        told += [event.text for event in out.events if event.warning]
+        requests = [
+            one for one in parsed(out.to_autopilot) if one.get_type() == "PARAM_REQUEST_READ"
+        ]
+        asked += [now] * bool(requests)
+        answers = [
+            mavlink.MAVLink_param_value_message(
+                one.param_id.encode(), values[one.param_id], 9, 100, 1
+            )
+            for one in requests
+            if one.param_id in values
+        ]
+    return asked, told
+
+
+def test_what_does_not_fit_the_flight_is_told_at_the_start(
+    plan: Callable[..., FlightPlan], mission: Callable[[str], Mission], spoken: Make, parsed: Make
+) -> None:
+    values = {"FS_GCS_ENABL": 0.0, "AIRSPEED_MIN": 9.0, "AIRSPEED_MAX": 22.0}
+    asked, told = inspected(plan, mission, spoken, parsed, values)
+    # Names that nobody answers for are asked four times, once a second.
+    assert asked in ([1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0])
+    said = [text.split(" is ")[0] for text in told if " is " in text]
+    assert said == ["FS_GCS_ENABL", "AIRSPEED_MAX"]
+
+
+def test_an_autopilot_that_answers_for_nothing_is_told_of_once(
+    plan: Callable[..., FlightPlan], mission: Callable[[str], Mission], spoken: Make, parsed: Make
+) -> None:
+    _, told = inspected(plan, mission, spoken, parsed, {})
+    assert [text for text in told if "parameters" in text] == [
+        "the autopilot does not answer for its parameters: limits and fail-safe not checked"
+    ]

@@ -1,0 +1,94 @@
+"""Where a follower believes the others to be."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.traffic import Traffic, kept_distance
+
+MakePlan = Callable[..., FlightPlan]
+LeaderBytes = Callable[..., bytes]
+
+TURN = 0.1
+"""rad/s of whoever is heard."""
+
+
+@pytest.fixture
+def traffic(plan: MakePlan) -> Traffic:
+    return Traffic({"f2": 40.0}, plan().frame, SAME_CLOCK)
+
+
+def test_nobody_is_in_the_way_before_anybody_was_heard(traffic: Traffic) -> None:
+    assert traffic.obstacles(10.0, 0.0, linked=True) == []
+
+
+def test_another_follower_is_where_it_has_flown_since_it_was_heard(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    # 20 m/s northbound from 200 m north of the origin.
+    traffic.receive("f2", leader_bytes(10.0), 10.1)
+    (one,) = traffic.obstacles(10.5, 0.0, linked=True)
+    assert (one.north, one.east) == (pytest.approx(210.0, abs=1e-3), pytest.approx(0.0, abs=1e-3))
+    assert (one.velocity_north, one.velocity_east) == (pytest.approx(20.0), pytest.approx(0.0))
+    assert one.keep == 7.0
+
+
+def test_strangers_and_rubbish_are_in_nobodys_way(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f9", leader_bytes(10.0), 10.0)
+    traffic.receive("f2", b"rubbish", 10.0)
+    traffic.receive("f2", leader_bytes(20.0), 10.0)
+    assert traffic.obstacles(10.0, 0.0, linked=True) == []
+    assert dict(traffic.counters) == {"malformed": 1, "from the future": 1}
+
+
+def test_the_time_of_a_state_is_the_formations(plan: MakePlan, leader_bytes: LeaderBytes) -> None:
+    skewed = SharedClock(
+        to_own=lambda time_s: time_s - 100.0, from_own=lambda time_s: time_s + 100.0
+    )
+    traffic = Traffic({"f2": 40.0}, plan().frame, skewed)
+    traffic.receive("f2", leader_bytes(10.0, time_s=110.0), 10.0)
+    (one,) = traffic.obstacles(10.5, 0.0, linked=True)
+    assert one.north == pytest.approx(210.0, abs=1e-3)
+
+
+def test_one_that_fell_silent_may_fly_on_along_its_arc_or_straight(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
+    arc, straight = traffic.obstacles(13.0, 0.0, linked=True)
+    # On the arc it has turned by 0.3 rad; its autopilot, left alone, ends the turn one second ahead.
+    assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
+    assert math.atan2(straight.velocity_east, straight.velocity_north) == pytest.approx(TURN)
+    assert arc.keep == straight.keep == pytest.approx(7.0 + 2.0)
+
+
+def test_ones_own_deafness_says_nothing_about_the_others(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
+    (arc,) = traffic.obstacles(13.0, 0.0, linked=False)
+    assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
+    assert arc.keep == 7.0
+
+
+def test_one_that_is_silent_for_long_is_nowhere(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert len(traffic.obstacles(24.9, 0.0, linked=True)) == 2
+    assert traffic.obstacles(25.1, 0.0, linked=True) == []
+
+
+@pytest.mark.parametrize(
+    ("spacing", "distance", "kept"),
+    [(40.0, 0.0, 7.0), (40.0, 2.5, 8.5), (40.0, 5.0, 10.0), (40.0, 300.0, 10.0), (8.0, 0.0, 5.2)],
+)
+def test_whoever_is_astray_keeps_more_and_close_slots_less(
+    spacing: float, distance: float, kept: float
+) -> None:
+    assert kept_distance(spacing, distance) == pytest.approx(kept)

@@ -1,0 +1,141 @@
+"""The predictive baseline: its programme against the regulator, its bounds, its robustness."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.guidance.controller import MpcController
+from vfguide.guidance.formation import Slot, slot_motion
+from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.mpc import Programme, predicted_slot, regulator
+from vfguide.guidance.settings import GuidanceSettings, MpcWeights
+from vfguide.state import Airframe, LeaderState, VehicleState
+
+Leader = Callable[..., LeaderState[float]]
+Vehicle = Callable[..., VehicleState[float]]
+Choices = Callable[..., GuidanceSettings]
+
+PERIOD = 0.05
+WEIGHTS = MpcWeights(
+    horizon_s=3.0, intervals=20, velocity=1.0, acceleration=0.1, max_course=math.pi / 4.0
+)
+SLOT = Slot(forward=-40.0, right=10.0)
+
+
+def unbounded(count: int) -> tuple[np.ndarray, np.ndarray]:
+    far = np.full(4 * count, 1e6)
+    return -far, far
+
+
+@pytest.mark.parametrize(
+    ("error", "velocity"), [(1.0 + 0.0j, 0.0j), (0.0j, 2.0 - 1.0j), (-3.0 + 5.0j, 1.0 + 1.0j)]
+)
+def test_without_bounds_it_is_the_linear_quadratic_regulator(
+    error: complex, velocity: complex
+) -> None:
+    programme = Programme(WEIGHTS, beta=0.8)
+    _, gain = regulator(programme.interval, WEIGHTS.velocity, WEIGHTS.acceleration)
+    straight = np.zeros(WEIGHTS.intervals + 1)
+    found = programme.solve(error, velocity, straight, unbounded(WEIGHTS.intervals))
+    wanted = -(gain[0] * error + gain[1] * velocity)
+    assert found == pytest.approx(wanted, abs=2e-3)
+
+
+def test_a_slot_ahead_is_answered_by_going_faster() -> None:
+    _, gain = regulator(0.15, 1.0, 0.1)
+    # a = -gain (p, v): p counts the slot's distance ahead, v the excess over its speed.
+    assert gain[0] < 0.0 < gain[1]
+
+
+def test_the_slot_is_predicted_along_the_leaders_arc(leader: Leader) -> None:
+    horizon = predicted_slot(
+        leader(turn_rate=0.1, acceleration=0.5),
+        Slot(forward=-20.0, right=0.0),
+        interval=0.5,
+        count=4,
+    )
+    # Speed in the middle of the third interval: hypot(20 + 0.5 * 1.25, 0.1 * 20).
+    assert horizon.speed[2] == pytest.approx(math.hypot(20.625, 2.0))
+    assert horizon.turned[0] == 0.0
+    assert horizon.turned[4] == pytest.approx(0.2, abs=0.01)
+
+
+def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
+    leader: Leader, vehicle: Vehicle, choices: Choices
+) -> None:
+    leading = leader(turn_rate=0.1)
+    motion = slot_motion(leading, SLOT)
+    state = vehicle(
+        north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
+    )
+    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    setpoint = controller.step(state, leading, period=PERIOD).setpoint
+    assert setpoint.course == pytest.approx(motion.course + motion.turn_rate / 1.2, abs=1e-4)
+    assert setpoint.speed == pytest.approx(motion.speed, abs=1e-3)
+
+
+def test_a_distant_slot_is_flown_to_within_bank_and_airspeed(
+    leader: Leader, vehicle: Vehicle, choices: Choices
+) -> None:
+    airframe = Airframe()
+    controller = MpcController(choices(), SLOT, airframe, WEIGHTS)
+    steepest = GRAVITY * math.tan(airframe.max_bank) / 20.0 / airframe.alpha
+    for east in (-300.0, 300.0):
+        setpoint = controller.step(
+            vehicle(north=-200.0, east=east), leader(), period=PERIOD
+        ).setpoint
+        assert abs(setpoint.course) <= steepest + 1e-6
+        assert airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
+
+
+def test_a_vehicle_outside_its_bounds_is_led_back_in(
+    leader: Leader, vehicle: Vehicle, choices: Choices
+) -> None:
+    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    too_fast = vehicle(north=-40.0, east=10.0, ground_speed=40.0)
+    assert controller.step(too_fast, leader(), period=PERIOD).setpoint.speed < 40.0
+    backwards = vehicle(north=-40.0, east=10.0, course=3.0)
+    assert abs(controller.step(backwards, leader(), period=PERIOD).setpoint.course - 3.0) > 0.1
+
+
+def test_the_same_states_give_the_same_setpoints(
+    leader: Leader, vehicle: Vehicle, choices: Choices
+) -> None:
+    def flown() -> list[float]:
+        controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+        states = [vehicle(north=-40.0 + 0.3 * step, east=8.0) for step in range(20)]
+        return [controller.step(state, leader(), period=PERIOD).setpoint.speed for state in states]
+
+    assert flown() == flown()
+
+
+@settings(deadline=None, derandomize=True, database=None, max_examples=60)
+@given(
+    north=st.floats(-1e4, 1e4),
+    east=st.floats(-1e4, 1e4),
+    course=st.floats(-4.0, 4.0),
+    speed=st.floats(1.0, 60.0),
+    turn_rate=st.floats(-1.0, 1.0),
+    wind=st.floats(-30.0, 30.0),
+)
+def test_wherever_a_follower_is_its_guidance_is_finite(
+    leader: Leader,
+    vehicle: Vehicle,
+    choices: Choices,
+    *,
+    north: float,
+    east: float,
+    course: float,
+    speed: float,
+    turn_rate: float,
+    wind: float,
+) -> None:
+    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    state = vehicle(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
+    setpoint = controller.step(state, leader(turn_rate=turn_rate), period=PERIOD).setpoint
+    assert math.isfinite(setpoint.course)
+    assert math.isfinite(setpoint.speed)

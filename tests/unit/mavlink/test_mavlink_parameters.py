@@ -1,0 +1,138 @@
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.arduplane_parameters import NAMES, arduplane_warnings
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.parameters import FlightNeeds, request_parameters
+from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.px4_parameters import px4_warnings
+from vfguide.mavlink.reports import ParameterReport
+
+Make = Callable[..., Any]
+
+NEEDS = FlightNeeds(
+    airspeed_min=14.0,
+    airspeed_max=26.0,
+    airspeed=20.0,
+    max_bank=math.radians(45.0),
+    # 12000 cdeg/rad are 2.094 rad/rad, and 2.094 * 9.80665 / 20 = 1.027.
+    alpha=1.027,
+    rate_hz=25.0,
+)
+
+FITTING_ARDUPLANE = {
+    "FS_GCS_ENABL": 1.0,
+    "GUIDED_P": 12_000.0,
+    "SCHED_LOOP_RATE": 200.0,
+    "AIRSPEED_MIN": 12.0,
+    "AIRSPEED_MAX": 28.0,
+    "ROLL_LIMIT_DEG": 45.0,
+}
+
+FITTING_PX4 = {
+    "COM_OF_LOSS_T": 1.0,
+    "COM_OBL_RC_ACT": 5.0,
+    "FW_AIRSPD_MIN": 12.0,
+    "FW_AIRSPD_MAX": 28.0,
+    "FW_R_LIM": 50.0,
+}
+
+
+def test_parameters_that_fit_bring_no_warning() -> None:
+    assert arduplane_warnings(FITTING_ARDUPLANE, NEEDS) == []
+    assert px4_warnings(FITTING_PX4, NEEDS) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"FS_GCS_ENABL": 0.0}, "FS_GCS_ENABL is 0: should this companion fall silent"),
+        ({"GUIDED_P": 5000.0}, "GUIDED_P is 5000: courses are taken up slowly"),
+        ({"GUIDED_P": 16_000.0}, "gives alpha 1.37 1/s at 20 m/s, and the mission says 1.027"),
+        ({"SCHED_LOOP_RATE": 20.0}, "25 reports a second will be refused"),
+        ({"SCHED_LOOP_RATE": 60.0}, "25 reports a second will come unevenly"),
+        ({"AIRSPEED_MIN": 15.0}, "AIRSPEED_MIN is 15 m/s and the mission asks for down to 14"),
+        ({"AIRSPEED_MAX": 22.0}, "AIRSPEED_MAX is 22 m/s and the mission asks for up to 26"),
+        (
+            {"ROLL_LIMIT_DEG": 30.0},
+            "ROLL_LIMIT_DEG is 30 degrees and the mission turns with up to 45",
+        ),
+    ],
+)
+def test_what_does_not_fit_arduplane_is_told_in_words(
+    changes: dict[str, float], words: str
+) -> None:
+    warnings = arduplane_warnings(FITTING_ARDUPLANE | changes, NEEDS)
+    assert any(words in warning for warning in warnings)
+
+
+def test_the_names_before_version_4_5_are_understood() -> None:
+    old = {"ARSPD_FBW_MIN": 15.0, "ARSPD_FBW_MAX": 30.0, "LIM_ROLL_CD": 3000.0}
+    first, second = arduplane_warnings(old, NEEDS)
+    assert "ARSPD_FBW_MIN is 15" in first
+    assert "LIM_ROLL_CD (in degrees) is 30" in second
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"COM_OF_LOSS_T": 0.2}, "one late setpoint ends offboard"),
+        ({"COM_OF_LOSS_T": 30.0}, "flies its last course on for that long"),
+        (
+            {"COM_OBL_RC_ACT": 6.0},
+            "COM_OBL_RC_ACT is 6: when the setpoints stop, the aircraft ends",
+        ),
+        ({"FW_AIRSPD_MIN": 15.0}, "FW_AIRSPD_MIN is 15 m/s"),
+        ({"FW_R_LIM": 40.0}, "FW_R_LIM is 40 degrees"),
+    ],
+)
+def test_what_does_not_fit_px4_is_told_in_words(changes: dict[str, float], words: str) -> None:
+    warnings = px4_warnings(FITTING_PX4 | changes, NEEDS)
+    assert [words in warning for warning in warnings] == [True]
+
+
+def test_parameters_that_are_not_known_bring_no_warning() -> None:
+    assert arduplane_warnings({}, NEEDS) == px4_warnings({}, NEEDS) == []
+
+
+@given(st.dictionaries(st.sampled_from(NAMES), st.floats(allow_nan=False, allow_infinity=False)))
+def test_any_values_are_borne(values: dict[str, float]) -> None:
+    assert all(isinstance(line, str) for line in arduplane_warnings(values, NEEDS))
+
+
+def test_parameters_are_asked_for_by_name(parsed: Make) -> None:
+    (message,) = parsed(Codec(7, 1).encode(request_parameters(7, 3, ["GUIDED_P"])))
+    assert (message.target_system, message.target_component) == (7, 3)
+    assert (message.param_id, message.param_index) == ("GUIDED_P", -1)
+
+
+def test_arduplanes_numbers_are_real_and_px4s_whole_ones_are_bytes(
+    codec: Codec, frame: Make, address: Make
+) -> None:
+    as_bytes = struct.unpack("<f", struct.pack("<i", 5))[0]
+    real = mavlink.MAVLink_param_value_message(b"FW_R_LIM", 50.0, 9, 1, 0)
+    whole = mavlink.MAVLink_param_value_message(b"COM_OBL_RC_ACT", as_bytes, 6, 1, 0)
+    reports = codec.decode(frame(real) + frame(whole))
+    px4 = Px4(address())
+    values = [
+        (report.name, px4.parameter_value(report))
+        for report in reports
+        if isinstance(report, ParameterReport)
+    ]
+    assert values == [("FW_R_LIM", 50.0), ("COM_OBL_RC_ACT", 5.0)]
+
+
+@given(value=st.floats(width=32), kind=st.integers(0, 255), name=st.binary(max_size=16))
+def test_no_parameter_value_is_too_strange(value: float, kind: int, name: bytes) -> None:
+    message = mavlink.MAVLink_param_value_message(name, value, kind, 1, 0)
+    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    for report in Codec(7, 1).decode(message.pack(sender)):
+        assert isinstance(report, ParameterReport)
+        assert report.whole is not None or math.isfinite(report.value)

@@ -1,0 +1,119 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.errors import InputError
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.signing import EPOCH_S, UNITS_PER_S, Signing, signing_key
+
+NOW_S = 1_800_000_000.0
+KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
+YEAR_S = 365.0 * 86_400.0
+
+
+def units(at_s: float) -> int:
+    return round((at_s - EPOCH_S) * UNITS_PER_S)
+
+
+def autopilot(key: bytes | None, at_s: float, *, link_id: int = 0) -> mavlink.MAVLink:
+    """The other end's encoder, which is pymavlink's own."""
+    link = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    if key is not None:
+        link.signing.secret_key, link.signing.sign_outgoing = key, True
+        link.signing.link_id, link.signing.timestamp = link_id, units(at_s)
+    return link
+
+
+def heartbeat(link: mavlink.MAVLink, mode: int = 15) -> bytes:
+    return bytes(mavlink.MAVLink_heartbeat_message(1, 3, 129, mode, 4, 3).pack(link))
+
+
+@pytest.fixture
+def codec() -> Codec:
+    return Codec(7, 1, signing=Signing(KEY, lambda: NOW_S))
+
+
+def test_who_has_the_key_is_heard(codec: Codec) -> None:
+    assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S)))) == 1
+
+
+@pytest.mark.parametrize("key", [None, OTHER_KEY])
+def test_an_unsigned_or_wrongly_signed_packet_is_not_heard(codec: Codec, key: bytes | None) -> None:
+    assert codec.decode(heartbeat(autopilot(key, NOW_S))) == []
+    assert codec.counters["not signed"] == 1
+
+
+def test_a_mavlink_1_packet_is_not_heard(codec: Codec) -> None:
+    message = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
+    frame = bytes(message.pack(autopilot(None, NOW_S), force_mavlink1=True))
+    assert codec.decode(frame) == []
+
+
+def test_a_packet_played_back_is_not_heard(codec: Codec) -> None:
+    frame = heartbeat(autopilot(KEY, NOW_S))
+    codec.decode(frame)
+    assert codec.decode(frame) == []
+
+
+def test_a_recording_of_a_stream_not_heard_before_is_not_heard(codec: Codec) -> None:
+    assert codec.decode(heartbeat(autopilot(KEY, NOW_S - 61.0))) == []
+    assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S - 59.0)))) == 1
+
+
+def test_a_forged_packet_from_the_future_shuts_nobody_out(codec: Codec) -> None:
+    true_sender = autopilot(KEY, NOW_S)
+    codec.decode(heartbeat(true_sender))
+    assert codec.decode(heartbeat(autopilot(OTHER_KEY, NOW_S + 50.0 * YEAR_S))) == []
+    assert len(codec.decode(heartbeat(true_sender))) == 1
+    assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S + 1.0, link_id=9)))) == 1
+
+
+def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
+    clock = [NOW_S]
+    codec = Codec(7, 1, signing=Signing(KEY, lambda: clock[0]))
+    message = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+
+    def stamps() -> list[int]:
+        return [
+            int.from_bytes(frame.content[-12:-6], "little")
+            for frame in frames_of(codec.encode([message] * 3))
+            if frame is not None
+        ]
+
+    first = stamps() + stamps()
+    assert len(set(first)) == 6
+    clock[0] += 3600.0
+    assert stamps()[0] == pytest.approx(units(clock[0]), abs=10)
+
+
+def test_what_is_said_is_signed_so_that_pymavlink_itself_believes_it(codec: Codec) -> None:
+    message = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+    listener = mavlink.MAVLink(None)
+    listener.signing.secret_key = KEY
+    (heard,) = listener.parse_buffer(codec.encode([message]))
+    assert heard.get_signed()
+    # Speaking does not change how is listened: the key is not pymavlink's to check with.
+    assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S)))) == 1
+    assert codec.decode(heartbeat(autopilot(OTHER_KEY, NOW_S + YEAR_S))) == []
+
+
+def test_without_a_key_a_signature_is_passed_over() -> None:
+    assert len(Codec(7, 1).decode(heartbeat(autopilot(OTHER_KEY, NOW_S)))) == 1
+
+
+@given(st.integers(0, 33), st.integers(1, 255))
+def test_no_change_of_a_signed_frame_is_heard(position: int, bits: int) -> None:
+    codec = Codec(7, 1, signing=Signing(KEY, lambda: NOW_S))
+    frame = bytearray(heartbeat(autopilot(KEY, NOW_S)))
+    frame[position % len(frame)] ^= bits
+    assert codec.decode(bytes(frame)) == []
+
+
+def test_a_key_is_64_hexadecimal_digits_and_a_wrong_one_is_not_repeated() -> None:
+    assert signing_key(f" {KEY.hex()}\n") == KEY
+    for wrong in ("", "secret", KEY.hex()[2:], "z" * 64):
+        with pytest.raises(InputError) as caught:
+            signing_key(wrong)
+        assert not wrong or wrong not in str(caught.value)

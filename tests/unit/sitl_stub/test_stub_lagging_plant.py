@@ -1,0 +1,165 @@
+import math
+from collections.abc import Callable
+
+import pytest
+
+from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub.lagging_plant import tecs_acceleration_m_s2, tecs_integral_rate_m_s3, wanted_bank_rad
+from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
+from sitl_stub.plant_state import PlantState
+from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+
+BANK = PlantParameters(kind="bank")
+TECS = PlantParameters(speed_response="tecs")
+
+
+def state(**changes: float) -> PlantState:
+    fields = {"direction_rad": 0.0, "speed_m_s": 20.0, "altitude_amsl_m": 500.0} | changes
+    return PlantState(
+        fields["direction_rad"],
+        fields["speed_m_s"],
+        "airspeed",
+        math.radians(47.0),
+        0.1,
+        fields["altitude_amsl_m"],
+    )
+
+
+def targets(course_rad: float = 0.0, speed_m_s: float = 20.0, hold: str = "course") -> Targets:
+    turn = TurnTarget("bank" if hold == "bank" else "course", course_rad)
+    return Targets(turn, SpeedTarget("airspeed", speed_m_s), HeightTarget(500.0))
+
+
+def flown(
+    plant: PlantParameters,
+    wanted: Targets | Callable[[float], Targets],
+    seconds: float,
+    wind: Wind | None = None,
+    *,
+    step_s: float = 0.005,
+    start: PlantState | None = None,
+) -> list[PlantState]:
+    states = [start or state()]
+    for index in range(round(seconds / step_s)):
+        now_s = index * step_s
+        aim = wanted if isinstance(wanted, Targets) else wanted(now_s)
+        states.append(
+            lagging_stepped(plant, aim, states[-1], wind or CalmWind(), time_s=now_s, step_s=step_s)
+        )
+    return states
+
+
+def test_12000_cdeg_per_rad_bank_12_deg_for_a_course_error_of_a_tenth() -> None:
+    wanted = wanted_bank_rad(BANK, TurnTarget("course", 0.1), course_rad=0.0, heading_rad=0.0)
+    assert math.degrees(wanted) == pytest.approx(12.0)
+
+
+def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded() -> None:
+    far = TurnTarget("course", -2.0)
+    assert wanted_bank_rad(BANK, far, course_rad=0.0, heading_rad=0.0) == pytest.approx(
+        -math.pi / 4
+    )
+    # atan(2 / 9.80665) = 11.53 deg
+    weak = TurnTarget("course", 2.0, 2.0)
+    assert math.degrees(
+        wanted_bank_rad(BANK, weak, course_rad=0.0, heading_rad=0.0)
+    ) == pytest.approx(11.527, abs=1e-3)
+
+
+def test_the_roll_follows_with_its_time_constant() -> None:
+    end = flown(BANK, targets(0.5, hold="bank"), 0.4)[-1]
+    assert end.roll_rad == pytest.approx(0.5 * (1.0 - math.exp(-1.0)), abs=1e-4)
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.7])
+def test_the_turn_is_that_of_the_bank_flown(efficiency: float) -> None:
+    plant = PlantParameters(kind="bank", turn_efficiency=efficiency)
+    states = flown(plant, targets(math.radians(30.0), hold="bank"), 6.0)
+    rate = math.remainder(states[-1].direction_rad - states[-201].direction_rad, math.tau)
+    # g tan(30 deg) / 20 = 0.28310 rad/s
+    assert rate == pytest.approx(efficiency * 0.28310, abs=1e-4)
+
+
+def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane() -> None:
+    # GUIDED_P 10000 to 15000, turns at 70 %: t63 1.2 s, t90 2.4 to 3.7 s, overshoot at most 1 %.
+    plant = PlantParameters(kind="bank", turn_efficiency=0.7)
+    states = flown(plant, targets(math.radians(30.0)), 20.0)
+    shares = [one.direction_rad / math.radians(30.0) for one in states]
+    t63_s = next(index for index, share in enumerate(shares) if share > 0.632) * 0.005
+    t90_s = next(index for index, share in enumerate(shares) if share > 0.9) * 0.005
+    assert t63_s == pytest.approx(1.6, abs=0.45)
+    assert 2.0 < t90_s < 3.7
+    assert max(shares[:-1]) < 1.02
+
+
+def test_the_course_is_held_through_a_crosswind() -> None:
+    end = flown(BANK, targets(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
+    assert math.degrees(math.remainder(end.direction_rad, math.tau)) == pytest.approx(
+        -14.4775, abs=0.01
+    )
+    assert end.roll_rad == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots() -> None:
+    states = flown(TECS, targets(speed_m_s=25.0), 60.0)
+    first = (states[40].speed_m_s - states[0].speed_m_s) / 0.2
+    assert first == pytest.approx(2.5, abs=0.01)
+    assert 25.2 < max(one.speed_m_s for one in states) < 26.0
+    assert states[-1].speed_m_s == pytest.approx(25.0, abs=0.1)
+
+
+def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured() -> None:
+    # Measured on ArduPlane with the dead time of 0.5 s: gain 0.93 to 1.07, 2.2 to 2.4 s late.
+    omega = math.tau / 24.0
+    states = flown(
+        TECS, lambda now_s: targets(speed_m_s=20.0 + 1.5 * math.sin(omega * now_s)), 240.0
+    )
+    last = states[-round(48.0 / 0.005) :]
+    start_s = 240.0 - 48.0
+    phases = [omega * (start_s + index * 0.005) for index in range(len(last))]
+    sine = sum(
+        (one.speed_m_s - 20.0) * math.sin(phase) for one, phase in zip(last, phases, strict=True)
+    )
+    cosine = sum(
+        (one.speed_m_s - 20.0) * math.cos(phase) for one, phase in zip(last, phases, strict=True)
+    )
+    gain = math.hypot(sine, cosine) * 2.0 / len(last) / 1.5
+    late_s = math.atan2(-cosine, sine) / omega + TECS.speed_delay_s
+    assert 0.93 < gain < 1.07
+    assert 2.2 < late_s < 2.4
+
+
+def test_height_gives_way_by_some_metres_while_the_speed_changes() -> None:
+    states = flown(TECS, targets(speed_m_s=26.0), 60.0)
+    lost_m = 500.0 - min(one.altitude_amsl_m for one in states)
+    assert 2.0 < lost_m < 5.0
+    assert states[-1].altitude_amsl_m == pytest.approx(500.0, abs=0.2)
+
+
+def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit() -> None:
+    assert tecs_acceleration_m_s2(10.0, 0.0, 2.5) == 2.5
+    assert tecs_integral_rate_m_s3(10.0, 0.0, 2.5) == 0.0
+    assert tecs_integral_rate_m_s3(1.0, 0.0, 2.5) == pytest.approx(0.03)
+    assert tecs_integral_rate_m_s3(-1.0, 3.5, 2.5) == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize("plant", [BANK, PlantParameters(kind="bank", speed_response="tecs")])
+def test_the_step_is_converged_to_centimetres_over_two_minutes(plant: PlantParameters) -> None:
+    def aim(now_s: float) -> Targets:
+        at_s = math.floor(now_s / 0.05 + 1e-6) * 0.05
+        return targets(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s))
+
+    def end(step_s: float) -> PlantState:
+        return flown(plant, aim, 120.0, SteadyWind(5.0, 1.0), step_s=step_s)[-1]
+
+    coarse, fine = end(MAX_LAGGING_STEP_S), end(0.0025)
+    apart_m = 6.4e6 * math.hypot(
+        coarse.latitude_rad - fine.latitude_rad,
+        (coarse.longitude_rad - fine.longitude_rad) * math.cos(fine.latitude_rad),
+    )
+    assert apart_m < 0.05
+
+
+def test_a_ground_speed_hold_cannot_lag() -> None:
+    with pytest.raises(ValueError, match="tecs"):
+        PlantParameters(kind="course-hold", speed_response="tecs")

@@ -1,0 +1,173 @@
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import PlantParameters
+from sitl_stub.parameters import Parameters, ParameterType, int8, int16, int32, real, stored
+
+Station = Callable[..., Any]
+Vehicle = Any  # the ground station of conftest.py, which tests cannot import
+
+Value = Any  # a PARAM_VALUE
+
+INT32, REAL32 = 6, 9
+
+
+def listed(vehicle: Vehicle) -> list[Any]:
+    """The whole list, which comes by and by."""
+    values = vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
+    values += vehicle.advance(vehicle.autopilot.truth().time_s + 0.9)
+    return [value for value in values if value.get_type() == "PARAM_VALUE"]
+
+
+def read(vehicle: Vehicle, name: str) -> Value:
+    (value,) = vehicle.send(
+        mavlink.MAVLink_param_request_read_message(7, 1, name.encode("ascii"), -1)
+    )
+    return value
+
+
+def write(vehicle: Vehicle, name: str, value: float, kind: int = REAL32) -> list[Any]:
+    replies: list[Any] = vehicle.send(
+        mavlink.MAVLink_param_set_message(7, 1, name.encode("ascii"), value, kind)
+    )
+    return replies
+
+
+def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown(station: Station) -> None:
+    values = listed(station())
+    assert [value.param_index for value in values] == list(range(len(values)))
+    assert {value.param_count for value in values} == {len(values)}
+    by_name = {value.param_id: value.param_value for value in values}
+    assert (by_name["AIRSPEED_MIN"], by_name["AIRSPEED_MAX"]) == (12.0, 32.0)
+    assert by_name["ROLL_LIMIT_DEG"] == pytest.approx(45.0)
+    assert by_name["FS_GCS_ENABL"] == 0.0
+    assert {"GUIDED_P", "SCHED_LOOP_RATE", "FS_LONG_ACTN", "TKOFF_ALT"} <= by_name.keys()
+
+
+def test_a_list_comes_in_parts_so_that_datagrams_stay_short(station: Station) -> None:
+    vehicle = station()
+    first = vehicle.autopilot.receive(
+        vehicle.frame(mavlink.MAVLink_param_request_list_message(7, 1))
+    )
+    assert len(first) < 500
+
+
+def test_one_is_read_by_name_or_by_number_and_none_that_is_none(station: Station) -> None:
+    vehicle = station()
+    value = read(vehicle, "AIRSPEED_MIN")
+    (same,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", value.param_index))
+    assert (same.param_id, same.param_value) == ("AIRSPEED_MIN", 12.0)
+    assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"NONE", -1)) == []
+    assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", 999)) == []
+    assert write(vehicle, "NONE", 1.0) == []
+
+
+def test_a_new_airspeed_limit_is_stored_answered_and_flown_by(station: Station) -> None:
+    vehicle = station()
+    vehicle.guided()
+    (answer,) = write(vehicle, "AIRSPEED_MAX", 24.0)
+    assert answer.param_value == 24.0
+    assert read(vehicle, "AIRSPEED_MAX").param_value == 24.0
+    assert vehicle.result(vehicle.command_int(43000, 0, 25.0)) == "FAILED"
+    assert vehicle.result(vehicle.command_int(43000, 0, 24.0)) == "ACCEPTED"
+
+
+def test_guided_p_is_what_the_bank_plant_flies_by(station: Station) -> None:
+    vehicle = station(plant=PlantParameters(kind="bank"))
+    assert read(vehicle, "GUIDED_P").param_value == 12_000.0
+    vehicle.guided()
+    vehicle.command_int(43002, 0, 0.0, 9.8)
+    vehicle.advance(20.0)
+    write(vehicle, "GUIDED_P", 3000.0)
+    vehicle.command_int(43002, 0, 20.0, 9.8)
+    vehicle.advance(20.5)
+    # 3000 cdeg/rad * 0.349 rad = 10.5 deg at most
+    assert 0.0 < math.degrees(vehicle.autopilot.truth().bank_rad) < 10.5
+
+
+def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    version = vehicle.command_long(512, 148)[-1]
+    assert version.capabilities & 16
+    assert not version.capabilities & 2
+    value = read(vehicle, "COM_OBL_RC_ACT")
+    assert value.param_type == INT32
+    assert struct.pack("<f", value.param_value) == struct.pack("<i", 5)
+    (three,) = struct.unpack("<f", struct.pack("<i", 3))
+    write(vehicle, "COM_OBL_RC_ACT", three, INT32)
+    assert struct.pack("<f", read(vehicle, "COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
+
+
+def test_px4_s_offboard_loss_obeys_its_parameters(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    write(vehicle, "COM_OF_LOSS_T", 3.0)
+    (return_home,) = struct.unpack("<f", struct.pack("<i", 3))
+    write(vehicle, "COM_OBL_RC_ACT", return_home, INT32)
+    vehicle.velocity_setpoint(20.0, 0.0)
+    vehicle.command_long(176, 1, 6)
+    vehicle.advance(2.9)
+    assert vehicle.autopilot.truth().mode == "OFFBOARD"
+    vehicle.advance(3.1)
+    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
+
+
+def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    first = listed(vehicle)[0]
+    assert (first.param_id, first.param_index) == ("_HASH_CHECK", 65_535)
+    before = struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value)
+    write(vehicle, "NAV_LOITER_RAD", 120.0)
+    assert struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value) != before
+
+
+def test_telling_px4_the_checksum_ends_its_list(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
+    write(vehicle, "_HASH_CHECK", 0.0)
+    names = [message.get_type() for message in vehicle.advance(1.0)]
+    assert "PARAM_VALUE" not in names
+
+
+def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on(station: Station) -> None:
+    vehicle = station()
+    heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    vehicle.guided()
+    vehicle.send(heartbeat)
+    vehicle.advance(60.0)
+    assert vehicle.autopilot.truth().mode == "GUIDED"  # off, as it comes
+    write(vehicle, "FS_GCS_ENABL", 1.0)
+    write(vehicle, "FS_LONG_ACTN", 1.0)
+    for second in range(61, 80):
+        vehicle.send(heartbeat)
+        vehicle.advance(float(second))
+    assert vehicle.autopilot.truth().mode == "GUIDED"
+    vehicle.advance(90.0)
+    assert vehicle.autopilot.truth().mode == "RTL"
+
+
+@given(st.floats(width=32), st.sampled_from(["A", "B", "C", "D"]))
+def test_whatever_is_set_stays_a_finite_number_within_its_type(value: float, name: str) -> None:
+    for encoding in ("cast", "bytewise"):
+        parameters = Parameters(
+            [real("A", 1.0), int8("B", 1), int16("C", 1), int32("D", 1)],
+            "cast" if encoding == "cast" else "bytewise",
+        )
+        parameters.set(name, parameters.decoded(name, value))
+        assert math.isfinite(parameters[name])
+        assert math.isfinite(stored(parameters.kind(name), parameters[name]))
+        struct.pack("<f", parameters.encoded(name))
+
+
+def test_a_type_bounds_and_rounds_what_it_stores() -> None:
+    assert stored(ParameterType.INT8, 200.4) == 127.0
+    assert stored(ParameterType.INT16, -1e9) == -32_768.0
+    assert stored(ParameterType.INT16, 11.6) == 12.0
+    assert stored(ParameterType.REAL32, 0.1) == pytest.approx(0.1, abs=1e-8)
+    assert math.isfinite(stored(ParameterType.REAL32, 1e300))

@@ -1,0 +1,36 @@
+"""Each part of the laws switched off alone, on the four missions."""
+
+from typing import Any
+
+from vfguide.bench.article import MISSIONS
+from vfguide.bench.flown import Case
+
+ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "as shipped": {},
+    "no slot motion": {"controller": {"type": "article"}},
+    "no rates of the slot's motion": {"controller": {"rate_feedforward": False}},
+    "no wind rate": {"controller": {"wind_feedforward": False}},
+    "no delay compensation": {"controller": {"predict_leader": False}},
+    "no measured leader speed (observer)": {"controller": {"leader_speed_source": "observer"}},
+    "boundary layer of the article": {"controller": {"boundary_layer_factor": 0.0}},
+    "no position filter": {"controller": {"position_filter_s": 0.0}},
+    "no giving way": {"controller": {"give_way": False}},
+}
+"""Fields of the mission that switch one part off."""
+
+QUICK_S, FULL_S = 120.0, 300.0
+
+
+def ablation_cases(*, quick: bool) -> list[Case]:
+    """Every part off, on every mission."""
+    duration_s = QUICK_S if quick else FULL_S
+    return [
+        Case(
+            mission=mission,
+            controller=changes.get("controller", {}).get("type", "slot"),
+            changes={**changes, "rehearsal": {"duration_s": duration_s}},
+            label=name,
+        )
+        for name, changes in ABLATIONS.items()
+        for mission in MISSIONS
+    ]

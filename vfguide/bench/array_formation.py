@@ -1,0 +1,298 @@
+"""Thousands of formations at once: the laws on arrays, a plant on arrays, and nothing in between.
+
+What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step: every
+vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are called,
+with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a formation.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from vfguide.bench.array_ground import Ground, Report
+from vfguide.bench.array_plant import Fleet, Targets
+from vfguide.bench.array_wind import SwingingWind
+from vfguide.companion.boot_clock import BootClock
+from vfguide.companion.own_vehicle import PERIOD_SHARE
+from vfguide.elementwise import FloatArray, hypot
+from vfguide.guidance.follower import follower_step
+from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
+from vfguide.guidance.leader import LeaderTask, leader_step
+from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
+from vfguide.guidance.navigation import Sample, first_state, navigate
+from vfguide.guidance.pid import PidMemory, first_memory, pid_step
+from vfguide.guidance.settings import GuidanceSettings, PidGains
+from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What a batch of formations has in common."""
+
+    task: LeaderTask
+    """Of every leader."""
+    settings: GuidanceSettings
+    """Of every law."""
+    airframe: Airframe
+    """What the laws take the vehicles for."""
+    plant: Airframe
+    """What the vehicles are."""
+    ground: Ground
+    """What they fly over, and how positions are reported."""
+    rounded: bool
+    """Whether reports and setpoints are rounded as MAVLink rounds them."""
+    rate_hz: float
+    """Of the loop."""
+    duration_s: float
+    """Of the flights."""
+    link_delay_s: float
+    """Age of a leader state on arrival."""
+    position_noise_m: float = 0.0
+    """Standard deviation of the reported positions on each axis."""
+    engaged_after_s: float = 1.0
+    """The companion's first try to engage its autopilot; the setpoints begin one step later."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Where everybody begins, 1 + F rows by M columns, and in which wind."""
+
+    north: FloatArray
+    """m."""
+    east: FloatArray
+    """m."""
+    course: FloatArray
+    """rad."""
+    airspeed: float
+    """m/s."""
+    wind: SwingingWind
+    """Of each formation."""
+    slot: Slot[FloatArray]
+    """Offsets, F by 1 or F by M."""
+    pid: PidGains[FloatArray] | None = None
+    """For the law `pid`: gains that may differ between formations."""
+
+
+Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]
+"""Hears the time, the distances from the slots (F by M, m) and the followers' setpoints, at each step."""
+
+
+def fleet_at(start: Start, conditions: Conditions) -> Fleet:
+    """The vehicles in the air, loitering."""
+    wind_north, wind_east = start.wind.at(0.0)
+    airspeed = np.full_like(start.course, start.airspeed)
+    direction = start.course
+    if conditions.plant.hold == "heading-hold":
+        over_ground = ground_speed_on_course(airspeed, start.course, wind_north, wind_east)
+        direction = np.arctan2(
+            over_ground * np.sin(start.course) - wind_east,
+            over_ground * np.cos(start.course) - wind_north,
+        )
+    return Fleet(
+        airframe=conditions.plant,
+        ground=conditions.ground,
+        wind=start.wind,
+        direction=direction,
+        speed=airspeed,
+        place=conditions.ground.place(start.north, start.east),
+        targets=Targets(None, airspeed),
+    )
+
+
+class Followers:
+    """The followers' law, with its memory."""
+
+    def __init__(self, start: Start, conditions: Conditions) -> None:
+        self._slot = start.slot
+        self._conditions = conditions
+        self._gains = start.pid
+        self._memory: PidMemory[FloatArray] | None = None
+
+    def step(
+        self,
+        state: VehicleState[FloatArray],
+        leader: LeaderState[FloatArray],
+        period: float,
+    ) -> Setpoint[FloatArray]:
+        """Setpoints by a leader state that is as old as it is."""
+        conditions, slot = self._conditions, self._slot
+        settings, airframe = conditions.settings, conditions.airframe
+        if self._gains is None:
+            return follower_step(state, leader, slot, settings, airframe, period=period).setpoint
+        if settings.predict_leader:
+            leader = predict_leader(leader, state.time_s)
+        motion = slot_motion(leader, slot)
+        error = formation_error(motion, state)
+        guidance, self._memory = pid_step(
+            state,
+            motion,
+            error,
+            self._memory or first_memory(error),
+            gains=self._gains,
+            airframe=airframe,
+            period=period,
+            wind_feedforward=settings.wind_feedforward,
+            rho=settings.sliding.rho,
+        )
+        return guidance.setpoint
+
+    def reset(self) -> None:
+        """Forget what was learnt."""
+        self._memory = None
+
+
+def fly_formations(
+    start: Start, conditions: Conditions, watch: Watcher, random: Generator | None = None
+) -> None:
+    """Fly a batch of formations to the end.
+
+    Args:
+        start: where they begin.
+        conditions: what they have in common.
+        watch: hears what happens.
+        random: for the noise, where there is any.
+    """
+    fleet = fleet_at(start, conditions)
+    followers = Followers(start, conditions)
+    clock = Clock(conditions.rate_hz)
+    delayed = math.ceil(conditions.link_delay_s * conditions.rate_hz - 1e-6)
+    heard: deque[LeaderState[FloatArray]] = deque(maxlen=delayed + 1)
+    engaged = round(conditions.engaged_after_s * conditions.rate_hz) + 1
+    steps = math.floor(conditions.duration_s * conditions.rate_hz + 1e-6)
+    state: VehicleState[FloatArray] | None = None
+    motion: LeaderState[FloatArray] | None = None
+    for step in range(steps + 1):
+        now = step / conditions.rate_hz
+        if step > 0:
+            fleet.advance((step - 1) / conditions.rate_hz, 1.0 / conditions.rate_hz)
+        time_s = clock.report(now)
+        sample, said = reported(fleet, conditions, now, random)
+        sample = replace(sample, time_s=time_s)
+        filters = conditions.settings.filters
+        state = first_state(sample) if state is None else navigate(state, sample, filters)
+        leaders = rows(state, 0)
+        motion = (
+            leader_at_rest(leaders)
+            if motion is None
+            else estimate_leader(
+                motion, leaders, conditions.airframe, conditions.settings.rate_filter_s
+            )
+        )
+        north, east = conditions.ground.shifted(
+            (said[0][0], said[1][0]),
+            motion.north - sample.north[0],
+            motion.east - sample.east[0],
+        )
+        heard.append(replace(motion, north=north, east=east))
+        if step < engaged:
+            # As in a companion that waits: it is guided already, and has learnt nothing.
+            followers.reset()
+        following = followers.step(rows(state, slice(1, None)), heard[0], clock.period)
+        if step >= engaged:
+            leading = leader_step(
+                leaders,
+                conditions.task,
+                conditions.settings,
+                conditions.airframe,
+                period=clock.period,
+            ).setpoint
+            course, speed = told(
+                np.vstack([leading.course[None], following.course]),
+                np.vstack([leading.speed[None], following.speed]),
+                rounded=conditions.rounded,
+            )
+            fleet.guide(course, speed, now)
+        watch(now, slot_distances(fleet, now, start.slot), following if step >= engaged else None)
+
+
+class Clock:
+    """The time of reports as companions see it, to the last bit: stamps in milliseconds, a mean period."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.period = 1.0 / rate_hz
+        """Mean interval between reports, s."""
+        self._boot = BootClock()
+        self._newest: float | None = None
+
+    def report(self, now: float) -> float:
+        """When a report that is read now was true, s."""
+        time_s = self._boot.shared_time(round(now * 1e3) * 1e-3, now)
+        if self._newest is not None:
+            self.period += PERIOD_SHARE * (time_s - self._newest - self.period)
+        self._newest = time_s
+        return time_s
+
+
+def reported(
+    fleet: Fleet, conditions: Conditions, time_s: float, random: Generator | None
+) -> tuple[Sample[FloatArray], Report]:
+    """What the autopilots report now, in the local frame; and the positions as they are reported."""
+    moving = fleet.motion(time_s)
+    wind_north, wind_east = fleet.wind.at(time_s)
+    air_north, air_east = moving.north - wind_north, moving.east - wind_east
+    if fleet.airframe.hold == "heading-hold":
+        heading, airspeed = fleet.direction, fleet.speed
+    else:
+        heading, airspeed = np.arctan2(air_east, air_north), np.hypot(air_north, air_east)
+    place = fleet.place
+    if random is not None and conditions.position_noise_m > 0.0:
+        shape = (2, *fleet.direction.shape)
+        place = fleet.ground.moved(
+            place, *(conditions.position_noise_m * random.standard_normal(shape))
+        )
+    velocity_north, velocity_east = moving.north, moving.east
+    if conditions.rounded:
+        velocity_north, velocity_east = np.rint(moving.north * 100.0), np.rint(moving.east * 100.0)
+        velocity_north, velocity_east = velocity_north * 1e-2, velocity_east * 1e-2
+        heading = np.radians((np.rint(np.degrees(heading) * 100.0) % 36_000.0) * 1e-2)
+        airspeed = airspeed.astype(np.float32).astype(np.float64)
+    said = fleet.ground.report(place, rounded=conditions.rounded)
+    north, east = fleet.ground.local(said)
+    sample = Sample(
+        time_s=time_s,
+        north=north,
+        east=east,
+        velocity_north=velocity_north,
+        velocity_east=velocity_east,
+        heading=heading,
+        airspeed=airspeed,
+    )
+    return sample, said
+
+
+def told(course: FloatArray, speed: FloatArray, *, rounded: bool) -> tuple[FloatArray, FloatArray]:
+    """Setpoints as they reach the autopilots: a thousandth of a degree, single precision."""
+    if not rounded:
+        return course, speed
+    degrees = np.round(np.degrees(course) % 360.0, 3) % 360.0
+    return (
+        np.radians(degrees.astype(np.float32).astype(np.float64)),
+        speed.astype(np.float32).astype(np.float64),
+    )
+
+
+def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:
+    """Some rows of a state."""
+    taken: dict[str, Any] = {
+        name: getattr(state, name)[wanted]
+        for name in VehicleState.__dataclass_fields__
+        if name != "time_s"
+    }
+    return replace(state, **taken)
+
+
+def slot_distances(fleet: Fleet, time_s: float, slot: Slot[FloatArray]) -> FloatArray:
+    """Distances of the followers from their slots in the leaders' true course frame, m."""
+    north, east = fleet.ground.local(fleet.ground.report(fleet.place, rounded=False))
+    moving = fleet.motion(time_s)
+    speed = np.hypot(moving.north[0], moving.east[0])
+    ahead, aside = moving.north[0] / speed, moving.east[0] / speed
+    slot_north = north[0] + slot.forward * ahead - slot.right * aside
+    slot_east = east[0] + slot.forward * aside + slot.right * ahead
+    return hypot(slot_north - north[1:], slot_east - east[1:])

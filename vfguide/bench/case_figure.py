@@ -1,0 +1,77 @@
+"""A figure for each case, like the article's: tracks, and the followers' distances from their slots."""
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vfguide.bench.comparison import LAWS
+from vfguide.bench.flown import Tracks
+from vfguide.report.picture import save_figure
+from vfguide.report.style import (
+    DOTS_PER_INCH,
+    FOLLOWER_COLOURS,
+    LEADER_COLOUR,
+    SMALL_SIZE,
+    TITLE_SIZE,
+)
+
+LEAST_ERROR_M = 1e-3
+"""Below this no error is drawn: the scale is logarithmic."""
+
+LAW_COLOURS = dict(zip(LAWS, FOLLOWER_COLOURS, strict=False))
+
+
+def draw_case(mission: str, law: str, tracks: Tracks, directory: Path) -> Path:
+    """Tracks on the left, errors over time on the right."""
+    figure = Figure(figsize=(9.0, 3.8), dpi=DOTS_PER_INCH, layout="constrained")
+    map_axes, error_axes = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
+    figure.suptitle(f"{mission}, {law}", fontsize=TITLE_SIZE)
+    colours = dict(zip(tracks.error_m, FOLLOWER_COLOURS, strict=False))
+    for name, north in tracks.north_m.items():
+        colour = colours.get(name, LEADER_COLOUR)
+        map_axes.plot(tracks.east_m[name], north, color=colour, linewidth=0.8, label=name)
+        map_axes.plot(tracks.east_m[name][0], north[0], "o", color=colour, markersize=3)
+    map_axes.set_aspect("equal", adjustable="datalim")
+    map_axes.set_xlabel("east, m")
+    map_axes.set_ylabel("north, m")
+    map_axes.legend(fontsize=SMALL_SIZE, loc="upper left")
+    for name, error in tracks.error_m.items():
+        error_axes.plot(
+            tracks.time_s, error.clip(LEAST_ERROR_M), color=colours[name], linewidth=0.8, label=name
+        )
+    dress_errors(error_axes)
+    return save_figure(figure, directory / f"{mission}-{law}.png")
+
+
+def draw_laws(tracks: dict[tuple[str, str], Tracks], directory: Path) -> Path:
+    """The greatest follower error over time of every law, a panel for each mission."""
+    missions = list(dict.fromkeys(mission for mission, _ in tracks))
+    figure = Figure(figsize=(9.0, 5.6), dpi=DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    for mission, axes in zip(missions, panels.flat, strict=False):
+        for law in LAWS:
+            drawn = tracks[mission, law]
+            worst = next(iter(drawn.error_m.values()))
+            for error in drawn.error_m.values():
+                worst = worst.clip(min=error)
+            axes.plot(
+                drawn.time_s,
+                worst.clip(LEAST_ERROR_M),
+                color=LAW_COLOURS[law],
+                linewidth=0.9,
+                label=law,
+            )
+        axes.set_title(mission, fontsize=TITLE_SIZE)
+        dress_errors(axes)
+    return save_figure(figure, directory / "laws.png")
+
+
+def dress_errors(axes: Axes) -> None:
+    """Scales, labels and legend of errors over time."""
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=LEAST_ERROR_M)
+    axes.grid(visible=True, which="major", linewidth=0.4)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("distance from the slot, m")
+    axes.legend(fontsize=SMALL_SIZE, loc="upper right")

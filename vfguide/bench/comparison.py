@@ -1,0 +1,179 @@
+"""The article's comparison: missions, laws, plants, twice: as shipped, and over a bad link with noise."""
+
+import math
+from collections.abc import Iterable
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, fields
+from random import Random
+from typing import Any
+
+from vfguide.bench.article import FOLLOWER_STARTS, LEADER_STARTS, MISSIONS, Changes
+from vfguide.bench.flown import Case, Figures, Tracks, fly
+from vfguide.bench.spread import flown_by
+
+LAWS = ("slot", "article", "pid", "mpc")
+PLANTS = ("heading-hold", "course-hold")
+
+BAD_LINK = {
+    "link_delay_s": 0.2,
+    "link_jitter_s": 0.05,
+    "link_loss": 0.2,
+    "position_noise_m": 0.3,
+}
+"""The conditions of the flights that differ by their seed."""
+
+START_SPREAD_M = 25.0
+"""And so do the starts, by up to this on each axis."""
+
+STUDENT = {
+    2: 12.706,
+    3: 4.303,
+    4: 3.182,
+    5: 2.776,
+    6: 2.571,
+    7: 2.447,
+    8: 2.365,
+    9: 2.306,
+    10: 2.262,
+}
+"""97.5 % points of Student's t for the mean of so many values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """How much is flown."""
+
+    duration_s: float
+    """Of each flight."""
+    seeds: int
+    """Flights over the bad link for each mission, law and plant."""
+    bad_link_plants: tuple[str, ...]
+    """Plants that are flown over the bad link."""
+
+
+FULL = Extent(duration_s=300.0, seeds=5, bad_link_plants=PLANTS)
+QUICK = Extent(duration_s=120.0, seeds=2, bad_link_plants=PLANTS[:1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One mission, law, plant and condition."""
+
+    mission: str
+    """Of the four."""
+    law: str
+    """Of the four."""
+    plant: str
+    """Of the two."""
+    condition: str
+    """`shipped` or `bad link`."""
+    flights: int
+    """Over which the mean is taken."""
+    mean: Figures
+    """Of each figure; settling: None if any flight did not."""
+    half_width: dict[str, float | None]
+    """Of the 95 % confidence interval of each mean; None for a single flight."""
+
+
+def cases(extent: Extent) -> list[Case]:
+    """Everything that is flown."""
+    shipped = [
+        Case(
+            mission=mission,
+            controller=law,
+            plant=plant,
+            changes={"rehearsal": {"duration_s": extent.duration_s}},
+            label="shipped",
+            drawn=plant == PLANTS[0],
+        )
+        for mission in MISSIONS
+        for law in LAWS
+        for plant in PLANTS
+    ]
+    bad = [
+        Case(
+            mission=mission,
+            controller=law,
+            plant=plant,
+            changes=seeded(mission, seed, extent.duration_s),
+            label="bad link",
+        )
+        for mission in MISSIONS
+        for law in LAWS
+        for plant in extent.bad_link_plants
+        for seed in range(1, extent.seeds + 1)
+    ]
+    return shipped + bad
+
+
+def seeded(mission: str, seed: int, duration_s: float) -> Changes:
+    """A flight over the bad link: noise, losses and starts of this seed, the same for every law."""
+    random = Random(seed)
+    starts: dict[str, Any] = {
+        follower: {
+            "forward_m": ahead + random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "right_m": right + random.uniform(-START_SPREAD_M, START_SPREAD_M),
+        }
+        for follower, (ahead, right) in FOLLOWER_STARTS.items()
+    }
+    starts["leader"] = LEADER_STARTS[mission.partition("-")[0]]
+    return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
+
+
+def compare(executor: Executor, extent: Extent) -> tuple[list[Row], dict[tuple[str, str], Tracks]]:
+    """Fly everything; the table, and the tracks by mission and law."""
+    flown = cases(extent)
+    results = list(flown_by(executor, fly, flown))
+    tracks = {
+        (case.mission, case.controller): drawn
+        for case, (_, drawn) in zip(flown, results, strict=True)
+        if drawn is not None
+    }
+    return list(rows(zip(flown, (figures for figures, _ in results), strict=True))), tracks
+
+
+def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[Row]:
+    """One row for all flights that differ by nothing but their seed."""
+    groups: dict[tuple[str, str, str, str], list[Figures]] = {}
+    for case, figures in results:
+        key = (case.mission, case.controller, case.plant, case.label)
+        groups.setdefault(key, []).append(figures)
+    for (mission, law, plant, condition), several in groups.items():
+        mean, half_width = summed_up(several)
+        yield Row(
+            mission=mission,
+            law=law,
+            plant=plant,
+            condition=condition,
+            flights=len(several),
+            mean=mean,
+            half_width=half_width,
+        )
+
+
+def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]:
+    """Mean and half of the 95 % confidence interval of each figure."""
+    means: dict[str, Any] = {}
+    halves: dict[str, float | None] = {}
+    for field in fields(Figures):
+        values = [getattr(one, field.name) for one in several]
+        known = [value for value in values if value is not None]
+        complete = len(known) == len(values)
+        mean = sum(known) / len(known) if complete else None
+        means[field.name], halves[field.name] = mean, None
+        if mean is not None and len(known) > 1:
+            variance = sum((value - mean) ** 2 for value in known) / (len(known) - 1)
+            point = STUDENT.get(len(known), 2.0)
+            halves[field.name] = point * math.sqrt(variance / len(known))
+    return Figures(**means), halves
+
+
+def row_json(row: Row) -> dict[str, Any]:
+    """A row ready for JSON, which knows no NaN."""
+    content = asdict(row)
+    for part in ("mean", "half_width"):
+        content[part] = {
+            name: value if value is None or math.isfinite(value) else None
+            for name, value in content[part].items()
+        }
+    return content

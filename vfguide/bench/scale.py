@@ -1,0 +1,118 @@
+"""How the cost grows with the number of vehicles, in lockstep in one process."""
+
+import math
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from vfguide.bench.article import AIRCRAFT, PATHS
+from vfguide.bench.timing import calls_timed
+from vfguide.companion.core import Companion
+from vfguide.companion.follower_role import FollowerRole
+from vfguide.mavlink.codec import Codec
+from vfguide.mission.model import Mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+
+COUNTS = (4, 10, 30, 100)
+FLOWN_S, QUICK_S = 20.0, 6.0
+ROW = 10
+SPACING_M = 20.0
+
+SHARES = {
+    "companion": (Companion, "receive_mavlink"),
+    "decode": (Codec, "decode"),
+    "encode": (Codec, "encode"),
+    "guidance": (FollowerRole, "step"),
+}
+"""Parts that are timed."""
+
+
+def crowd(count: int, duration_s: float) -> Mission:
+    """So many vehicles in rows of ten on a long line in the article's wind."""
+    names = ["leader", *(f"f{number}" for number in range(1, count))]
+    rows = [divmod(number, ROW) for number in range(1, count)]
+    content: dict[str, Any] = {
+        "name": "bench-scale",
+        "origin": {"latitude_deg": 47.397742, "longitude_deg": 8.545594, "altitude_amsl_m": 488},
+        "path": dict(PATHS["line"]),
+        "leader": {"vehicle": "leader", "airspeed_m_s": 20},
+        "followers": [
+            {
+                "vehicle": name,
+                "slot": {
+                    "forward_m": -SPACING_M * row,
+                    "right_m": SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place),
+                    "up_m": 0,
+                },
+            }
+            for name, (row, place) in zip(names[1:], rows, strict=True)
+        ],
+        "vehicles": {
+            name: {"system_id": number, **AIRCRAFT} for number, name in enumerate(names, start=1)
+        },
+        "wind": {"type": "article"},
+        "rehearsal": {"duration_s": duration_s, "rate_hz": 20},
+    }
+    return Mission.model_validate(content)
+
+
+def measure(count: int, duration_s: float) -> dict[str, Any]:
+    """Fly so many, twice: for the time it takes, and for where it goes."""
+    before = resident_mb()
+    mission = crowd(count, duration_s)
+    began = time.perf_counter(), time.process_time()
+    fly_lockstep(mission)
+    wall_s, processor_s = time.perf_counter() - began[0], time.process_time() - began[1]
+    with ExitStack() as stack:
+        durations = {
+            part: stack.enter_context(calls_timed(owner, name))
+            for part, (owner, name) in SHARES.items()
+        }
+        timed = time.perf_counter()
+        fly_lockstep(mission)
+        timed = time.perf_counter() - timed
+    steps = count * duration_s * mission.rehearsal.rate_hz
+    return {
+        "vehicles": count,
+        "duration_s": duration_s,
+        "wall_s": wall_s,
+        "processor_s": processor_s,
+        "real_time_factor": duration_s / wall_s,
+        "processor_us_per_vehicle_step": processor_s / steps * 1e6,
+        "memory_mb": resident_mb(),
+        "memory_before_mb": before,
+        "guidance_step_us": statistics.median(durations["guidance"]) * 1e6,
+        "shares": {part: sum(spent) / timed for part, spent in durations.items()},
+    }
+
+
+def resident_mb() -> float:
+    """Greatest memory of this process so far, MB."""
+    scale = 1e6 if sys.platform == "darwin" else 1e3
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
+
+
+def growth_exponent(results: Sequence[dict[str, Any]]) -> float:
+    """P of processor time ~ vehicles^p, fitted by least squares in the logarithms."""
+    vehicles = [math.log(one["vehicles"]) for one in results]
+    # Per flight second: flights of different length compare.
+    times = [math.log(one["processor_s"] / one["duration_s"]) for one in results]
+    return float(np.polyfit(vehicles, times, 1)[0])
+
+
+def measure_all(*, quick: bool) -> dict[str, Any]:
+    """All sizes, each in a fresh process of its own, one after the other."""
+    results = []
+    for count in COUNTS:
+        duration_s = QUICK_S if quick else FLOWN_S
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            results.append(pool.submit(measure, count, duration_s).result())
+    return {"sizes": results, "exponent": growth_exponent(results)}

@@ -1,0 +1,110 @@
+"""`vfguide bench`: the article's comparison, flown."""
+
+import json
+import os
+import platform
+import time
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from vfguide.bench.comparison import FULL, PLANTS, QUICK, Row, compare, row_json
+from vfguide.bench.comparison_table import long_table, short_table
+from vfguide.bench.flown import Tracks
+from vfguide.bench.spread import executor_on
+from vfguide.bench.step_cost import step_costs
+from vfguide.commands.terminal import Terminal
+
+CONDITIONS = ("shipped", "bad link")
+
+
+def compare_laws(
+    *, quick: bool, json_file: Path | None, out: Path | None, scheduler: str | None
+) -> None:
+    """Fly, print the tables, and keep them.
+
+    Args:
+        quick: shorter flights, and fewer.
+        json_file: where all figures go.
+        out: where tables, figures and the same JSON go.
+        scheduler: of a Dask cluster; this computer if absent.
+    """
+    began = time.perf_counter()
+    for directory in (out, json_file.parent if json_file else None):
+        if directory is not None:
+            directory.mkdir(parents=True, exist_ok=True)
+    extent = QUICK if quick else FULL
+    with executor_on(scheduler) as executor:
+        rows, tracks = compare(executor, extent)
+    costs = step_costs()
+    content = {
+        "machine": machine(),
+        "duration_s": extent.duration_s,
+        "seeds": extent.seeds,
+        "rows": [row_json(row) for row in rows],
+        "step_cost": costs,
+        "wall_s": time.perf_counter() - began,
+    }
+    text = tables(rows, costs, content)
+    Terminal().tell(text)
+    written = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    if json_file is not None:
+        json_file.write_text(written, encoding="utf-8")
+    if out is not None:
+        keep(out, text, written, tracks)
+
+
+def keep(out: Path, text: str, written: str, tracks: dict[tuple[str, str], Tracks]) -> None:
+    """Tables, figures and JSON in a directory."""
+    # Here, because it brings the plotting library.
+    from vfguide.bench.case_figure import draw_case, draw_laws
+
+    (out / "bench.md").write_text(text, encoding="utf-8")
+    (out / "bench.json").write_text(written, encoding="utf-8")
+    draw_laws(tracks, out)
+    for (mission, law), drawn in tracks.items():
+        draw_case(mission, law, drawn, out)
+
+
+def tables(rows: list[Row], costs: dict[str, dict[str, Any]], content: dict[str, Any]) -> str:
+    """Everything in Markdown."""
+    parts = [heading(content), short_table(rows, costs)]
+    for condition in CONDITIONS:
+        for plant in PLANTS:
+            table = long_table(rows, plant, condition)
+            if table:
+                parts += [f"{plant}, {condition}\n", table]
+    return "\n".join(parts)
+
+
+def heading(content: dict[str, Any]) -> str:
+    """Where and when, in one line."""
+    about = content["machine"]
+    return (
+        f"{about['date']}, {about['processor']}, {about['processors']} processors, Python "
+        f"{about['python']}, vfguide {about['vfguide']}: {content['duration_s']:.0f} s flights, "
+        f"{content['wall_s']:.0f} s in all\n"
+    )
+
+
+def machine() -> dict[str, Any]:
+    """What it ran on."""
+    return {
+        "date": datetime.now(UTC).date().isoformat(),
+        "processor": processor(),
+        "processors": os.cpu_count(),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "vfguide": version("vfguide"),
+    }
+
+
+def processor() -> str:
+    """Its name, as the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()

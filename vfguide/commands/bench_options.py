@@ -1,0 +1,118 @@
+"""The options of `vfguide bench` and of what it measures besides."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vfguide.commands.bench import measure_latency
+from vfguide.commands.bench_compare import compare_laws
+from vfguide.commands.bench_studies import (
+    sample_formations,
+    show_ablations,
+    show_robustness,
+    show_scale,
+)
+
+bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
+
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Where all figures go.")
+]
+Directory = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Where tables, plots and JSON go.")
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="A Dask scheduler, such as tcp://host:8786; this computer if absent.",
+    ),
+]
+
+
+@bench.callback(invoke_without_command=True)
+def compare(
+    context: typer.Context,
+    *,
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    out: Directory = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly the article's comparison: its four missions by fields, PID and MPC, on both plants.
+
+    As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
+    """
+    if context.invoked_subcommand is None:
+        compare_laws(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
+
+
+@bench.command()
+def latency(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=5.0, max=600.0, help="Length of each measurement.")
+    ] = 15.0,
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", min=20.0, max=100.0, help="Position reports per second.")
+    ] = 50.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
+) -> None:
+    """Measure from telemetry in to setpoint out, beside plain pymavlink and MAVSDK loops.
+
+    Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
+    """
+    measure_latency(seconds=seconds, rate_hz=rate, as_json=as_json)
+
+
+@bench.command()
+def ablations(
+    *, json_file: JsonFile = None, quick: Quick = False, scheduler: Scheduler = None
+) -> None:
+    """Switch off each part of the laws alone, and fly the four missions."""
+    show_ablations(quick=quick, json_file=json_file, scheduler=scheduler)
+
+
+@bench.command()
+def robustness(
+    *,
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    out: Directory = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
+    show_robustness(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
+
+
+@bench.command()
+def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
+    """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
+    show_scale(quick=quick, json_file=json_file)
+
+
+@bench.command(name="monte-carlo")
+def monte_carlo(
+    *,
+    formations: Annotated[
+        int, typer.Option(metavar="N", min=1, help="How many, each in a flight of its own.")
+    ] = 10_000,
+    law: Annotated[str, typer.Option(help="slot, article or pid.")] = "slot",
+    processes: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
+    json_file: JsonFile = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly thousands of formations at once: random starts, winds, offsets and gains."""
+    sample_formations(
+        formations=formations,
+        law=law,
+        processes=processes,
+        seed=seed,
+        json_file=json_file,
+        scheduler=scheduler,
+    )

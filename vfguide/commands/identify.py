@@ -1,0 +1,134 @@
+"""`vfguide identify`: fly steps with one vehicle, and find how its autopilot answers."""
+
+import asyncio
+import signal
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+from vfguide.commands.vehicles import check_flies
+from vfguide.companion.clock import Clock
+from vfguide.companion.core import Event
+from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.errors import InputError, VfguideError
+from vfguide.identification.core import Answer, Identification, Stage
+from vfguide.identification.plot import draw_findings
+from vfguide.identification.profile import profile_text
+from vfguide.identification.recording import Findings, is_good
+from vfguide.identification.steps import described
+from vfguide.mavlink.address import Address, parse_address
+from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mission import Mission
+
+POLL_S = 0.1
+"""Between looks at what is due by time alone, s of the flight's clock."""
+
+UNSURE = 1
+"""Exit status where the flight told too little."""
+
+
+def identify(
+    mission: Mission,
+    vehicle: str,
+    *,
+    mavlink: str,
+    engage: bool,
+    repeats: int,
+    speedup: float,
+    out: Path | None,
+) -> int:
+    """Fly the steps, and print and write what they tell; the exit status.
+
+    Raises:
+        InputError: the vehicle is not in the mission, or an address or option is wrong.
+        VfguideError: the flight ended before anything could be learned.
+    """
+    check_flies(mission, vehicle)
+    if not speedup > 0.0:
+        raise InputError(f"--speedup: {speedup:g} is not above 0")
+    address = parse_address(mavlink)
+    plan = unled(flight_plan(mission, vehicle))
+    for line in described(plan.airframe, repeats):
+        say(line)
+    say("engaging by itself" if engage else "waiting until the pilot selects the guided mode")
+    identification = Identification(
+        plan, adapter_of(mission.vehicles[vehicle]), engage=engage, repeats=repeats
+    )
+    asyncio.run(flown(identification, address, Clock(rate=speedup)))
+    findings = identification.recording.findings()
+    if findings.course is None and findings.speed is None:
+        raise VfguideError("the flight ended before anything could be learned")
+    text = profile_text(vehicle, findings)
+    sys.stdout.write(text)
+    if out is not None:
+        write(findings, text, vehicle, out)
+    done = identification.stage is Stage.DONE
+    return 0 if done and is_sure(findings) else UNSURE
+
+
+def unled(plan: FlightPlan) -> FlightPlan:
+    """The plan, without what is to be found out: nothing is led before it is known."""
+    airframe = replace(
+        plan.airframe,
+        course_dead_time=0.0,
+        course_lag=0.0,
+        speed_dead_time=0.0,
+        speed_lag=0.0,
+    )
+    return replace(plan, airframe=airframe)
+
+
+def is_sure(findings: Findings) -> bool:
+    """Whether both responses are known well enough to be flown by."""
+    return all(
+        response is not None and is_good(response) for response in (findings.course, findings.speed)
+    )
+
+
+def write(findings: Findings, text: str, vehicle: str, out: Path) -> None:
+    """The profile and the picture, in a directory."""
+    out.mkdir(parents=True, exist_ok=True)
+    profile, picture = out / f"{vehicle}.yaml", out / f"{vehicle}.png"
+    profile.write_text(text, encoding="utf-8")
+    draw_findings(findings, picture, f"{vehicle}: how its autopilot answers")
+    say(f"written to {profile} and {picture}")
+
+
+async def flown(identification: Identification, address: Address, clock: Clock) -> None:
+    """Fly until all steps are done, or SIGINT or SIGTERM; then hand back."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    connection: Connection | None = None
+
+    def dispatch(answer: Answer) -> None:
+        if answer.to_autopilot and connection is not None:
+            connection.send(answer.to_autopilot)
+        for event in answer.events:
+            tell(event)
+
+    def take(datagram: bytes) -> None:
+        dispatch(identification.receive(datagram, clock.now()))
+
+    async with open_connection(address, take, random=Random()) as opened:
+        connection = opened
+        while not (stop.is_set() or identification.stage.is_over):
+            dispatch(identification.poll(clock.now()))
+            with suppress(TimeoutError):
+                async with asyncio.timeout(clock.real_seconds(POLL_S)):
+                    await stop.wait()
+        dispatch(identification.stop(clock.now()))
+
+
+def tell(event: Event) -> None:
+    """An event on standard error."""
+    say(f"{'warning: ' if event.warning else ''}{event.text}")
+
+
+def say(text: str) -> None:
+    """A line on standard error: standard output is for the profile."""
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,118 @@
+"""`vfguide judge`: starts, watches and judges a flight whose programs run somewhere else."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from vfguide.commands.fly import conclude, prepare, stopped_by_signals
+from vfguide.commands.terminal import Terminal, flight_progress
+from vfguide.errors import InputError
+from vfguide.link.address import LinkAddress, parse_link
+from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
+from vfguide.mission import Mission
+from vfguide.rehearsal.lockstep import Flight
+from vfguide.rehearsal.watched import WatchedFlight, watched_flight
+
+LOOK_S = 0.2
+"""Real time between looks at the flight."""
+
+
+def judge_flight(
+    mission: Mission,
+    *,
+    truth: str,
+    link: str,
+    start: Path,
+    speedup: float,
+    patience_s: float,
+    out: Path,
+    as_json: bool,
+) -> int:
+    """Judge a flight and return the exit status, as `vfguide fly` does.
+
+    Args:
+        mission: the mission.
+        truth: where emulators send true states.
+        link: address of the broker.
+        start: file that tells the emulators when to begin.
+        speedup: simulation seconds for each real one.
+        patience_s: real time to wait for companions.
+        out: where everything is kept.
+        as_json: whether standard output is the summary alone.
+
+    Raises:
+        InputError: an address is wrong, or a place cannot be written to.
+        VfguideError: an emulator has fallen silent.
+    """
+    port, address = truth_port(truth), parse_link(link)
+    prepare(out)
+    errors = Terminal(stderr=True)
+    title = f"flying {mission.name}"
+    with (
+        stopped_by_signals() as stop,
+        flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
+    ):
+        flight = asyncio.run(
+            _watch(
+                mission,
+                truth=port,
+                link=address,
+                start=start,
+                speedup=speedup,
+                patience_s=patience_s,
+                progress=progress,
+                stop=stop,
+            )
+        )
+    return conclude(flight, out=out, as_json=as_json)
+
+
+async def _watch(
+    mission: Mission,
+    *,
+    truth: tuple[str, int],
+    link: LinkAddress,
+    start: Path,
+    speedup: float,
+    patience_s: float,
+    progress: Callable[[float], None],
+    stop: Callable[[], bool],
+) -> Flight:
+    """The flight, from waiting for companions to its end or until told to stop."""
+    async with watched_flight(mission, truth=truth, link=link, speedup=speedup) as flight:
+        await _until_online(flight, patience_s=patience_s, stop=stop)
+        flight.start(start)
+        while flight.judge.time_s < mission.rehearsal.duration_s and not stop():
+            flight.check()
+            progress(max(flight.judge.time_s, 0.0))
+            await asyncio.sleep(LOOK_S)
+        interrupted = stop()
+        record = flight.judge.record(wall_s=flight.elapsed_s)
+        latency = await flight.latency()
+    return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+
+
+async def _until_online(
+    flight: WatchedFlight, *, patience_s: float, stop: Callable[[], bool]
+) -> None:
+    """Wait for all companions; an aircraft whose companion does not come flies without it."""
+    gives_up = time.monotonic() + patience_s
+    missing = await flight.missing()
+    while missing and time.monotonic() < gives_up and not stop():
+        await asyncio.sleep(LOOK_S)
+        missing = await flight.missing()
+    if missing:
+        Terminal(stderr=True).tell(f"begun without the companions of {', '.join(missing)}")
+
+
+def truth_port(text: str) -> tuple[str, int]:
+    """Host and port of `udpin://host:port`.
+
+    Raises:
+        InputError: it is something else.
+    """
+    address = parse_address(text)
+    if not isinstance(address, NetworkAddress) or address.transport != Transport.UDP_IN:
+        raise InputError(f"--truth: {text!r} is not udpin://HOST:PORT")
+    return address.host, address.port

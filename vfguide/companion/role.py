@@ -1,0 +1,43 @@
+"""A part in the formation: what a companion hands to it, and what it hands back."""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Protocol
+
+from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.supervisor import Mode
+from vfguide.state import Setpoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoleStep:
+    """What a part makes of one state."""
+
+    setpoint: Setpoint[float] | None
+    """None where there is nothing to steer by."""
+    distance: float
+    """m from path or slot; infinite while not known."""
+    lyapunov: float
+    """W, m²; NaN for the leader."""
+    publish: bytes | None
+    """Own state for the link."""
+
+
+class Role(Protocol):
+    """A part in the formation."""
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What came over the link and was not used, by reason."""
+
+    def step(self, fix: Fix, mode: Mode) -> RoleStep:
+        """Guidance for a navigated report, in the supervisor's present mode."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take a leader state from the link."""
+
+    def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take the state of another follower from the link."""
+
+    def leader_age(self, now: float) -> float:
+        """Seconds since the newest leader state was true."""

@@ -1,0 +1,147 @@
+"""How an autopilot answers to its setpoints: after a dead time, with a lag; forwards and backwards.
+
+Course: a course error asks for a bank, the roll follows with a lag, the bank turns the aircraft. Where no
+lag is declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is
+one, for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small errors
+at the cruise airspeed.
+Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag where one is declared.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from vfguide.angles import wrap_angle
+from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity, polar
+from vfguide.state import Airframe, VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inner:
+    """What the autopilot's loops are at the moment, beside the vehicle's own state."""
+
+    bank: float = 0.0
+    """phi, rad, positive right."""
+    acceleration: float = 0.0
+    """Of the speed that is held, m/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bias:
+    """What the vehicle does beyond its model: a slow disturbance, or a model that is not quite right."""
+
+    turn_rate: float = 0.0
+    """rad/s."""
+    acceleration: float = 0.0
+    """m/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """A setpoint that has reached the loops; None where there was none yet."""
+
+    course: float | None
+    """rad."""
+    speed: float | None
+    """m/s."""
+
+
+def coordinated_turn_rate(bank: float, airspeed: float) -> float:
+    """Turn rate omega = g tan(phi) / V, rad/s."""
+    return GRAVITY * math.tan(bank) / airspeed
+
+
+def coordinated_bank(turn_rate: float, airspeed: float, max_bank: float) -> float:
+    """Bank phi = atan(omega V / g), rad, within the limit."""
+    bank = math.atan(turn_rate * airspeed / GRAVITY)
+    return min(max(bank, -max_bank), max_bank)
+
+
+def wanted_bank(course_error: float, airspeed: float, airframe: Airframe) -> float:
+    """Bank (rad) that the autopilot asks for when its course is off by this (rad)."""
+    if airframe.course_lag == 0.0:
+        turn_rate = airframe.alpha * course_error
+        return coordinated_bank(turn_rate, airspeed, airframe.max_bank)
+    bank = airframe.alpha * airframe.cruise / GRAVITY * course_error
+    return min(max(bank, -airframe.max_bank), airframe.max_bank)
+
+
+def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> float:
+    """Course error (rad) that makes the autopilot turn at this rate (rad/s): `wanted_bank` backwards."""
+    bank = coordinated_bank(turn_rate, airspeed, airframe.max_bank)
+    if airframe.course_lag == 0.0:
+        return coordinated_turn_rate(bank, airspeed) / airframe.alpha
+    return bank * GRAVITY / (airframe.alpha * airframe.cruise)
+
+
+def followed(value: float, target: float, step_s: float, lag_s: float) -> float:
+    """What a first-order lag makes of a constant target after a step; at once where there is no lag."""
+    return target + (value - target) * (math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0)
+
+
+def inner_after(
+    inner: Inner, state: VehicleState[float], told: Told, step_s: float, airframe: Airframe
+) -> Inner:
+    """The autopilot's loops a step later; without a setpoint they stay as they are."""
+    bank, acceleration = inner.bank, inner.acceleration
+    if told.course is not None:
+        error = wrap_angle(told.course - state.course)
+        target = wanted_bank(error, turning_speed(state, airframe), airframe)
+        bank = followed(bank, target, step_s, airframe.course_lag)
+    if told.speed is not None:
+        target = airframe.beta * (told.speed - held_speed(state, airframe))
+        target = min(max(target, -airframe.max_acceleration), airframe.max_acceleration)
+        acceleration = followed(acceleration, target, step_s, airframe.speed_lag)
+    return Inner(bank=bank, acceleration=acceleration)
+
+
+def held_speed(state: VehicleState[float], airframe: Airframe) -> float:
+    """The speed that the autopilot holds, m/s."""
+    return state.ground_speed if airframe.hold == "course-hold" else state.airspeed
+
+
+def held_direction(state: VehicleState[float], airframe: Airframe) -> float:
+    """The direction that its turn rate turns, rad."""
+    return state.course if airframe.hold == "course-hold" else state.heading
+
+
+def turning_speed(state: VehicleState[float], airframe: Airframe) -> float:
+    """Speed of the velocity that turns, m/s, never 0."""
+    return max(held_speed(state, airframe), 1.0)
+
+
+def moved(
+    state: VehicleState[float], inner: Inner, bias: Bias, step_s: float, airframe: Airframe
+) -> VehicleState[float]:
+    """The vehicle a step later, its bank and acceleration as they are; the wind changes at its own rate."""
+    turn_rate = coordinated_turn_rate(inner.bank, turning_speed(state, airframe)) + bias.turn_rate
+    speed = max(
+        held_speed(state, airframe) + (inner.acceleration + bias.acceleration) * step_s, 1.0
+    )
+    direction = held_direction(state, airframe) + turn_rate * step_s
+    wind_north = state.wind_north + state.wind_rate_north * step_s
+    wind_east = state.wind_east + state.wind_rate_east * step_s
+    before_north, before_east = polar(state.ground_speed, state.course)
+    after_north, after_east = polar(speed, direction)
+    course, ground_speed, heading, airspeed = direction, speed, direction, speed
+    if airframe.hold == "course-hold":
+        airspeed = airspeed_for_ground_velocity(speed, direction, wind_north, wind_east)
+        heading = math.atan2(after_east - wind_east, after_north - wind_north)
+    else:
+        after_north, after_east = after_north + wind_north, after_east + wind_east
+        course, ground_speed = (
+            math.atan2(after_east, after_north),
+            math.hypot(after_north, after_east),
+        )
+    return replace(
+        state,
+        time_s=state.time_s + step_s,
+        north=state.north + 0.5 * step_s * (before_north + after_north),
+        east=state.east + 0.5 * step_s * (before_east + after_east),
+        course=course,
+        ground_speed=ground_speed,
+        heading=heading,
+        airspeed=airspeed,
+        wind_north=wind_north,
+        wind_east=wind_east,
+    )

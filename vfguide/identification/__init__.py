@@ -1,0 +1,1 @@
+"""How a vehicle's autopilot answers to courses and speeds: flown, fitted, written down."""

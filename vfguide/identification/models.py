@@ -1,0 +1,122 @@
+"""What a vehicle would have done with some response: the models of `vfguide.guidance.response`, on arrays."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.response import coordinated_turn_rate, followed
+from vfguide.identification.samples import Samples, mean_told
+from vfguide.state import Airframe
+
+Parameters = tuple[float, float, float]
+"""Bandwidth (1/s), dead time (s), lag (s)."""
+
+SETTLED_S = 1.0
+"""At the beginning of a stretch the vehicle has settled for at least this long."""
+
+
+class Turning(NamedTuple):
+    """One vehicle that turns; a tuple, since thousands are made for each trial."""
+
+    alpha: float
+    """1/s."""
+    lag: float
+    """s."""
+    speed: float
+    """m/s."""
+    wind_north: float
+    """m/s."""
+    wind_east: float
+    """m/s."""
+    airframe: Airframe
+    """Its limits."""
+
+
+def course_response(samples: Samples, parameters: Parameters, airframe: Airframe) -> FloatArray:
+    """Direction (rad) at each report, as the model turns from the first one on."""
+    alpha, dead_time, lag = parameters
+    told = mean_told(samples, dead_time).tolist()
+    times, speeds = samples.time_s.tolist(), samples.speed.tolist()
+    north, east = samples.wind_north.tolist(), samples.wind_east.tolist()
+    direction, bank = settled(samples.time_s, samples.direction), 0.0
+    directions = [direction]
+    for number, target in enumerate(told):
+        vehicle = Turning(
+            alpha, lag, max(speeds[number], 1.0), north[number], east[number], airframe
+        )
+        period = times[number + 1] - times[number]
+        direction, bank = turned(direction, bank, target, vehicle, period)
+        directions.append(direction)
+    return np.array(directions)
+
+
+def settled(time_s: FloatArray, values: FloatArray) -> float:
+    """Mean over the first moments, in which nothing happens yet: one report alone is as noisy as any."""
+    return float(np.mean(values[time_s <= time_s[0] + SETTLED_S]))
+
+
+def turned(
+    direction: float, bank: float, target: float, vehicle: Turning, period: float
+) -> tuple[float, float]:
+    """(direction, bank) after a period, by a midpoint step; the roll is exact."""
+    half = 0.5 * period
+    if vehicle.lag <= 0.0:
+        middle = direction + half * turn_rate(direction, target, vehicle)
+        return direction + period * turn_rate(middle, target, vehicle), 0.0
+    rolled = followed(bank, bank_wanted(direction, target, vehicle), half, vehicle.lag)
+    middle = direction + half * coordinated_turn_rate(0.5 * (bank + rolled), vehicle.speed)
+    wanted = bank_wanted(middle, target, vehicle)
+    rolled = followed(bank, wanted, half, vehicle.lag)
+    direction += period * coordinated_turn_rate(rolled, vehicle.speed)
+    return direction, followed(bank, wanted, period, vehicle.lag)
+
+
+def turn_rate(direction: float, target: float, vehicle: Turning) -> float:
+    """Of the ideal first-order hold, rad/s, within the bank limit."""
+    limit = coordinated_turn_rate(vehicle.airframe.max_bank, vehicle.speed)
+    rate = vehicle.alpha * course_error(direction, target, vehicle)
+    return min(max(rate, -limit), limit)
+
+
+def bank_wanted(direction: float, target: float, vehicle: Turning) -> float:
+    """Of a hold by bank, rad, within the limit."""
+    gain = vehicle.alpha * vehicle.airframe.cruise / GRAVITY
+    bank = gain * course_error(direction, target, vehicle)
+    return min(max(bank, -vehicle.airframe.max_bank), vehicle.airframe.max_bank)
+
+
+def course_error(direction: float, target: float, vehicle: Turning) -> float:
+    """Setpoint minus course (rad); the course is the direction and the drift in the wind."""
+    ahead, aside = math.cos(direction), math.sin(direction)
+    along = vehicle.wind_north * ahead + vehicle.wind_east * aside
+    across = vehicle.wind_east * ahead - vehicle.wind_north * aside
+    drift = math.atan2(across, max(vehicle.speed + along, 0.1))
+    return math.remainder(target - direction - drift, math.tau)
+
+
+def speed_response(samples: Samples, parameters: Parameters, airframe: Airframe) -> FloatArray:
+    """Speed (m/s) at each report, as the model accelerates from the first one on."""
+    beta, dead_time, lag = parameters
+    told = mean_told(samples, dead_time).tolist()
+    times = samples.time_s.tolist()
+    speed, acceleration = settled(samples.time_s, samples.speed), 0.0
+    limit = airframe.max_acceleration
+    speeds = [speed]
+    for number, target in enumerate(told):
+        period = times[number + 1] - times[number]
+        # The middle of the period, as far as the present acceleration tells.
+        ahead = speed + 0.5 * period * acceleration if lag > 0.0 else speed
+        wanted = min(max(beta * (target - ahead), -limit), limit)
+        if lag > 0.0:
+            middle = followed(acceleration, wanted, 0.5 * period, lag)
+            acceleration = followed(acceleration, wanted, period, lag)
+            speed += period * middle
+        elif abs(wanted) < limit:
+            speed = target + (speed - target) * math.exp(-beta * period)
+        else:
+            speed += period * wanted
+        speeds.append(speed)
+    return np.array(speeds)

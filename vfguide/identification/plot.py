@@ -1,0 +1,70 @@
+"""What was told, what was seen, and what the fitted response would have done, as a picture."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vfguide.elementwise import FloatArray
+from vfguide.identification.fit import Response
+from vfguide.identification.recording import Findings
+from vfguide.identification.samples import Samples
+
+TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
+
+
+def draw_findings(findings: Findings, path: Path, title: str) -> None:
+    """Write the picture of a flight.
+
+    Args:
+        findings: what was found.
+        path: of the PNG.
+        title: above it.
+    """
+    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    upper, lower = figure.subplots(2, 1)
+    figure.suptitle(title)
+    course, speed = findings.course_samples, findings.speed_samples
+    if course is not None and findings.course is not None:
+        degrees = np.degrees(course.direction)
+        modelled = np.degrees(findings.course.modelled)
+        draw(upper, course, np.degrees(course.told), degrees, modelled)
+        upper.set_ylabel("direction, degrees")
+        upper.set_title(words(findings.course, "alpha"), loc="left", fontsize=10)
+    if speed is not None and findings.speed is not None:
+        draw(lower, speed, speed.told, speed.speed, findings.speed.modelled)
+        lower.set_ylabel("speed, m/s")
+        lower.set_title(words(findings.speed, "beta"), loc="left", fontsize=10)
+    lower.set_xlabel("time, s")
+    figure.savefig(path, dpi=110)
+
+
+def draw(
+    axes: Axes, samples: Samples, told: FloatArray, seen: FloatArray, modelled: FloatArray
+) -> None:
+    """One stretch: setpoints as steps, what was seen, what the model makes of it."""
+    first, last = samples.time_s[0], samples.time_s[-1]
+    near = samples.told_s >= first
+    near[max(int(np.argmax(near)) - 1, 0)] = True
+    edges = np.append(np.maximum(samples.told_s[near], first), last) - first
+    axes.stairs(told[near], edges, color=TOLD, label="setpoint", baseline=None)
+    axes.plot(samples.time_s - first, seen, color=SEEN, linewidth=1.6, label="flown")
+    axes.plot(
+        samples.time_s - first, modelled, color=MODELLED, linewidth=1.0, label="fitted response"
+    )
+    axes.grid(visible=True, alpha=0.3)
+    axes.legend(loc="upper right", fontsize=8)
+
+
+def words(response: Response, name: str) -> str:
+    """The fitted numbers."""
+    parts = [
+        f"{name} {response.bandwidth.value:.3f} +- {response.bandwidth.half_width:.3f} 1/s",
+        f"dead time {response.dead_time.value:.3f} +- {response.dead_time.half_width:.3f} s",
+    ]
+    if response.lag.value > 0.0:
+        parts.append(f"lag {response.lag.value:.3f} +- {response.lag.half_width:.3f} s")
+    return ", ".join(parts)

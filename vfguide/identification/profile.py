@@ -1,0 +1,35 @@
+"""What was found, as lines for the mission file."""
+
+from vfguide.identification.fit import Estimate, Response
+from vfguide.identification.recording import Findings
+
+
+def profile_text(vehicle: str, findings: Findings) -> str:
+    """The fields of a vehicle that were measured, as YAML to be put under its name in `vehicles`.
+
+    Args:
+        vehicle: its name.
+        findings: what was found; what was not is left out.
+    """
+    lines = [f"# {vehicle}, as `vfguide identify` has measured it; +- is for 95 %.", f"{vehicle}:"]
+    if findings.course is not None:
+        lines += response_lines(findings.course, "alpha_1_s", "course")
+    if findings.speed is not None:
+        lines += response_lines(findings.speed, "beta_1_s", "speed")
+    return "\n".join(lines) + "\n"
+
+
+def response_lines(response: Response, bandwidth: str, loop: str) -> list[str]:
+    """Three fields, each with its interval."""
+    return [
+        field_line(bandwidth, response.bandwidth),
+        field_line(f"{loop}_dead_time_s", response.dead_time),
+        field_line(f"{loop}_lag_s", response.lag),
+    ]
+
+
+def field_line(name: str, estimate: Estimate) -> str:
+    """One field; a dead time that cannot be told from none is none."""
+    value = 0.0 if estimate.value < 0.0005 else estimate.value
+    comment = "" if estimate.half_width == 0.0 else f" # +- {estimate.half_width:.3f}"
+    return f"  {name}: {value:.3f}{comment}"

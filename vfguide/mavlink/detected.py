@@ -1,0 +1,104 @@
+"""An autopilot that tells by its heartbeat what it is: nothing is said to it before."""
+
+from collections.abc import Callable, Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle, telemetry_at
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.recognition import autopilot_name
+from vfguide.mavlink.reports import ParameterReport
+
+ADAPTERS: dict[int, Callable[[Vehicle], AutopilotAdapter]] = {
+    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPlane,
+    mavlink.MAV_AUTOPILOT_PX4: Px4,
+}
+"""What can be spoken to, by MAV_AUTOPILOT."""
+
+
+class DetectedAutopilot:
+    """Adapter for whichever autopilot is heard first; it stays with that one."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._found: AutopilotAdapter | None = None
+
+    @property
+    def streams_before_engaging(self) -> bool:
+        """As the one that was found; True before, since it may turn out to be so."""
+        return self._found is None or self._found.streams_before_engaging
+
+    @property
+    def holds_altitude(self) -> bool:
+        """As the one that was found."""
+        return self._found is not None and self._found.holds_altitude
+
+    @property
+    def keep_alive_s(self) -> float:
+        """As the one that was found."""
+        return 0.0 if self._found is None else self._found.keep_alive_s
+
+    @property
+    def parts_belong_together(self) -> bool:
+        """As the one that was found."""
+        return self._found is None or self._found.parts_belong_together
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """As the one that was found."""
+        return () if self._found is None else self._found.parameters
+
+    def recognise(self, autopilot: int) -> str | None:
+        """Settle on the first autopilot that can be spoken to."""
+        if self._found is not None:
+            return self._found.recognise(autopilot)
+        make = ADAPTERS.get(autopilot)
+        if make is None:
+            return (
+                f"the vehicle is {autopilot_name(autopilot)}, which is not spoken here: not steered"
+            )
+        self._found = make(self._vehicle)
+        return None
+
+    def parameter_value(self, report: ParameterReport) -> float:
+        """As the one that was found."""
+        return report.value if self._found is None else self._found.parameter_value(report)
+
+    def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.parameter_warnings(parameters, needs)
+
+    def is_engaged(self, custom_mode: int) -> bool:
+        """As the one that was found; never before."""
+        return self._found is not None and self._found.is_engaged(custom_mode)
+
+    def is_handed_back(self, custom_mode: int) -> bool:
+        """As the one that was found; never before."""
+        return self._found is not None and self._found.is_handed_back(custom_mode)
+
+    def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
+        """All autopilots understand this alike."""
+        return telemetry_at(self._vehicle, rate_hz)
+
+    def engage(self) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.engage()
+
+    def hand_back(self) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.hand_back()
+
+    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.fly(course, speed)
+
+    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.stay_ready(course, speed)
+
+    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.hold_altitude(altitude_amsl)

@@ -1,0 +1,64 @@
+"""Setpoints that change nothing are not sent again, except now and then in case one was lost."""
+
+import math
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.mavlink.adapter import AutopilotAdapter
+
+DIGITS = 2
+"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
+
+Kind = tuple[int, int]
+Content = tuple[object, ...]
+
+
+class SetpointStream:
+    """Remembers what an autopilot was last told."""
+
+    def __init__(self, adapter: AutopilotAdapter) -> None:
+        """Make a stream that has sent nothing yet.
+
+        Args:
+            adapter: says how long a setpoint may go unrepeated, and whether its parts belong together.
+        """
+        self._adapter = adapter
+        self._content: dict[Kind, Content] = {}
+        self._sent: dict[Kind, float] = {}
+
+    def reset(self) -> None:
+        """Forget what was sent: the autopilot has left the mode in which it was told."""
+        self._content.clear()
+        self._sent.clear()
+
+    def due(self, messages: Sequence[MAVLink_message], now: float) -> list[MAVLink_message]:
+        """Those of a setpoint's messages that have to be sent now (s)."""
+        waiting = [message for message in messages if self._is_due(message, now)]
+        if waiting and self._adapter.parts_belong_together:
+            waiting = list(messages)
+        for message in waiting:
+            kind = kind_of(message)
+            self._content[kind], self._sent[kind] = content_of(message), now
+        return waiting
+
+    def _is_due(self, message: MAVLink_message, now: float) -> bool:
+        kind = kind_of(message)
+        if self._content.get(kind) != content_of(message):
+            return True
+        # A clock that was set back makes the last sending lie ahead.
+        return not 0.0 <= now - self._sent[kind] < self._adapter.keep_alive_s
+
+
+def kind_of(message: MAVLink_message) -> Kind:
+    """What a message replaces: the one before of the same number and, for commands, the same command."""
+    return message.get_msgId(), getattr(message, "command", 0)
+
+
+def content_of(message: MAVLink_message) -> Content:
+    """The fields of a message, as finely as they matter."""
+    values = (getattr(message, name) for name in message.get_fieldnames())
+    return tuple(
+        round(value, DIGITS) if isinstance(value, float) and math.isfinite(value) else value
+        for value in values
+    )

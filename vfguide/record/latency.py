@@ -1,0 +1,129 @@
+"""How quick the programs of a live flight were, and what they took of the computer."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Percentiles:
+    """A series of times in three numbers, ms."""
+
+    p50: float
+    """Median."""
+    p99: float
+    """99th percentile."""
+    max: float
+    """Greatest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Promptness:
+    """How quick a companion was, or the slowest of several; None where nothing was measured."""
+
+    response_ms: Percentiles | None
+    """From a telemetry datagram that has been read to the setpoints that answer it."""
+    leader_age_ms: Percentiles | None
+    """Age of the leader's state when it was used, by the companion's clock: simulated milliseconds where
+    that runs faster than real time. None for the leader."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usage:
+    """What a process took of the computer."""
+
+    cpu_share: float
+    """Of one core, while it flew."""
+    rss_mb: float
+    """Resident memory, 10^6 bytes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """Of a live flight."""
+
+    vehicles: dict[str, Promptness]
+    """Each companion by the name of its vehicle."""
+    processes: dict[str, Usage] = field(default_factory=dict)
+    """Each program, as far as it ran on the judge's computer."""
+
+    def together(self) -> Promptness:
+        """The greatest of each figure of any vehicle: no companion was worse."""
+        every = self.vehicles.values()
+        return Promptness(
+            response_ms=worst(one.response_ms for one in every),
+            leader_age_ms=worst(one.leader_age_ms for one in every),
+        )
+
+
+def worst(series: Iterable[Percentiles | None]) -> Percentiles | None:
+    """The greatest of each figure; None without any."""
+    known = [one for one in series if one is not None]
+    if not known:
+        return None
+    return Percentiles(
+        p50=max(one.p50 for one in known),
+        p99=max(one.p99 for one in known),
+        max=max(one.max for one in known),
+    )
+
+
+def latency_of(
+    figures: Mapping[str, Mapping[str, float]],
+    *,
+    leader: str,
+    processes: Mapping[str, Usage] | None = None,
+) -> Latency:
+    """What companions say in their presences, and what their processes took.
+
+    Args:
+        figures: of each presence, by vehicle.
+        leader: who knows himself: his own state has no age.
+        processes: by name, as far as they are known.
+    """
+    return Latency(
+        vehicles={
+            name: Promptness(
+                response_ms=_percentiles(said, "response_ms"),
+                leader_age_ms=None if name == leader else _percentiles(said, "leader_age_ms"),
+            )
+            for name, said in figures.items()
+        },
+        processes=dict(processes or {}),
+    )
+
+
+def _percentiles(figures: Mapping[str, float], name: str) -> Percentiles | None:
+    try:
+        values = {key: figures[f"{name}_{key}"] for key in ("p50", "p99", "max")}
+    except KeyError:
+        return None
+    return Percentiles(**values)
+
+
+def describe_latency(latency: Latency) -> dict[str, object]:
+    """Ready for JSON, the greatest figures first."""
+    return {**asdict(latency.together()), **asdict(latency)}
+
+
+def compose_latency(entry: Mapping[str, Any]) -> Latency:
+    """From what was described; LookupError, TypeError or ValueError where that is misshapen."""
+    return Latency(
+        vehicles={
+            str(name): Promptness(
+                response_ms=_compose_percentiles(one["response_ms"]),
+                leader_age_ms=_compose_percentiles(one["leader_age_ms"]),
+            )
+            for name, one in entry["vehicles"].items()
+        },
+        processes={
+            str(name): Usage(cpu_share=float(one["cpu_share"]), rss_mb=float(one["rss_mb"]))
+            for name, one in entry["processes"].items()
+        },
+    )
+
+
+def _compose_percentiles(entry: Mapping[str, Any] | None) -> Percentiles | None:
+    if entry is None:
+        return None
+    return Percentiles(p50=float(entry["p50"]), p99=float(entry["p99"]), max=float(entry["max"]))

@@ -1,0 +1,118 @@
+"""A live rehearsal whose programs run elsewhere, as in containers: waited for, started and watched."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from random import Random
+
+from vfguide.errors import VfguideError
+from vfguide.link.address import LinkAddress
+from vfguide.link.watch import presences
+from vfguide.mission.model import Mission
+from vfguide.record.latency import Latency, latency_of
+from vfguide.rehearsal.judge import Judge
+from vfguide.rehearsal.starting_signal import give_start
+
+LEAD_S = 5.0
+"""Real time that emulators get to start before simulation time 0."""
+
+LISTEN_S = 1.0
+"""Real time to hear from every companion."""
+
+PATIENCE_S = 20.0
+"""Real time without a true state of some vehicle, after which the flight counts as broken."""
+
+
+class WatchedFlight:
+    """What a judge knows of a flight that runs elsewhere."""
+
+    def __init__(self, mission: Mission, *, link: LinkAddress, speedup: float) -> None:
+        """Prepare to watch.
+
+        Args:
+            mission: the mission.
+            link: address of the broker, where companions say how they are.
+            speedup: simulation seconds for each real one.
+        """
+        self.mission = mission
+        self.judge = Judge(mission)
+        self._link = link
+        self._speedup = speedup
+        self._epoch_s = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """Vehicles, leader first."""
+        return [self.mission.leader.vehicle, *self.mission.followers_by_name]
+
+    @property
+    def elapsed_s(self) -> float:
+        """Real time since simulation time 0."""
+        return time.time() - self._epoch_s
+
+    async def missing(self) -> list[str]:
+        """Vehicles whose companions are not online; all of them while there is no broker."""
+        try:
+            found = await presences(
+                self._link, self.mission.name, seconds=LISTEN_S, random=Random()
+            )
+        except VfguideError:
+            return self.names
+        online = {name for name, presence in found.items() if presence.status == "online"}
+        return [name for name in self.names if name not in online]
+
+    async def latency(self) -> Latency | None:
+        """What the companions say of their latencies; nothing where there is no broker any more."""
+        try:
+            found = await presences(
+                self._link, self.mission.name, seconds=LISTEN_S, random=Random()
+            )
+        except VfguideError:
+            return None
+        figures = {name: presence.figures for name, presence in found.items()}
+        return latency_of(figures, leader=self.mission.leader.vehicle)
+
+    def start(self, file: Path) -> None:
+        """Tell the emulators when to begin.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        self._epoch_s = time.time() + LEAD_S
+        give_start(file, epoch_s=self._epoch_s)
+
+    def check(self) -> None:
+        """See that every emulator still flies.
+
+        Raises:
+            VfguideError: one has not been heard for too long.
+        """
+        elapsed_s = self.elapsed_s
+        for name, seen_s in self.judge.last_seen_s().items():
+            silence_s = elapsed_s - max(seen_s, 0.0) / self._speedup
+            if silence_s > PATIENCE_S:
+                raise VfguideError(f"{name}: no true state for {silence_s:.0f} s; has it ended?")
+
+
+@asynccontextmanager
+async def watched_flight(
+    mission: Mission, *, truth: tuple[str, int], link: LinkAddress, speedup: float
+) -> AsyncIterator[WatchedFlight]:
+    """A flight to watch, with an open ear for true states at a host and port.
+
+    Raises:
+        VfguideError: the port is not to be had.
+    """
+    flight = WatchedFlight(mission, link=link, speedup=speedup)
+    loop = asyncio.get_running_loop()
+    try:
+        transport, _ = await loop.create_datagram_endpoint(lambda: flight.judge, local_addr=truth)
+    except OSError as error:
+        host, port = truth
+        raise VfguideError(f"udpin://{host}:{port}: cannot listen ({error.strerror})") from error
+    try:
+        yield flight
+    finally:
+        transport.close()
