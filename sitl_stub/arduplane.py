@@ -16,11 +16,12 @@ from sitl_stub.commands import (
     Command,
     Handlers,
     Result,
+    finite,
     height_target,
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
 from sitl_stub.guided import Guided
 from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER, MANUAL, RTL
 from sitl_stub.telemetry_ids import ALTITUDE, UNREQUESTED
@@ -77,7 +78,7 @@ class ArduPlane:
         self.begin(flight)
         if name in {self._named("AIRSPEED_MIN"), self._named("AIRSPEED_MAX")}:
             slowest_m_s, fastest_m_s = self._value("AIRSPEED_MIN"), self._value("AIRSPEED_MAX")
-            if 0.0 < slowest_m_s <= fastest_m_s:
+            if LEAST_AIRSPEED_M_S <= slowest_m_s <= fastest_m_s:
                 flight.set_airspeed_range(slowest_m_s, fastest_m_s)
         elif name == self._named("AIRSPEED_CRUISE"):
             flight.cruise_airspeed_m_s = max(1.0, self._value("AIRSPEED_CRUISE"))
@@ -154,7 +155,7 @@ class ArduPlane:
             return Result.COMMAND_INT_ONLY
         (flags,) = command.used(2)
         where = place(command)
-        height = height_target(flight, command.frame, command.z)
+        height = height_target(flight, command.frame, *finite(command.z))
         if where is None or height is None:
             return Result.DENIED
         if flight.mode is not GUIDED:

@@ -20,16 +20,18 @@ from sitl_stub.commands import (
     command_of,
 )
 from sitl_stub.config import AutopilotConfig
+from sitl_stub.courtesies import ping_reply, status_text, timesync_reply
 from sitl_stub.flight import Flight
 from sitl_stub.mission_protocol import MISSION_MESSAGES, mission_reply
 from sitl_stub.parameter_protocol import ParameterServer
 from sitl_stub.personality import Personality
 from sitl_stub.px4 import Px4
+from sitl_stub.report import Report
 from sitl_stub.sensors import Sensors
 from sitl_stub.signing import Signing
 from sitl_stub.start import flight_at_start
 from sitl_stub.streams import Streams
-from sitl_stub.telemetry import POSITION_MESSAGES, TELEMETRY, Report
+from sitl_stub.telemetry import POSITION_MESSAGES, TELEMETRY
 from sitl_stub.telemetry_ids import HEARTBEAT
 from sitl_stub.truth import Truth, truth_of
 from sitl_stub.wind import Wind
@@ -106,7 +108,7 @@ class Autopilot:
             "SET_MODE": self._on_set_mode,
             "HEARTBEAT": self._on_heartbeat,
             "TIMESYNC": self._on_timesync,
-            "PING": self._on_ping,
+            "PING": ping_reply,
             "PARAM_REQUEST_LIST": self._on_parameter_list,
             "PARAM_REQUEST_READ": self._parameter_server.read,
             "PARAM_SET": self._on_parameter_set,
@@ -222,18 +224,7 @@ class Autopilot:
         return []
 
     def _on_timesync(self, message: MAVLink_message) -> Replies:
-        """A request has no time of the other side's: it comes back with this side's, in nanoseconds."""
-        if message.tc1 != 0:
-            return []
-        boot_ns = (self._flight.time_us - self._boot_us) * 1000
-        return [mavlink.MAVLink_timesync_message(boot_ns, message.ts1)]
-
-    def _on_ping(self, message: MAVLink_message) -> Replies:
-        """A request is addressed to nobody: it comes back to who sent it."""
-        if message.target_system or message.target_component:
-            return []
-        to = (message.get_srcSystem(), message.get_srcComponent())
-        return [mavlink.MAVLink_ping_message(message.time_usec, message.seq, *to)]
+        return timesync_reply(message, (self._flight.time_us - self._boot_us) * 1000)
 
     def _on_parameter_list(self, _message: MAVLink_message) -> Replies:
         return self._parameter_server.request_list(self._flight.time_us)
@@ -303,8 +294,3 @@ class Autopilot:
             self._personality.arming.is_ready(flight),
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]
-
-
-def status_text(text: str) -> MAVLink_message:
-    """A STATUSTEXT of severity INFO."""
-    return mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, text.encode("ascii")[:50])

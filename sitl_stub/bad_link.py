@@ -69,8 +69,8 @@ class BadLink:
         self._delay_s, self._jitter_s, self._loss = delay_s, jitter_s, loss
         self._random = default_rng((seed, autopilot.system_id, 2))
         self._order = itertools.count()
-        self._up: list[tuple[float, int, bytes]] = []
-        self._down: list[tuple[float, int, bytes]] = []
+        self._up: list[tuple[int, int, bytes]] = []
+        self._down: list[tuple[int, int, bytes]] = []
         self._now_s = 0.0
 
     @property
@@ -81,7 +81,7 @@ class BadLink:
     @property
     def next_due_s(self) -> float:
         """The next simulation time at which the autopilot does something or a datagram arrives."""
-        arrivals_s = (queue[0][0] for queue in (self._up, self._down) if queue)
+        arrivals_s = (queue[0][0] * 1e-6 for queue in (self._up, self._down) if queue)
         return min(self._autopilot.next_due_s, *arrivals_s, math.inf)
 
     def receive(self, data: bytes) -> bytes:
@@ -91,13 +91,14 @@ class BadLink:
 
     def advance(self, to_s: float) -> bytes:
         """Fly to a simulation time; returns what has arrived from the autopilot by then."""
-        while self._up and self._up[0][0] <= to_s:
-            arrival_s, _, data = heapq.heappop(self._up)
-            self._fly_to(max(arrival_s, self._now_s))
+        to_us = round(to_s * 1e6)
+        while self._up and self._up[0][0] <= to_us:
+            arrival_us, _, data = heapq.heappop(self._up)
+            self._fly_to(max(arrival_us * 1e-6, self._now_s))
             self._travel(self._down, self._autopilot.receive(data))
         self._fly_to(to_s)
         arrived = []
-        while self._down and self._down[0][0] <= to_s:
+        while self._down and self._down[0][0] <= to_us:
             arrived.append(heapq.heappop(self._down)[2])
         return b"".join(arrived)
 
@@ -117,10 +118,10 @@ class BadLink:
         self._now_s = to_s
         self._travel(self._down, self._autopilot.advance(to_s))
 
-    def _travel(self, queue: list[tuple[float, int, bytes]], data: bytes) -> None:
+    def _travel(self, queue: list[tuple[int, int, bytes]], data: bytes) -> None:
         if data and not (self._loss and self._random.random() < self._loss):
             spread_s = (
                 self._jitter_s * (2.0 * self._random.random() - 1.0) if self._jitter_s else 0.0
             )
-            arrival_s = self._now_s + self._delay_s + spread_s
-            heapq.heappush(queue, (arrival_s, next(self._order), data))
+            arrival_us = round((self._now_s + self._delay_s + spread_s) * 1e6)
+            heapq.heappush(queue, (arrival_us, next(self._order), data))

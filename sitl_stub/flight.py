@@ -1,12 +1,12 @@
 """One aircraft: its state, what its loops hold, the mode that decides about them."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from sitl_stub.air_data import AirData
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commanded import Commanded
-from sitl_stub.earth import moved
+from sitl_stub.home import Home, ahead_of
 from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.modes import Mode
 from sitl_stub.motion import Motion, flying_motion, rolling_motion
@@ -22,27 +22,14 @@ from sitl_stub.take_off import (
     rolled,
 )
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
-from sitl_stub.wind import Wind
+from sitl_stub.wind import Wind, followed_wind_m_s
+
+LEAST_AIRSPEED_M_S = 1.0
+GREATEST_BANK_DEG = 80.0
+"""No parameter lets it fly slower or bank more: its turns would have no end."""
 
 CIRCLE_BANK_RAD = math.radians(15.0)
 """Bank of a circle without a centre: 150 m of radius at 20 m/s."""
-
-WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
-"""How slowly the autopilot's own estimate of the wind follows the wind."""
-
-
-@dataclass(frozen=True, slots=True)
-class Home:
-    """Where the flight started, on the ground."""
-
-    latitude_rad: float
-    """Geodetic latitude."""
-
-    longitude_rad: float
-    """Longitude."""
-
-    altitude_amsl_m: float
-    """Altitude of the ground there."""
 
 
 class Flight:
@@ -131,7 +118,7 @@ class Flight:
             self._integrate(reach_us)
             self._commanded.take_effect(reach_us)
         self._integrate(to_us)
-        self._estimate_wind(span_s)
+        self.wind_estimate_m_s = followed_wind_m_s(self.wind_estimate_m_s, self.wind_m_s, span_s)
 
     def enter(self, mode: Mode) -> None:
         """Change the mode and forget all commands. Entering the present mode changes nothing."""
@@ -159,7 +146,7 @@ class Flight:
 
     def set_max_bank_deg(self, max_bank_deg: float) -> None:
         """Change the bank limit; what is no limit that can be flown leaves it as it was."""
-        if 0.0 < max_bank_deg < 90.0:
+        if 0.0 < max_bank_deg <= GREATEST_BANK_DEG:
             self.plant = replace(self.plant, max_bank_rad=math.radians(max_bank_deg))
 
     def hold_turn(self, target: TurnTarget) -> None:
@@ -243,7 +230,10 @@ class Flight:
         )
         if self.phase == "climbing" and self._has_climbed():
             self.phase = "flying"
-            self.orbit(self._orbit_after_take_off())
+            ahead = ahead_of(
+                self.home, self.targets.turn.angle_rad, self.navigation.take_off_distance_m
+            )
+            self.orbit(self.orbit_at(*ahead))
 
     def _step_on_ground(self, time_s: float, step_s: float) -> None:
         if self.phase == "standing":
@@ -276,26 +266,6 @@ class Flight:
     def _has_climbed(self) -> bool:
         wanted_m = self.targets.height.altitude_amsl_m
         return self.state.altitude_amsl_m >= wanted_m - REACHED_WITHIN_M
-
-    def _orbit_after_take_off(self) -> Orbit:
-        course_rad = self.targets.turn.angle_rad
-        latitude_rad, longitude_rad = moved(
-            self.home.latitude_rad,
-            self.home.longitude_rad,
-            self.home.altitude_amsl_m,
-            north_m=self.navigation.take_off_distance_m * math.cos(course_rad),
-            east_m=self.navigation.take_off_distance_m * math.sin(course_rad),
-        )
-        return self.orbit_at(latitude_rad, longitude_rad)
-
-    def _estimate_wind(self, span_s: float) -> None:
-        north, east = self.wind_m_s
-        share = -math.expm1(-span_s / WIND_ESTIMATE_TIME_CONSTANT_S)
-        known_north, known_east = self.wind_estimate_m_s
-        self.wind_estimate_m_s = (
-            known_north + share * (north - known_north),
-            known_east + share * (east - known_east),
-        )
 
     def _enter_in_flight(self, mode: Mode, *, starts: bool = False) -> None:
         """Cruise airspeed and present height; straight on, or what the mode flies by itself."""

@@ -17,12 +17,13 @@ from sitl_stub.commands import (
     Command,
     Handlers,
     Result,
+    finite,
     height_target,
     is_flyable_airspeed,
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
 from sitl_stub.modes import (
     AUTO_LOITER,
     AUTO_RTL,
@@ -118,7 +119,7 @@ class Px4:
         self.begin(flight)
         if name in AIRSPEED_LIMITS:
             slowest_m_s, fastest_m_s = parameters["FW_AIRSPD_MIN"], parameters["FW_AIRSPD_MAX"]
-            if 0.0 < slowest_m_s <= fastest_m_s:
+            if LEAST_AIRSPEED_M_S <= slowest_m_s <= fastest_m_s:
                 flight.set_airspeed_range(slowest_m_s, fastest_m_s)
         elif name == "FW_AIRSPD_TRIM":
             flight.cruise_airspeed_m_s = max(1.0, parameters[name])
@@ -191,7 +192,7 @@ class Px4:
     def _reposition(self, flight: Flight, command: Command) -> Result:
         """192: loiter around a place."""
         where = place(command)
-        height = height_target(flight, command.frame, command.z)
+        height = height_target(flight, command.frame, *finite(command.z))
         if where is None or height is None:
             return Result.DENIED
         self.request_mode(flight, AUTO_LOITER.custom_mode)

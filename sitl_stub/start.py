@@ -5,7 +5,8 @@ import math
 from sitl_stub.air_data import AirData
 from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight, Home
+from sitl_stub.flight import Flight
+from sitl_stub.home import Home
 from sitl_stub.personality import Personality
 from sitl_stub.plant_state import PlantState
 from sitl_stub.triangle import ground_speed_along_m_s

@@ -50,6 +50,9 @@ from sitl_stub.telemetry_ids import (
 MIN_INTERVAL_US = 10_000
 """Fastest stream where no scheduler limits it: 100 Hz."""
 
+LONGEST_INTERVAL_US = 2**31 - 1
+"""What MESSAGE_INTERVAL can tell of: 36 minutes."""
+
 LOOP_SHARE = 0.8
 """Fastest stream in parts of the scheduler's loop rate: ArduPilot denies more."""
 
@@ -126,7 +129,7 @@ class Streams:
             return Result.ACCEPTED
         if interval_us < self._fastest_us:
             return Result.DENIED
-        self.schedule.every(message_id, interval_us)
+        self.schedule.every(message_id, min(interval_us, LONGEST_INTERVAL_US))
         return Result.ACCEPTED
 
     def get_interval(self, _flight: Flight, command: Command) -> Result:

@@ -50,3 +50,16 @@ class ArticleWind:
         speed_m_s = 5.0 + 3.0 * math.cos(0.1 * time_s)
         toward_rad = 0.75 * math.pi + math.pi * math.sin(0.1 * time_s)
         return speed_m_s * math.cos(toward_rad), speed_m_s * math.sin(toward_rad)
+
+
+WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
+"""How slowly an autopilot's own estimate of the wind follows the wind."""
+
+
+def followed_wind_m_s(
+    known_m_s: tuple[float, float], wind_m_s: tuple[float, float], span_s: float
+) -> tuple[float, float]:
+    """An autopilot's estimate (north, east) after a span in this wind: a first-order lag."""
+    share = -math.expm1(-span_s / WIND_ESTIMATE_TIME_CONSTANT_S)
+    (known_north, known_east), (north, east) = known_m_s, wind_m_s
+    return known_north + share * (north - known_north), known_east + share * (east - known_east)

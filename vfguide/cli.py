@@ -12,13 +12,6 @@ from pydantic import ValidationError
 
 from vfguide.commands.bench_options import bench
 from vfguide.commands.check import findings_of, report_findings
-from vfguide.commands.companion import run_companion
-from vfguide.commands.emulate import emulate as emulate_vehicle
-from vfguide.commands.fly import BROKEN
-from vfguide.commands.fly import fly as fly_mission
-from vfguide.commands.fly_live import fly_live as fly_mission_live
-from vfguide.commands.identify import identify as identify_vehicle
-from vfguide.commands.judge import judge_flight
 from vfguide.commands.overrides import (
     ControllerName,
     Overrides,
@@ -27,8 +20,6 @@ from vfguide.commands.overrides import (
     WindName,
     overridden,
 )
-from vfguide.commands.report import write_again
-from vfguide.commands.status import show_status
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.errors import InputError, VfguideError
 from vfguide.mission import Mission, MissionError, read_mission
@@ -36,7 +27,9 @@ from vfguide.mission.explain import explain
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.location import Location
 
-WRONG_INPUT = 2
+# Commands are imported where they are called: a daemon on an aircraft loads none of the others.
+
+WRONG_INPUT, BROKEN = 2, 3
 
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""
@@ -153,8 +146,12 @@ def fly(
             errors.tell(str(finding))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG_INPUT)
+    from vfguide.commands.fly import fly as fly_mission
+
     if not live:
         raise typer.Exit(fly_mission(changed, out=out, as_json=as_json))
+    from vfguide.commands.fly_live import fly_live as fly_mission_live
+
     status = fly_mission_live(changed, link=link, speedup=speedup, out=out, as_json=as_json)
     raise typer.Exit(status)
 
@@ -192,6 +189,8 @@ def companion(
     It never arms, and unless --engage says so it never changes the autopilot's mode: it steers while
     the pilot has selected the guided mode. Exit status: 0 stopped cleanly, 2 the input is wrong, 3 broken.
     """
+    from vfguide.commands.companion import run_companion
+
     run_companion(
         read_mission(mission).mission,
         vehicle,
@@ -230,6 +229,8 @@ def identify(
     Prints alpha, beta, dead times and lags with their intervals, as lines for the mission file. Exit status:
     0 they are known well, 1 they are not or the flight ended early, 2 the input is wrong, 3 broken.
     """
+    from vfguide.commands.identify import identify as identify_vehicle
+
     status = identify_vehicle(
         read_mission(mission).mission,
         vehicle,
@@ -270,6 +271,8 @@ def judge(
     status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
     """
+    from vfguide.commands.judge import judge_flight
+
     changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
     verdict = judge_flight(
         changed,
@@ -304,6 +307,8 @@ def emulate(
 
     Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
     """
+    from vfguide.commands.emulate import emulate as emulate_vehicle
+
     emulate_vehicle(
         read_mission(mission).mission,
         vehicle,
@@ -327,6 +332,8 @@ def status(
 
     Exit status: 0 every companion is online, 1 some are not, 2 the input is wrong, 3 no broker.
     """
+    from vfguide.commands.status import show_status
+
     loaded = read_mission(mission)
     raise typer.Exit(show_status(loaded.mission, link=link, as_json=as_json))
 
@@ -365,6 +372,8 @@ def report(
 
     Exit status: 0 written, 2 there is no readable record, or the directory cannot be written to.
     """
+    from vfguide.commands.report import write_again
+
     write_again(directory)
 
 

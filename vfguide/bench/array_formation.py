@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
+from vfguide.angles import TURN
 from vfguide.bench.array_ground import Ground, Report
 from vfguide.bench.array_plant import Fleet, Targets
 from vfguide.bench.array_wind import SwingingWind
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
-from vfguide.elementwise import FloatArray, hypot
+from vfguide.elementwise import FloatArray
 from vfguide.guidance.follower import follower_step
 from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
 from vfguide.guidance.leader import LeaderTask, leader_step
@@ -28,6 +29,8 @@ from vfguide.guidance.navigation import Sample, first_state, navigate
 from vfguide.guidance.pid import PidMemory, first_memory, pid_step
 from vfguide.guidance.settings import GuidanceSettings, PidGains
 from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.setpoint_stream import DIGITS
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 
@@ -160,7 +163,7 @@ def fly_formations(
     """
     fleet = fleet_at(start, conditions)
     followers = Followers(start, conditions)
-    clock = Clock(conditions.rate_hz)
+    clock, stream = Clock(conditions.rate_hz), Stream()
     delayed = math.ceil(conditions.link_delay_s * conditions.rate_hz - 1e-6)
     heard: deque[LeaderState[FloatArray]] = deque(maxlen=delayed + 1)
     engaged = round(conditions.engaged_after_s * conditions.rate_hz) + 1
@@ -202,11 +205,10 @@ def fly_formations(
                 conditions.airframe,
                 period=clock.period,
             ).setpoint
-            course, speed = told(
-                np.vstack([leading.course[None], following.course]),
-                np.vstack([leading.speed[None], following.speed]),
-                rounded=conditions.rounded,
-            )
+            course = np.vstack([leading.course[None], following.course])
+            speed = np.vstack([leading.speed[None], following.speed])
+            if conditions.rounded:
+                course, speed = stream.told(course, speed, now)
             fleet.guide(course, speed, now)
         watch(now, slot_distances(fleet, now, start.slot), following if step >= engaged else None)
 
@@ -266,15 +268,40 @@ def reported(
     return sample, said
 
 
-def told(course: FloatArray, speed: FloatArray, *, rounded: bool) -> tuple[FloatArray, FloatArray]:
-    """Setpoints as they reach the autopilots: a thousandth of a degree, single precision."""
-    if not rounded:
-        return course, speed
-    degrees = np.round(np.degrees(course) % 360.0, 3) % 360.0
-    return (
-        np.radians(degrees.astype(np.float32).astype(np.float64)),
-        speed.astype(np.float32).astype(np.float64),
-    )
+class Stream:
+    """Setpoints on their way to ArduPlane: rounded, and sent where they change or have not been for a while.
+
+    As `vfguide.mavlink.setpoint_stream` does it, for each vehicle and for course and speed apart.
+    """
+
+    def __init__(self) -> None:
+        self._content: FloatArray | None = None
+        self._sent: FloatArray | None = None
+        self._told: FloatArray | None = None
+
+    def told(
+        self, course: FloatArray, speed: FloatArray, now: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """(course, speed) that the autopilots hold from now on."""
+        degrees = np.round(np.degrees(course % TURN), 3) % 360.0
+        fresh = np.stack([degrees, speed])
+        content = decimals(fresh)
+        if self._content is None or self._sent is None or self._told is None:
+            self._content, self._told = content, fresh
+            self._sent = np.full_like(fresh, now)
+        else:
+            due = (content != self._content) | (now - self._sent >= ArduPlane.keep_alive_s)
+            self._content = np.where(due, content, self._content)
+            self._sent = np.where(due, now, self._sent)
+            self._told = np.where(due, fresh, self._told)
+        single = self._told.astype(np.float32).astype(np.float64)
+        return np.radians(single[0]), single[1]
+
+
+def decimals(values: FloatArray) -> FloatArray:
+    """Hundredths, to the nearest as Python rounds: a product in double precision would invent ties."""
+    hundredths: FloatArray = np.rint(values.astype(np.longdouble) * 10**DIGITS).astype(np.float64)
+    return hundredths
 
 
 def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:
@@ -295,4 +322,5 @@ def slot_distances(fleet: Fleet, time_s: float, slot: Slot[FloatArray]) -> Float
     ahead, aside = moving.north[0] / speed, moving.east[0] / speed
     slot_north = north[0] + slot.forward * ahead - slot.right * aside
     slot_east = east[0] + slot.forward * aside + slot.right * ahead
-    return hypot(slot_north - north[1:], slot_east - east[1:])
+    distances: FloatArray = np.hypot(slot_north - north[1:], slot_east - east[1:])
+    return distances

@@ -5,14 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.bench import measure_latency
-from vfguide.commands.bench_compare import compare_laws
-from vfguide.commands.bench_studies import (
-    sample_formations,
-    show_ablations,
-    show_robustness,
-    show_scale,
-)
+# What measures is imported where it is called: every command reads these options, few measure.
 
 bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
 
@@ -46,6 +39,8 @@ def compare(
     As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
     """
     if context.invoked_subcommand is None:
+        from vfguide.commands.bench_compare import compare_laws
+
         compare_laws(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
 
@@ -64,6 +59,8 @@ def latency(
 
     Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
     """
+    from vfguide.commands.bench import measure_latency
+
     measure_latency(seconds=seconds, rate_hz=rate, as_json=as_json)
 
 
@@ -72,6 +69,8 @@ def ablations(
     *, json_file: JsonFile = None, quick: Quick = False, scheduler: Scheduler = None
 ) -> None:
     """Switch off each part of the laws alone, and fly the four missions."""
+    from vfguide.commands.bench_studies import show_ablations
+
     show_ablations(quick=quick, json_file=json_file, scheduler=scheduler)
 
 
@@ -84,12 +83,16 @@ def robustness(
     scheduler: Scheduler = None,
 ) -> None:
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
+    from vfguide.commands.bench_studies import show_robustness
+
     show_robustness(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
 
 @bench.command()
 def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
     """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
+    from vfguide.commands.bench_studies import show_scale
+
     show_scale(quick=quick, json_file=json_file)
 
 
@@ -108,6 +111,8 @@ def monte_carlo(
     scheduler: Scheduler = None,
 ) -> None:
     """Fly thousands of formations at once: random starts, winds, offsets and gains."""
+    from vfguide.commands.bench_studies import sample_formations
+
     sample_formations(
         formations=formations,
         law=law,

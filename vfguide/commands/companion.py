@@ -41,6 +41,7 @@ def run_companion(
         engage=engage,
         record=record,
         signing_key=None if signing_key_file is None else read_key(signing_key_file),
+        by_mavsdk=mission.vehicles[vehicle].autopilot == "mavsdk",
     )
     log_to_standard_error()
     plan = flight_plan(mission, vehicle)

@@ -56,7 +56,8 @@ def identify(
     identification = Identification(
         plan, adapter_of(mission.vehicles[vehicle]), engage=engage, repeats=repeats
     )
-    asyncio.run(flown(identification, address, Clock(rate=speedup)))
+    by_mavsdk = mission.vehicles[vehicle].autopilot == "mavsdk"
+    asyncio.run(flown(identification, address, Clock(rate=speedup), by_mavsdk=by_mavsdk))
     findings = identification.recording.findings()
     if findings.course is None and findings.speed is None:
         raise VfguideError("the flight ended before anything could be learned")
@@ -96,7 +97,9 @@ def write(findings: Findings, text: str, vehicle: str, out: Path) -> None:
     say(f"written to {profile} and {picture}")
 
 
-async def flown(identification: Identification, address: Address, clock: Clock) -> None:
+async def flown(
+    identification: Identification, address: Address, clock: Clock, *, by_mavsdk: bool
+) -> None:
     """Fly until all steps are done, or SIGINT or SIGTERM; then hand back."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -113,7 +116,7 @@ async def flown(identification: Identification, address: Address, clock: Clock) 
     def take(datagram: bytes) -> None:
         dispatch(identification.receive(datagram, clock.now()))
 
-    async with open_connection(address, take, random=Random()) as opened:
+    async with open_connection(address, take, random=Random(), by_mavsdk=by_mavsdk) as opened:
         connection = opened
         while not (stop.is_set() or identification.stage.is_over):
             dispatch(identification.poll(clock.now()))

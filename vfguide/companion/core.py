@@ -265,7 +265,7 @@ class Companion:
             if not self._adapter.holds_altitude:
                 warn(out, now, self._obedience.watch_altitude(fix.place.altitude_amsl))
         elif self._mode is not Mode.LOST and self._stranger is None:
-            ready = self._adapter.stay_ready(setpoint.course, setpoint.speed)
+            ready = self._adapter.stay_ready(setpoint.course, self._reported(setpoint.speed))
             messages += self._stream.due(ready, now)
         return messages
 
@@ -298,12 +298,20 @@ class Companion:
 
     def _steer(self, setpoint: Setpoint[float], now: float) -> list[MAVLink_message]:
         """Messages that carry a setpoint, and now and then the altitude."""
-        flown = self._adapter.fly(setpoint.course, setpoint.speed)
+        flown = self._adapter.fly(setpoint.course, self._reported(setpoint.speed))
         messages = self._stream.due(flown, now)
         if now - self._altitude_time >= ALTITUDE_S:
             self._altitude_time = now
             messages += self._adapter.hold_altitude(self._plan.altitude_amsl)
         return messages
+
+    def _reported(self, speed: float) -> float:
+        """A speed (m/s) as the autopilot's own sensor would show it, within the vehicle's limits."""
+        airframe = self._plan.airframe
+        if airframe.hold == "course-hold":
+            return speed
+        shown = speed / self._own.calibration.scale
+        return min(max(shown, airframe.airspeed_min), airframe.airspeed_max)
 
     def _change_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """Follow the supervisor; hand the vehicle back when the leader is lost."""

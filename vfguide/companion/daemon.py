@@ -61,6 +61,8 @@ class Surroundings:
     """Directory for its telemetry log and what guidance did."""
     signing_key: bytes | None = None
     """Of the connection to the autopilot, if it is signed."""
+    by_mavsdk: bool = False
+    """Whether MAVSDK keeps the connection to the autopilot."""
 
 
 class Daemon:
@@ -100,7 +102,12 @@ class Daemon:
         where = self._surroundings
         async with AsyncExitStack() as stack:
             self._connection = await stack.enter_async_context(
-                open_connection(where.mavlink, self._take_mavlink, random=random)
+                open_connection(
+                    where.mavlink,
+                    self._take_mavlink,
+                    random=random,
+                    by_mavsdk=where.by_mavsdk,
+                )
             )
             self._link = await stack.enter_async_context(
                 open_link(

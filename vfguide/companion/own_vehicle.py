@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.foresight import Foresight
 from vfguide.companion.plan import FlightPlan
+from vfguide.guidance.airspeed_calibration import Calibration, calibrated
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
 from vfguide.mavlink.reports import PositionReport
@@ -20,6 +21,9 @@ AIRSPEED_FRESH_S = 2.0
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
+
+LEAST_CALIBRATED = 5.0
+"""m/s: slower than this nothing is learned of the airspeed sensor."""
 
 LEAST_AIRSPEED = 1.0
 """m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
@@ -67,9 +71,17 @@ class OwnVehicle:
         self._clock = BootClock()
         self._airspeed = 0.0
         self._airspeed_time = -math.inf
+        # Whoever holds a ground speed is told nothing in terms of the airspeed.
+        self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
+        self._calibration = Calibration()
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
         self._foresight = Foresight(plan.airframe) if plan.airframe.lags else None
+
+    @property
+    def calibration(self) -> Calibration:
+        """True airspeed over the reported one; autopilots are told airspeeds of the kind that they report."""
+        return self._calibration
 
     def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
@@ -105,6 +117,7 @@ class OwnVehicle:
             step = navigate_blind if self._blind else navigate
             state = step(previous, sample, self._filters)
         self._state = state
+        self._calibrate(report, interval, now)
         if self._foresight is not None:
             self._foresight.observe(state)
         latitude, longitude = self._frame.shifted(
@@ -125,6 +138,23 @@ class OwnVehicle:
             foresight=self._foresight,
         )
 
+    def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
+        """Learn from a report with a heading and an airspeed of its own."""
+        fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
+        known = report.heading is not None and self._airspeed > LEAST_CALIBRATED
+        state = self._state
+        if not (self._calibrates and fresh and known and interval <= GAP_S) or state is None:
+            return
+        self._calibration = calibrated(
+            self._calibration,
+            reported_airspeed=self._airspeed,
+            heading=state.heading,
+            velocity_north=report.velocity_north,
+            velocity_east=report.velocity_east,
+            wind_rate=math.hypot(state.wind_rate_north, state.wind_rate_east),
+            period=interval,
+        )
+
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
@@ -134,7 +164,7 @@ class OwnVehicle:
         heading = report.heading
         if heading is None:
             heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
-        airspeed = self._airspeed
+        airspeed = self._calibration.scale * self._airspeed
         if now - self._airspeed_time > AIRSPEED_FRESH_S:
             airspeed = airspeed_for_ground_velocity(
                 math.hypot(velocity_north, velocity_east),

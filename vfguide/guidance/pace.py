@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from vfguide.guidance.settings import GuidanceSettings
 
-DELAY_SHARE = 0.3
+DELAY_SHARE = 0.2
 """Of a delay that is predicted, what the sliding laws still count as one."""
 
 NESTING = 2.0

@@ -32,7 +32,7 @@ def draw_findings(findings: Findings, path: Path, title: str) -> None:
         degrees = np.degrees(course.direction)
         modelled = np.degrees(findings.course.modelled)
         draw(upper, course, np.degrees(course.told), degrees, modelled)
-        upper.set_ylabel("direction, degrees")
+        upper.set_ylabel("heading (setpoint: course), degrees")
         upper.set_title(words(findings.course, "alpha"), loc="left", fontsize=10)
     if speed is not None and findings.speed is not None:
         draw(lower, speed, speed.told, speed.speed, findings.speed.modelled)

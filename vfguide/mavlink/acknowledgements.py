@@ -14,6 +14,9 @@ SILENCE_S = 3.0
 QUIET_S = 10.0
 """A refusal that comes again after this long is told again."""
 
+MOST_REFUSALS = 64
+"""Kinds of them that are remembered: more is noise, and not told."""
+
 GOOD = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
 
 REASONS: dict[tuple[int, int], str] = {
@@ -71,6 +74,8 @@ class Acknowledgements:
         if report.result in GOOD:
             return None
         key = (report.command, report.result)
+        if key not in self._refused and len(self._refused) >= MOST_REFUSALS:
+            return None
         before = self._refused.get(key, -math.inf)
         self._refused[key] = now
         return refusal(*key) if now - before > QUIET_S else None

@@ -16,6 +16,7 @@ from typing import Protocol
 from vfguide.errors import InputError
 from vfguide.mavlink.address import Address, NetworkAddress, SerialAddress, Transport
 from vfguide.mavlink.datagram import UdpCaller, open_udp_port
+from vfguide.mavlink.mavsdk import MavsdkChannel
 from vfguide.mavlink.reconnecting import ReconnectingStream
 from vfguide.mavlink.serial_port import dial_serial
 from vfguide.mavlink.status import Status, reason_of
@@ -88,7 +89,7 @@ class OpenConnection:
 
 @asynccontextmanager
 async def open_connection(
-    address: Address, receive: Receive, *, random: Random
+    address: Address, receive: Receive, *, random: Random, by_mavsdk: bool = False
 ) -> AsyncIterator[Connection]:
     """Connect to an autopilot, for as long as the context lasts.
 
@@ -99,12 +100,13 @@ async def open_connection(
         address: of the autopilot, or where to wait for it.
         receive: called from the event loop with whole frames, as they come; it must not raise.
         random: keeps companions that lost the same peer from coming back in step.
+        by_mavsdk: whether MAVSDK keeps the connection.
 
     Raises:
-        InputError: this computer cannot listen at the address.
+        InputError: this computer cannot listen at the address, or has no MAVSDK.
     """
     status = Status(address)
-    async with channel_of(address, receive, status, random) as channel:
+    async with channel_of(address, receive, status, random, by_mavsdk=by_mavsdk) as channel:
         try:
             yield OpenConnection(channel, status)
         finally:
@@ -112,9 +114,11 @@ async def open_connection(
 
 
 def channel_of(
-    address: Address, receive: Receive, status: Status, random: Random
+    address: Address, receive: Receive, status: Status, random: Random, *, by_mavsdk: bool
 ) -> AbstractAsyncContextManager[Channel]:
     """What opens and closes a channel of the kind that the address asks for."""
+    if by_mavsdk:
+        return running(MavsdkChannel(address, receive, status), status)
     if isinstance(address, SerialAddress):
         dial = dial_serial(address)
         return running(ReconnectingStream(dial, receive, status, random), status)

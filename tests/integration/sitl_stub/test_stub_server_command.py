@@ -87,6 +87,54 @@ def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
     assert samples[0]["mode"] == "AUTO.LOITER"
 
 
+def test_many_in_one_process_have_ids_ports_and_places_that_count_up(
+    station: Factory, tmp_path: Path
+) -> None:
+    path = tmp_path / "truth.jsonl"
+
+    async def test() -> None:
+        first = free_ports(3)
+        async with command(
+            *("--system-id", "5", "--count", "3", "--mavlink", f"udpin://127.0.0.1:{first}"),
+            *("--truth", str(path), "--start", "47,8,500,0", "--spacing", "100"),
+        ) as process:
+            assert process.stderr is not None
+            for index in range(3):
+                said = (await process.stderr.readline()).decode().split()
+                assert said[2] == str(5 + index)
+                address = parse_address(said[-1])
+                assert address.port == first + index
+                async with station(address) as ground:
+                    ground.send(ground.heartbeat())
+                    assert (await ground.message("HEARTBEAT")).get_srcSystem() == 5 + index
+            process.send_signal(signal.SIGTERM)
+            assert await process.wait() == 0
+
+    asyncio.run(test())
+    samples = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    east_m = {
+        sample["system_id"]: round((sample["longitude_deg"] - 8.0) * 76_060.0) for sample in samples
+    }
+    assert east_m == {5: 0, 6: 100, 7: 200}
+
+
+def free_ports(count: int) -> int:
+    """The first of several free ports in a row."""
+    for first in range(25_000, 60_000, 97):
+        sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+        try:
+            for index, one in enumerate(sockets):
+                one.bind(("127.0.0.1", first + index))
+        except OSError:
+            continue
+        else:
+            return first
+        finally:
+            for one in sockets:
+                one.close()
+    raise AssertionError("no free ports")
+
+
 def test_a_port_in_use_is_one_line_and_status_3() -> None:
     async def test() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -122,6 +170,18 @@ def test_a_port_in_use_is_one_line_and_status_3() -> None:
         (["--position-noise", "-1"], "position_noise_m must be"),
         (["--truth", "udpin://127.0.0.1:1"], "true states go to"),
         (["--truth", "/nowhere/truth.jsonl"], "cannot be written to"),
+        (["--count", "0"], "--count: 0 is not 1 to 100"),
+        (["--system-id", "200", "--count", "60"], "system_id must be 1 to 255"),
+        (["--mavlink", "udpin://127.0.0.1:65530", "--count", "10"], "no 10 ports"),
+        (["--plant", "course-hold", "--speed-response", "tecs"], "tecs"),
+        (["--roll-time", "0"], "roll_time_s must be"),
+        (["--course-dead-time", "-1"], "course_dead_time_s must be"),
+        (["--loop-rate", "1"], "loop_rate_hz must be"),
+        (["--gps-glitch", "1,2,3"], "--gps-glitch: '1,2,3' is not AT,FOR,N,E"),
+        (["--gps-glitch", "-1,2,3,4"], "no glitch"),
+        (["--delay", "0.1", "--jitter", "0.2"], "jitter"),
+        (["--loss", "1"], "loss must be"),
+        (["--airspeed-calibration", "3"], "airspeed_calibration must be"),
     ],
 )
 def test_a_wrong_option_is_one_line_and_status_2(

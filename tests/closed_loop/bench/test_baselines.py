@@ -1,0 +1,36 @@
+"""The baselines as ordinary laws: they fly the article's missions, on both plants, and over a bad link."""
+
+import pytest
+
+from vfguide.bench.article import MISSIONS
+from vfguide.bench.comparison import BAD_LINK
+from vfguide.bench.flown import Case, fly
+
+DURATION_S = 60.0
+
+
+@pytest.mark.parametrize("law", ["pid", "mpc"])
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_a_baseline_holds_its_slots(law: str, mission: str) -> None:
+    case = Case(mission=mission, controller=law, changes={"rehearsal": {"duration_s": DURATION_S}})
+    figures, _ = fly(case)
+    assert figures.mean_error_m < 0.25
+    assert figures.settle_1m_s is not None
+    assert figures.settle_1m_s < 40.0
+    assert figures.min_separation_m > 5.0
+
+
+@pytest.mark.parametrize("law", ["pid", "mpc"])
+def test_a_baseline_flies_the_articles_plant_over_a_bad_link(law: str) -> None:
+    case = Case(
+        mission="circle-wind",
+        controller=law,
+        plant="course-hold",
+        changes={"rehearsal": {**BAD_LINK, "duration_s": DURATION_S}},
+        drawn=True,
+    )
+    figures, tracks = fly(case)
+    assert figures.mean_error_m < 1.0
+    assert tracks is not None
+    assert set(tracks.error_m) == {"f1", "f2", "f3"}
+    assert tracks.time_s[-1] == DURATION_S

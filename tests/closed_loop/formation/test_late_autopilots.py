@@ -1,0 +1,64 @@
+"""Formations on autopilots that bank, lag and answer late, with what `vfguide identify` tells of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.mission import Mission, load_mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+from vfguide.report.metrics import summarise
+from vfguide.report.summary import FormationSummary
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+STEADY = {"type": "steady", "speed_m_s": 5.0, "toward_deg": 135.0}
+EMULATOR = {"plant": "bank", "guided_p": 12_000.0, "roll_time_s": 0.4, "speed_response": "tecs"}
+PROFILE = {
+    "alpha_1_s": 1.03,
+    "beta_1_s": 0.55,
+    "course_lag_s": 0.4,
+    "speed_dead_time_s": 0.5,
+    "max_acceleration_m_s2": 2.5,
+}
+
+Fly = Callable[..., FormationSummary]
+
+
+@pytest.fixture(scope="module")
+def late() -> Fly:
+    """Flies two minutes of a mission at 25 Hz, leader states 100 ms old; errors are of the second one."""
+
+    def fly(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary:
+        content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+        content |= {"wind": wind, "acceptance": {}}
+        content["rehearsal"] |= {
+            "duration_s": 120.0,
+            "rate_hz": 25.0,
+            "link_delay_s": 0.1,
+            "emulator": EMULATOR | emulator,
+        }
+        for vehicle in content["vehicles"].values():
+            vehicle.update(PROFILE)
+        return summarise(fly_lockstep(Mission.model_validate(content)).record).formation
+
+    return fly
+
+
+def test_a_line_is_held_within_half_a_metre(late: Fly) -> None:
+    assert late("line-wind", STEADY).mean_error_m < 0.5
+
+
+def test_a_circle_is_held_within_three_quarters_of_a_metre(late: Fly) -> None:
+    assert late("circle-wind", STEADY).mean_error_m < 0.75
+
+
+@pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
+def test_in_the_articles_wind_it_is_within_a_metre_and_a_half(late: Fly, name: str) -> None:
+    assert late(name, {"type": "article"}).mean_error_m < 1.5
+
+
+def test_a_profile_that_is_a_little_wrong_does_no_harm(late: Fly) -> None:
+    emulator = {"turn_efficiency": 0.8, "course_dead_time_s": 0.2, "speed_dead_time_s": 0.7}
+    assert late("circle-wind", STEADY, **emulator).mean_error_m < 0.75

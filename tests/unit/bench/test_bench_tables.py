@@ -1,0 +1,142 @@
+"""What a benchmark's figures look like on paper: tables, JSON, pictures."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vfguide.bench.ablations import ABLATIONS, ablation_cases
+from vfguide.bench.article import MISSIONS
+from vfguide.bench.case_figure import draw_case, draw_laws
+from vfguide.bench.comparison import FULL, LAWS, QUICK, Row, cases, row_json, rows
+from vfguide.bench.comparison_table import long_table, metres, short_table
+from vfguide.bench.flown import Case, Figures, Tracks
+from vfguide.bench.map_figure import draw_maps
+from vfguide.bench.robustness import SWEEPS, WRONG, Found, fly_point, points
+from vfguide.commands.bench_studies import maps, without_nan
+
+PNG = b"\x89PNG"
+
+
+def figures(mean_error_m: float) -> Figures:
+    return Figures(
+        mean_error_m=mean_error_m,
+        p95_error_m=2.0 * mean_error_m,
+        max_error_m=3.0 * mean_error_m,
+        settle_10m_s=12.0,
+        settle_1m_s=None,
+        min_separation_m=20.0,
+        effort_m_s2=1.0,
+        course_variation_rad_s=0.1,
+        speed_variation_m_s2=0.1,
+        limited=0.01,
+        wall_s=math.nan,
+    )
+
+
+def table_rows() -> list[Row]:
+    flown = [
+        (Case(mission=mission, controller=law, label="shipped"), figures(0.1 * (number + 1)))
+        for mission in MISSIONS
+        for number, law in enumerate(LAWS)
+    ]
+    return list(rows(flown))
+
+
+COSTS = {law: {"median_us": 10.0 * (number + 1)} for number, law in enumerate(LAWS)}
+
+
+def test_the_short_table_marks_the_best_law_of_each_mission() -> None:
+    lines = short_table(table_rows(), COSTS).splitlines()
+    assert lines[2] == "| line-calm | 0.85 | **0.100** | 0.200 | 0.300 | 0.400 |"
+    assert lines[-1] == "| one guidance step | | 10 µs | 20 µs | 30 µs | 40 µs |"
+
+
+def test_the_long_table_says_what_never_settled() -> None:
+    text = long_table(table_rows(), "heading-hold", "shipped")
+    assert len(text.splitlines()) == 2 + len(MISSIONS) * len(LAWS)
+    assert "| line-calm | slot | 0.100 | 0.200 | 0.300 | 12.0 | never |" in text
+    assert long_table(table_rows(), "course-hold", "shipped") == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (math.nan, "-"), (0.0123, "0.012"), (4.086, "4.09"), (312.0, "312")],
+)
+def test_metres_have_the_digits_they_deserve(value: float | None, text: str) -> None:
+    assert metres(value) == text
+
+
+def test_figures_go_into_json_without_what_it_does_not_know() -> None:
+    content = row_json(table_rows()[0])
+    assert content["mean"]["wall_s"] is None
+    assert json.loads(json.dumps(content, allow_nan=False))["flights"] == 1
+    assert without_nan({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
+
+
+def test_the_comparison_flies_every_mission_by_every_law_on_both_plants() -> None:
+    for extent in (FULL, QUICK):
+        shipped = [case for case in cases(extent) if case.label == "shipped"]
+        assert len({(one.mission, one.controller, one.plant) for one in shipped}) == 32
+    assert len(cases(FULL)) == 32 + 32 * 5
+
+
+def test_every_ablation_is_a_mission_that_can_be_flown() -> None:
+    flown = ablation_cases(quick=True)
+    assert len(flown) == len(ABLATIONS) * len(MISSIONS)
+    for case in flown:
+        assert case.flown().controller.type == case.controller
+
+
+def tracks() -> Tracks:
+    time_s = np.arange(0.0, 20.0, 0.5)
+    names = ("leader", "f1", "f2", "f3")
+    return Tracks(
+        time_s=time_s,
+        north_m=dict.fromkeys(names, 20.0 * time_s),
+        east_m={name: number + 0.0 * time_s for number, name in enumerate(names)},
+        error_m={name: 80.0 * np.exp(-time_s / 3.0) for name in names[1:]},
+    )
+
+
+def test_there_is_a_figure_for_a_case_and_one_for_all(tmp_path: Path) -> None:
+    drawn = draw_case("line-calm", "slot", tracks(), tmp_path)
+    together = draw_laws(
+        {(mission, law): tracks() for mission in MISSIONS for law in LAWS}, tmp_path
+    )
+    for path in (drawn, together):
+        assert path.read_bytes().startswith(PNG)
+
+
+def found() -> list[Found]:
+    return [
+        Found(
+            point=point,
+            mean_error_m=0.1 + point.value,
+            max_error_m=1.0,
+            settle_10m_s=None if point.value > 0.45 else 14.0,
+            chatter_rad_s=0.0,
+        )
+        for point in points(quick=False)
+    ]
+
+
+def test_maps_show_what_never_settled(tmp_path: Path) -> None:
+    text = maps(found())
+    assert "| 0.5 | 0.600 m, never s | 0.600 m, never s | 0.600 m, never s |" in text
+    assert all(sweep.title in text for sweep in SWEEPS.values())
+    for path in draw_maps(found(), tmp_path):
+        assert path.read_bytes().startswith(PNG)
+
+
+def test_a_vehicle_slower_than_its_laws_believe_is_flown() -> None:
+    wrong = next(
+        one
+        for one in points(quick=True)
+        if one.sweep == WRONG[0] and one.value == 0.5 and one.law == "slot"
+    )
+    flown = fly_point(wrong)
+    assert flown.settle_10m_s is not None
+    assert 0.0 < flown.mean_error_m < 5.0

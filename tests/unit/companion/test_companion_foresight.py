@@ -1,0 +1,172 @@
+"""The near future of a vehicle, against a vehicle that is stepped finely by the same kind of response."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vfguide.companion.foresight import Foresight, steps
+from vfguide.companion.plan import flight_plan
+from vfguide.guidance.pace import paced
+from vfguide.guidance.response import (
+    Bias,
+    Inner,
+    Told,
+    coordinated_turn_rate,
+    course_error_for,
+    followed,
+    inner_after,
+    moved,
+    wanted_bank,
+)
+from vfguide.guidance.settings import GuidanceSettings
+from vfguide.mission import load_mission
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+LATE = Airframe(alpha=1.03, beta=0.55, course_lag=0.4, speed_dead_time=0.5, course_dead_time=0.2)
+PERIOD = 0.05
+
+
+def state(**values: float) -> VehicleState[float]:
+    fields = {
+        "time_s": 0.0,
+        "north": 0.0,
+        "east": 0.0,
+        "course": 0.0,
+        "ground_speed": 20.0,
+        "heading": 0.0,
+        "airspeed": 20.0,
+        "wind_north": 0.0,
+        "wind_east": 0.0,
+        "wind_rate_north": 0.0,
+        "wind_rate_east": 0.0,
+    }
+    return VehicleState(**(fields | values))
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+@pytest.mark.parametrize("turn_rate", [-0.3, 0.0, 0.13, 0.35])
+def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag: float, turn_rate: float) -> None:
+    airframe = Airframe(course_lag=lag)
+    for speed in (15.0, 20.0, 25.0):
+        error = course_error_for(turn_rate, speed, airframe)
+        bank = wanted_bank(error, speed, airframe)
+        assert coordinated_turn_rate(bank, speed) == pytest.approx(turn_rate, abs=1e-12)
+
+
+def test_a_lag_leaves_a_third_after_its_time_constant() -> None:
+    assert followed(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
+    assert followed(1.0, 0.0, 0.4, 0.0) == 0.0
+
+
+def test_a_vehicle_moves_with_the_wind_and_along_its_turn() -> None:
+    # 0.2 rad/s at 20 m/s are a radius of 100 m; after 1 s the arc is 20 m long.
+    bank = math.atan(0.2 * 20.0 / 9.80665)
+    now = state(wind_east=3.0, course=math.atan2(3.0, 20.0), ground_speed=math.hypot(20.0, 3.0))
+    for _ in range(100):
+        now = moved(now, Inner(bank=bank), Bias(), 0.01, Airframe())
+    assert now.heading == pytest.approx(0.2, abs=1e-9)
+    assert now.north == pytest.approx(100.0 * math.sin(0.2), abs=1e-3)
+    assert now.east == pytest.approx(100.0 * (1.0 - math.cos(0.2)) + 3.0, abs=1e-3)
+
+
+def flown(
+    foresight: Foresight, airframe: Airframe, bias: Bias, seconds: float
+) -> VehicleState[float]:
+    """Fly 0.3 rad to the right and 2 m/s faster, reporting at 20 Hz, with the setpoints sent at time 0."""
+    now, inner = state(), Inner()
+    foresight.observe(now)
+    for step in range(round(seconds / PERIOD)):
+        time_s = step * PERIOD
+        setpoint = Setpoint(course=0.3, speed=22.0, limited=False)
+        if step == 0:
+            foresight.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        foresight.note(setpoint, time_s)
+        for part in range(4):
+            at = time_s + part * PERIOD / 4
+            told = Told(
+                course=0.3 if at >= airframe.course_dead_time else 0.0,
+                speed=22.0 if at >= airframe.speed_dead_time else 20.0,
+            )
+            inner = inner_after(inner, now, told, PERIOD / 4, airframe)
+            now = moved(now, inner, bias, PERIOD / 4, airframe)
+        foresight.observe(now)
+    return now
+
+
+def ahead_of(foresight: Foresight) -> VehicleState[float]:
+    """The state that a law for the speed is shown."""
+    seen = []
+
+    def law(ahead: VehicleState[float]) -> Setpoint[float]:
+        seen.append(ahead)
+        return Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False)
+
+    foresight.setpoint(law, law)
+    return seen[1]
+
+
+def test_the_future_is_what_comes() -> None:
+    foresight, later = Foresight(LATE), Foresight(LATE)
+    flown(foresight, LATE, Bias(), 1.0)
+    expected = flown(later, LATE, Bias(), 1.5)
+    ahead = ahead_of(foresight)
+    # Half a second of dead time ahead, of which the last setpoints are still on their way.
+    assert ahead.time_s == pytest.approx(1.5)
+    assert ahead.airspeed == pytest.approx(expected.airspeed, abs=0.02)
+    assert ahead.course == pytest.approx(expected.course, abs=0.01)
+    assert ahead.north == pytest.approx(expected.north, abs=0.05)
+    assert ahead.east == pytest.approx(expected.east, abs=0.05)
+
+
+def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
+    foresight = Foresight(LATE)
+    now = flown(foresight, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
+    still = foresight.setpoint(
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
+    )
+    # To neither turn nor accelerate it has to be told to turn left by 0.05 rad/s, to slow by 0.3 m/s².
+    at = ahead_of(foresight)
+    assert still.speed - at.airspeed == pytest.approx(-0.3 / 0.55, abs=0.1)
+    assert still.course < now.course + 0.1
+
+
+def test_steps_make_up_their_span() -> None:
+    assert list(steps(0.0)) == []
+    assert sum(steps(0.52)) == pytest.approx(0.52)
+    assert max(steps(0.52)) <= 0.05
+
+
+def settings() -> GuidanceSettings:
+    return flight_plan(load_mission(MISSIONS / "circle-wind.yaml"), "f1").settings
+
+
+def test_without_a_delay_nothing_is_slowed() -> None:
+    known = settings()
+    assert paced(known, 0.0, period=0.05, speed=20.0) is known
+
+
+def test_each_field_is_slower_than_the_law_inside_it() -> None:
+    slowed = paced(settings(), 0.6, period=0.04, speed=20.0)
+    inside = slowed.sliding.kappa / slowed.sliding.layer(0.04)
+    share = 2.0 / math.pi
+    lateral = 20.0 * share * slowed.field.chi_inf * slowed.field.k_y
+    assert lateral <= inside / 2.0 + 1e-9
+    assert share * slowed.field.v_inf * slowed.field.k_x <= inside / 2.0 + 1e-9
+    assert inside < settings().sliding.kappa / settings().sliding.layer(0.04)
+
+
+def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
+    foresight = Foresight(LATE)
+    bank = math.atan(0.1 * 20.0 / 9.80665)
+    now = state()
+    for _ in range(200):
+        foresight.observe(now)
+        now = moved(now, Inner(bank=bank), Bias(), PERIOD, LATE)
+    ahead = ahead_of(foresight)
+    assert ahead.course - (now.course - 0.1 * PERIOD) == pytest.approx(0.05, abs=0.005)
+    assert replace(ahead, time_s=0.0).airspeed == pytest.approx(20.0, abs=0.01)

@@ -1,0 +1,121 @@
+"""Frames of every kind of damage, in numbers: VFGUIDE_FUZZ_FRAMES=1000000 takes some minutes."""
+
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+from pymavlink.generator.mavcrc import x25crc
+
+from vfguide.companion.core import Companion
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.mission.model import Mission
+
+Make = Callable[..., Any]
+
+FRAMES = int(os.environ.get("VFGUIDE_FUZZ_FRAMES", "40000"))
+POOL = 4000
+"""Frames that are made beforehand, as checksums take longest."""
+
+DATAGRAM = 10
+"""Frames that come together."""
+
+GROWTH_KB = 4096
+"""Resident memory that may come in the last four fifths; 10^6 events of 100 bytes would be 100 MB."""
+
+HEADER, CHECKSUM = 10, 2
+
+
+def sound_frames(system_id: int) -> list[bytes]:
+    """One of each kind that is listened to, and one that is not."""
+    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
+    messages = [
+        mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
+        mavlink.MAVLink_heartbeat_message(1, 12, 129, 6 << 16, 4, 3),
+        mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0),
+        mavlink.MAVLink_global_position_int_message(
+            1000, 473_977_420, 85_455_940, 588_000, 100_000, 2000, 0, 0, 9000
+        ),
+        mavlink.MAVLink_command_ack_message(43_002, 4),
+        mavlink.MAVLink_statustext_message(4, b"low battery"),
+        mavlink.MAVLink_param_value_message(b"GUIDED_P", 12_000.0, 9, 100, 1),
+        mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    ]
+    return [bytes(message.pack(sender)) for message in messages]
+
+
+def mutated(frame: bytes, random: Random) -> bytes:
+    """Some bytes of the payload changed, and the checksum made right again."""
+    content = bytearray(frame)
+    size = content[1]
+    for _ in range(random.randint(1, 6)):
+        place = HEADER + random.randrange(size)
+        content[place] = random.choice((0, 0x7F, 0x80, 0xFF, random.randrange(256)))
+    number = content[7] | content[8] << 8 | content[9] << 16
+    seed = bytes([mavlink.mavlink_map[number].crc_extra])
+    checksum = x25crc(bytes(content[1 : HEADER + size]) + seed).crc
+    content[HEADER + size : HEADER + size + CHECKSUM] = checksum.to_bytes(2, "little")
+    return bytes(content)
+
+
+def damaged(frame: bytes, random: Random) -> bytes:
+    """Cut, stretched or with a wrong byte anywhere."""
+    content = bytearray(frame)
+    content[random.randrange(len(content))] = random.randrange(256)
+    return bytes(content[: random.randint(1, len(content))])
+
+
+def resident_kb() -> int:
+    """Memory of this process."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1])
+    raise AssertionError
+
+
+def is_finite(message: MAVLink_message) -> bool:
+    values = (getattr(message, name) for name in message.get_fieldnames())
+    return all(math.isfinite(value) for value in values if isinstance(value, float))
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4", "auto"])
+def test_no_frame_is_too_damaged_and_none_leaves_a_trace(
+    mission: Callable[[str], Mission], parsed: Make, leader_bytes: Make, kind: str
+) -> None:
+    article = mission("line-calm")
+    declared = article.vehicles["f1"].model_copy(
+        update={"autopilot": kind, "course_lag_s": 0.4, "speed_dead_time_s": 0.5}
+    )
+    article = article.model_copy(update={"vehicles": {**article.vehicles, "f1": declared}})
+    companion = Companion(
+        flight_plan(article, "f1"), adapter_of(declared), engage=True, inspect=True
+    )
+    random = Random(f"{kind} {FRAMES}")
+    sound = sound_frames(declared.system_id)
+    pool = [mutated(random.choice(sound), random) for _ in range(POOL)]
+    steered, early_kb = 0, 0
+    count = FRAMES // 3 // DATAGRAM
+    for number in range(count):
+        now = number / 20
+        if number % 2:
+            companion.receive_link(leader_bytes(now), now)
+        frames = [
+            damaged(random.choice(sound), random)
+            if random.random() < 0.3
+            else random.choice(pool if random.random() < 0.8 else sound)
+            for _ in range(DATAGRAM)
+        ]
+        out = companion.receive_mavlink(b"".join(frames), now)
+        steered += out.steered
+        for message in parsed(out.to_autopilot):
+            assert is_finite(message)
+        if number == count // 5:
+            early_kb = resident_kb()
+    assert resident_kb() - early_kb < GROWTH_KB
+    # It was not silent all along: some of it is obeyed.
+    assert steered > 0

@@ -1,0 +1,161 @@
+"""Responses that are known, integrated finely by another method, and found again from 20 reports a second."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from vfguide.elementwise import FloatArray
+from vfguide.identification.fit import Response, fit_response
+from vfguide.identification.models import course_response, speed_response
+from vfguide.identification.samples import Samples, mean_told
+from vfguide.state import Airframe
+
+FINE_S = 0.0025
+"""Step of the truth: an explicit Euler step of this size is right to a thousandth."""
+
+EVERY = 20
+"""Of them there is a report: 20 Hz."""
+
+SETTLE_S = 1.5
+
+AIRFRAME = Airframe()
+WIND = (3.0, -4.0)
+G = 9.80665
+
+Told = Callable[[float], float]
+
+
+def steps(size: float, base: float) -> tuple[FloatArray, FloatArray]:
+    """When setpoints went out, and which: one up, one back, one down, one back."""
+    return (
+        np.array([-5.0, 1.5, 7.0, 12.0, 19.0]),
+        np.array([base, base + size, base, base - size, base]),
+    )
+
+
+def told_at(times: FloatArray, values: FloatArray, time_s: float) -> float:
+    return float(values[max(int(np.searchsorted(times, time_s, side="right")) - 1, 0)])
+
+
+def course_flight(alpha: float, dead_time: float, lag: float, noise: float) -> Samples:
+    """20 m/s of airspeed in a wind; the course is what is held, the heading what is seen."""
+    told_s, told = steps(0.26, 0.0)
+    drift = math.asin(4.0 / 20.0)
+    heading, bank = drift, 0.0
+    headings = []
+    for number in range(round(24.0 / FINE_S)):
+        headings.append(heading)
+        target = told_at(told_s, told, number * FINE_S - dead_time)
+        course = math.atan2(20.0 * math.sin(heading) + WIND[1], 20.0 * math.cos(heading) + WIND[0])
+        error = target - course
+        if lag > 0.0:
+            wanted = max(-math.pi / 4, min(math.pi / 4, alpha * 20.0 / G * error))
+            bank += FINE_S / lag * (wanted - bank)
+            heading += FINE_S * G * math.tan(bank) / 20.0
+        else:
+            heading += FINE_S * alpha * error
+    seen = np.array(headings[::EVERY])
+    seen += noise * np.random.default_rng(1).standard_normal(len(seen))
+    still = np.zeros_like(seen)
+    return Samples(
+        time_s=np.arange(len(seen)) * FINE_S * EVERY,
+        direction=seen,
+        speed=still + 20.0,
+        wind_north=still + WIND[0],
+        wind_east=still + WIND[1],
+        told_s=told_s,
+        told=told,
+    )
+
+
+def speed_flight(beta: float, dead_time: float, lag: float, noise: float) -> Samples:
+    told_s, told = steps(2.0, 20.0)
+    speed, acceleration = 20.0, 0.0
+    speeds = []
+    for number in range(round(24.0 / FINE_S)):
+        speeds.append(speed)
+        target = told_at(told_s, told, number * FINE_S - dead_time)
+        wanted = max(-3.0, min(3.0, beta * (target - speed)))
+        acceleration = acceleration + FINE_S / lag * (wanted - acceleration) if lag else wanted
+        speed += FINE_S * acceleration
+    seen = np.array(speeds[::EVERY])
+    seen += noise * np.random.default_rng(2).standard_normal(len(seen))
+    still = np.zeros_like(seen)
+    return Samples(
+        time_s=np.arange(len(seen)) * FINE_S * EVERY,
+        direction=still,
+        speed=seen,
+        wind_north=still,
+        wind_east=still,
+        told_s=told_s,
+        told=told,
+    )
+
+
+def found(samples: Samples, kind: str) -> Response:
+    if kind == "course":
+        return fit_response(
+            lambda values: course_response(samples, values, AIRFRAME), samples.direction
+        )
+    return fit_response(lambda values: speed_response(samples, values, AIRFRAME), samples.speed)
+
+
+FLIGHTS = {"course": course_flight, "speed": speed_flight}
+
+
+@pytest.mark.parametrize("kind", ["course", "speed"])
+@pytest.mark.parametrize(("bandwidth", "dead_time"), [(1.2, 0.2), (0.6, 0.5), (1.8, 0.3)])
+def test_first_order_and_dead_time_are_found_within_five_percent(
+    kind: str, bandwidth: float, dead_time: float
+) -> None:
+    response = found(FLIGHTS[kind](bandwidth, dead_time, 0.0, 0.0), kind)
+    assert response.bandwidth.value == pytest.approx(bandwidth, rel=0.05)
+    assert response.dead_time.value == pytest.approx(dead_time, rel=0.05)
+    assert response.lag.value == 0.0
+
+
+@pytest.mark.parametrize("kind", ["course", "speed"])
+def test_without_a_dead_time_none_is_found(kind: str) -> None:
+    response = found(FLIGHTS[kind](1.2, 0.0, 0.0, 0.0), kind)
+    assert response.bandwidth.value == pytest.approx(1.2, rel=0.05)
+    assert response.dead_time.value == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["course", "speed"])
+def test_a_lag_is_told_from_a_dead_time(kind: str) -> None:
+    response = found(FLIGHTS[kind](1.0, 0.2, 0.4, 0.0), kind)
+    assert response.bandwidth.value == pytest.approx(1.0, rel=0.05)
+    assert response.dead_time.value == pytest.approx(0.2, abs=0.02)
+    assert response.lag.value == pytest.approx(0.4, rel=0.05)
+
+
+@pytest.mark.parametrize(("kind", "noise"), [("course", 0.005), ("speed", 0.2)])
+def test_noise_widens_the_intervals_and_they_hold_the_truth(kind: str, noise: float) -> None:
+    quiet = found(FLIGHTS[kind](1.2, 0.3, 0.0, 0.0), kind)
+    noisy = found(FLIGHTS[kind](1.2, 0.3, 0.0, noise), kind)
+    for name, truth in (("bandwidth", 1.2), ("dead_time", 0.3)):
+        estimate = getattr(noisy, name)
+        assert estimate.half_width > getattr(quiet, name).half_width
+        # One of twenty intervals may miss; these are two widths.
+        assert abs(estimate.value - truth) <= 2.0 * estimate.half_width
+    assert noisy.residual == pytest.approx(noise, rel=0.1)
+
+
+def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time() -> None:
+    samples = Samples(
+        time_s=np.array([0.0, 1.0, 2.0]),
+        direction=np.zeros(3),
+        speed=np.zeros(3),
+        wind_north=np.zeros(3),
+        wind_east=np.zeros(3),
+        told_s=np.array([-1.0, 0.25]),
+        told=np.array([0.0, 8.0]),
+    )
+    # From 0.25 on it is 8: three quarters of the first second, all of the second.
+    assert mean_told(samples, 0.0).tolist() == pytest.approx([6.0, 8.0])
+    # Half a second later: from 0.75 on.
+    assert mean_told(samples, 0.5).tolist() == pytest.approx([2.0, 8.0])
+    # So late that nothing of it is seen; before the first there was another like it.
+    assert mean_told(samples, 5.0).tolist() == pytest.approx([0.0, 0.0])

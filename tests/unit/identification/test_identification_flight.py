@@ -1,0 +1,165 @@
+"""The whole flight in virtual time, through MAVLink bytes, with an emulated autopilot."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+import yaml
+
+from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.identification.core import Identification, Stage
+from vfguide.identification.plot import draw_findings
+from vfguide.identification.profile import profile_text
+from vfguide.identification.steps import Phase, course_step, described, segments, speed_step
+from vfguide.mission import load_mission
+from vfguide.state import Airframe
+
+MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
+RATE_HZ = 20.0
+
+Kind = Literal["ardupilot", "px4"]
+
+
+def autopilot(kind: Kind, plant: PlantParameters) -> Autopilot:
+    config = AutopilotConfig(
+        system_id=1,
+        autopilot=kind,
+        plant=plant,
+        latitude_deg=47.4,
+        longitude_deg=8.5,
+        altitude_amsl_m=588.0,
+        home_altitude_amsl_m=488.0,
+        course_rad=1.0,
+        airspeed_m_s=20.0,
+    )
+    return Autopilot(config, SteadyWind(4.0, 2.0))
+
+
+def identification(kind: Kind, *, engage: bool = True) -> Identification:
+    mission = load_mission(MISSION)
+    vehicle = mission.vehicles["leader"].model_copy(update={"autopilot": kind})
+    return Identification(
+        flight_plan(mission, "leader"), adapter_of(vehicle), engage=engage, repeats=1
+    )
+
+
+def fly(
+    flight: Identification,
+    emulator: Autopilot,
+    *,
+    seconds: float = 300.0,
+    each: Callable[[float], bytes] = lambda _: b"",
+) -> list[str]:
+    """Both sides in turns; what the operator was told."""
+    replies, told = b"", []
+    for step in range(round(seconds * RATE_HZ)):
+        now = step / RATE_HZ
+        answer = flight.receive(replies + emulator.advance(now) + each(now), now)
+        replies = emulator.receive(answer.to_autopilot)
+        told += [event.text for event in answer.events]
+        if flight.stage.is_over:
+            emulator.receive(answer.to_autopilot)
+            break
+    return told
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_the_flight_finds_what_flies_and_hands_it_back(kind: Kind, tmp_path: Path) -> None:
+    plant = PlantParameters(
+        alpha_1_s=0.9, beta_1_s=0.6, course_dead_time_s=0.3, speed_dead_time_s=0.4
+    )
+    flight, emulator = identification(kind), autopilot(kind, plant)
+    told = fly(flight, emulator)
+    assert flight.stage is Stage.DONE
+    assert told[-1] == "all steps flown: handing back"
+    assert emulator.truth().mode in {"LOITER", "AUTO.LOITER"}
+    findings = flight.recording.findings()
+    fields = yaml.safe_load(profile_text("leader", findings))["leader"]
+    expected = {
+        "alpha_1_s": 0.9,
+        "course_dead_time_s": 0.3,
+        "beta_1_s": 0.6,
+        "speed_dead_time_s": 0.4,
+    }
+    assert {name: fields[name] for name in expected} == pytest.approx(expected, rel=0.05)
+    draw_findings(findings, tmp_path / "leader.png", "leader")
+    assert (tmp_path / "leader.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_arduplanes_bank_and_roll_are_found() -> None:
+    plant = PlantParameters(kind="bank", guided_p_cdeg_rad=12_000.0, roll_time_s=0.4)
+    flight = identification("ardupilot")
+    fly(flight, autopilot("ardupilot", plant), seconds=40.0)
+    course = flight.recording.findings().course
+    assert course is not None
+    # 12000 cdeg/rad are 2.094 rad/rad; times 9.80665 / 20.
+    assert course.bandwidth.value == pytest.approx(1.027, rel=0.05)
+    assert course.lag.value == pytest.approx(0.4, rel=0.05)
+
+
+def test_without_leave_it_waits_for_the_pilot() -> None:
+    flight, emulator = (
+        identification("ardupilot", engage=False),
+        autopilot("ardupilot", PlantParameters()),
+    )
+    fly(flight, emulator, seconds=5.0)
+    assert flight.stage is Stage.WAITING
+    assert emulator.truth().mode == "LOITER"
+
+
+def test_a_pilot_who_takes_over_ends_it() -> None:
+    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    fly(flight, emulator, seconds=20.0)
+    assert flight.stage is Stage.FLYING
+    station = adapter_of(load_mission(MISSION).vehicles["leader"])
+    reply = emulator.receive(_packed(station.hand_back()))
+    told = [event.text for event in flight.receive(reply, 20.0).events]
+    assert "the pilot has taken over: nothing more is sent" in told
+    assert flight.stage is Stage.ENDED
+
+
+def test_telemetry_that_falls_silent_ends_it() -> None:
+    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    fly(flight, emulator, seconds=10.0)
+    answer = flight.poll(12.2)
+    assert [event.text for event in answer.events] == ["the telemetry is silent: handing back"]
+    emulator.receive(answer.to_autopilot)
+    assert emulator.truth().mode == "LOITER"
+
+
+def test_the_operator_can_end_it() -> None:
+    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    fly(flight, emulator, seconds=10.0)
+    emulator.receive(flight.stop(10.0).to_autopilot)
+    assert emulator.truth().mode == "LOITER"
+    assert flight.stage is Stage.ENDED
+
+
+@pytest.mark.parametrize("alpha", [0.5, 1.2, 5.0])
+def test_no_step_comes_near_a_limit(alpha: float) -> None:
+    airframe = Airframe(alpha=alpha, beta=alpha, max_acceleration=1.5)
+    # 45 degrees of bank at 20 m/s turn at 0.49 rad/s.
+    assert course_step(airframe) * alpha <= 0.6 * 0.4904
+    assert speed_step(airframe) * alpha <= 0.6 * 1.5 + 1e-9
+    for segment in segments(airframe, 2):
+        assert airframe.airspeed_min < segment.speed < airframe.airspeed_max
+
+
+def test_an_aircraft_with_no_room_for_its_speed_makes_no_steps_of_it() -> None:
+    narrow = Airframe(airspeed_min=19.8, airspeed_max=20.2)
+    assert speed_step(narrow) == 0.0
+
+
+def test_it_comes_back_along_the_way_it_went() -> None:
+    flown = segments(Airframe(), 1)
+    assert {one.course for one in flown if one.phase is Phase.SPEED} == {math.pi}
+    assert any("s in all" in line for line in described(Airframe(), 1))
+
+
+def _packed(messages: list[Any]) -> bytes:
+    from vfguide.mavlink.codec import Codec
+
+    return Codec(1, 1).encode(messages)

@@ -1,0 +1,185 @@
+"""What QGroundControl asks a vehicle at start-up, in its order, and other courtesies."""
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+Station = Callable[..., Any]
+Vehicle = Any  # the ground station of conftest.py, which tests cannot import
+
+MISSION, FENCE, RALLY = 0, 1, 2
+AUTOPILOTS = ["ardupilot", "px4"]
+
+
+def of_type(messages: list[Any], name: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == name]
+
+
+def frames(data: bytes) -> list[bytes]:
+    """Whole MAVLink 2 frames, of messages that pymavlink does not know too."""
+    found = []
+    while data:
+        found.append(data[: 12 + data[1]])
+        data = data[12 + data[1] :]
+    return found
+
+
+def requested(vehicle: Vehicle, message_id: int, parameter: float = 0.0) -> list[bytes]:
+    """The frames that follow the acknowledgement of a request."""
+    command = mavlink.MAVLink_command_long_message(
+        7, 1, 512, 0, message_id, parameter, 0, 0, 0, 0, 0
+    )
+    return frames(vehicle.autopilot.receive(vehicle.frame(command)))[1:]
+
+
+def number_of(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little")
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_qgroundcontrol_s_start_up_gets_an_answer_to_every_question(
+    station: Station, autopilot: str
+) -> None:
+    vehicle = station(autopilot=autopilot)
+    vehicle.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    (version,) = of_type(vehicle.command_long(512, 148), "AUTOPILOT_VERSION")
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    # Modes one by one, as the count in the first one tells; then the parameters.
+    (first,) = requested(vehicle, 435, 1)
+    count = first[10 + 8]
+    assert count == len({requested(vehicle, 435, index + 1)[0][10:14] for index in range(count)})
+    # Metadata it has none of; a denial is an answer too.
+    assert vehicle.result(vehicle.command_long(512, 397)) == "DENIED"
+    values = of_type(vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1)), "PARAM_VALUE")
+    values += of_type(vehicle.advance(0.9), "PARAM_VALUE")
+    listed = [value for value in values if value.param_index != 65_535]
+    assert len(listed) == listed[0].param_count
+    for kind in (MISSION, FENCE, RALLY):
+        (answer,) = vehicle.send(mavlink.MAVLink_mission_request_list_message(7, 1, kind))
+        assert (answer.get_type(), answer.count, answer.mission_type) == ("MISSION_COUNT", 0, kind)
+        assert (answer.target_system, answer.target_component) == (255, 190)
+
+
+def test_the_protocol_version_is_mavlink_2(station: Station) -> None:
+    vehicle = station()
+    (frame,) = requested(vehicle, 300)
+    assert number_of(frame) == 300
+    assert struct.unpack("<HHH", frame[10:-2].ljust(22, b"\0")[:6]) == (200, 100, 200)
+    checksum = mavlink.x25crc(frame[1:-2])
+    checksum.accumulate(bytes([217]))
+    assert struct.pack("<H", checksum.crc) == frame[-2:]
+    by_command = vehicle.autopilot.receive(
+        vehicle.frame(mavlink.MAVLink_command_long_message(7, 1, 519, 0, 1, 0, 0, 0, 0, 0, 0))
+    )
+    assert [number_of(one) for one in frames(by_command)] == [77, 300]
+
+
+def test_all_modes_come_at_once_for_index_0_and_none_for_one_too_many(station: Station) -> None:
+    vehicle = station()
+    modes = requested(vehicle, 435, 0)
+    names = {frame[10 + 11 : -2].rstrip(b"\0").decode("ascii") for frame in modes}
+    assert {"GUIDED", "LOITER", "TAKEOFF", "RTL"} <= names
+    assert requested(vehicle, 435, len(modes) + 1) == []
+
+
+def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_refused(
+    station: Station,
+) -> None:
+    vehicle = station()
+    (full,) = vehicle.send(mavlink.MAVLink_mission_count_message(7, 1, 3, MISSION))
+    assert (full.get_type(), full.type) == ("MISSION_ACK", mavlink.MAV_MISSION_NO_SPACE)
+    (none,) = vehicle.send(mavlink.MAVLink_mission_request_int_message(7, 1, 0, FENCE))
+    assert none.type == mavlink.MAV_MISSION_INVALID_SEQUENCE
+    (cleared,) = vehicle.send(mavlink.MAVLink_mission_clear_all_message(7, 1, RALLY))
+    assert (cleared.type, cleared.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, RALLY)
+
+
+def test_time_is_synchronised_with_who_asks(station: Station) -> None:
+    vehicle = station(boot_time_s=5.0)
+    vehicle.advance(2.0)
+    (answer,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123_456))
+    assert (answer.tc1, answer.ts1) == (7_000_000_000, 123_456)
+    assert vehicle.send(mavlink.MAVLink_timesync_message(1, 2)) == []
+
+
+def test_a_ping_comes_back(station: Station) -> None:
+    vehicle = station()
+    (answer,) = vehicle.send(mavlink.MAVLink_ping_message(99, 7, 0, 0))
+    assert (answer.seq, answer.target_system, answer.target_component) == (7, 255, 190)
+
+
+def test_an_interval_that_was_set_can_be_asked_for(station: Station) -> None:
+    vehicle = station()
+    vehicle.interval(33, 50_000)
+    (answer,) = of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")
+    assert (answer.message_id, answer.interval_us) == (33, 50_000)
+    assert of_type(vehicle.command_long(510, 32), "MESSAGE_INTERVAL")[0].interval_us == -1
+    assert of_type(vehicle.command_long(510, 9_999), "MESSAGE_INTERVAL")[0].interval_us == 0
+    assert vehicle.interval(33, 3.4e38) == "ACCEPTED"
+    assert of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")[0].interval_us == 2**31 - 1
+
+
+def test_older_ground_stations_get_arduplane_s_streams_at_their_rate(station: Station) -> None:
+    vehicle = station()
+    vehicle.send(mavlink.MAVLink_request_data_stream_message(7, 1, 0, 4, 1))
+    vehicle.advance(0.0)
+    messages = vehicle.advance(1.0)
+    for name in ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD", "GPS_RAW_INT", "SYSTEM_TIME"):
+        assert len(of_type(messages, name)) == 4
+    vehicle.send(mavlink.MAVLink_request_data_stream_message(7, 1, 6, 0, 0))
+    assert of_type(vehicle.advance(2.0), "GLOBAL_POSITION_INT") == []
+
+
+def test_px4_flies_home_and_holds_there_when_told(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.advance(10.0)
+    assert vehicle.result(vehicle.command_long(20)) == "ACCEPTED"
+    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
+    vehicle.advance(120.0)
+    truth = vehicle.autopilot.truth()
+    away_m = (
+        ((truth.latitude_deg - 47.0) * 111_180.0) ** 2
+        + ((truth.longitude_deg - 8.0) * 76_060.0) ** 2
+    ) ** 0.5
+    assert away_m == pytest.approx(80.0, abs=10.0)
+
+
+def reposition(vehicle: Vehicle, flags: int, latitude_deg: float = 47.01) -> str:
+    result: str = vehicle.result(
+        vehicle.send(
+            mavlink.MAVLink_command_int_message(
+                7, 1, 0, 192, 0, 0, -1, flags, 0, 0, round(latitude_deg * 1e7), 80_000_000, 520.0
+            )
+        )
+    )
+    return result
+
+
+def test_arduplane_is_repositioned_in_guided_and_forgets_its_course(station: Station) -> None:
+    vehicle = station()
+    assert reposition(vehicle, 0) == "FAILED"
+    assert reposition(vehicle, 1) == "ACCEPTED"
+    assert vehicle.autopilot.truth().mode == "GUIDED"
+    vehicle.advance(200.0)
+    truth = vehicle.autopilot.truth()
+    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
+    assert (truth.latitude_deg - 47.01) * 111_180.0 == pytest.approx(0.0, abs=95.0)
+    assert reposition(vehicle, 1, 95.0) == "DENIED"
+    assert vehicle.command_long(192)[0].result == 8  # MAV_RESULT_COMMAND_INT_ONLY
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_height_that_is_no_number_repositions_nobody(station: Station, autopilot: str) -> None:
+    vehicle = station(autopilot=autopilot)
+    before = vehicle.autopilot.truth()
+    replies = vehicle.send(
+        mavlink.MAVLink_command_int_message(
+            7, 1, 0, 192, 0, 0, -1, 1, 0, 0, 470_100_000, 80_000_000, float("nan")
+        )
+    )
+    assert vehicle.result(replies) == "DENIED"
+    assert vehicle.autopilot.truth() == before

@@ -1,0 +1,185 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, GpsGlitch, PlantParameters
+from sitl_stub.air_data import AirData, density_ratio
+
+Make = Callable[..., Any]
+Vehicle = Any  # the ground station of conftest.py, which tests cannot import
+
+
+@pytest.fixture
+def make(ground_station: Callable[[Autopilot, int], Any]) -> Make:
+    """Makes an aircraft in the air at 580 m with some fields of its configuration changed."""
+
+    def made(**changes: object) -> Vehicle:
+        fields: dict[str, Any] = {
+            "system_id": 7,
+            "plant": PlantParameters(),
+            "latitude_deg": 47.0,
+            "longitude_deg": 8.0,
+            "altitude_amsl_m": 580.0,
+            "home_altitude_amsl_m": 480.0,
+            "course_rad": 0.0,
+            "airspeed_m_s": 20.0,
+        }
+        return ground_station(Autopilot(AutopilotConfig(**(fields | changes)), CalmWind()), 7)
+
+    return made
+
+
+def of_type(messages: list[Any], name: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == name]
+
+
+def test_the_standard_atmosphere_is_known() -> None:
+    # ICAO: 1.225 kg/m^3 at sea level, 1.1116 at 1000 m, 0.7361 at 5000 m.
+    assert density_ratio(0.0) == 1.0
+    assert density_ratio(1000.0) * 1.225 == pytest.approx(1.1116, abs=2e-4)
+    assert density_ratio(5000.0) * 1.225 == pytest.approx(0.7361, abs=2e-4)
+    assert AirData(indicated=True).shown_per_true(580.0) == pytest.approx(0.9723, abs=1e-4)
+
+
+def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded(make: Make) -> None:
+    vehicle = make(indicated_airspeed=True)
+    vehicle.guided()
+    assert vehicle.result(vehicle.command_int(43000, 0, 22.0)) == "ACCEPTED"
+    assert vehicle.result(vehicle.command_int(43000, 0, 32.5)) == "FAILED"
+    hud = of_type(vehicle.advance(30.0), "VFR_HUD")[-1]
+    assert hud.airspeed == pytest.approx(22.0, abs=1e-3)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(22.0 / 0.9723, abs=2e-3)
+    vehicle.command_int(43000, 0, 32.0)
+    hud = of_type(vehicle.advance(60.0), "VFR_HUD")[-1]
+    assert hud.airspeed == pytest.approx(32.0, abs=1e-3)
+
+
+def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same(make: Make) -> None:
+    vehicle = make(airspeed_calibration=1.03)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0 / 1.03)
+    assert of_type(vehicle.advance(0.0), "VFR_HUD")[0].airspeed == pytest.approx(20.0)
+
+
+def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else(make: Make) -> None:
+    glitched = make(gps_glitches=(GpsGlitch(2.0, 3.0, 40.0, -30.0),))
+    right = make()
+    for each in (glitched, right):
+        each.interval(33, 1_000_000)
+    positions = zip(
+        of_type(glitched.advance(7.5), "GLOBAL_POSITION_INT"),
+        of_type(right.advance(7.5), "GLOBAL_POSITION_INT"),
+        strict=True,
+    )
+    off_m = [round((one.lat - other.lat) * 1e-7 * 111_180.0) for one, other in positions]
+    assert off_m == [0, 0, 40, 40, 40, 0, 0, 0]
+    assert glitched.autopilot.truth() == right.autopilot.truth()
+
+
+def test_velocity_heading_and_airspeed_have_noise_of_the_given_size(make: Make) -> None:
+    noise = {
+        "velocity_noise_m_s": 0.3,
+        "heading_noise_rad": math.radians(1.0),
+        "airspeed_noise_m_s": 0.5,
+    }
+    noisy, quiet = make(**noise), make()
+    for each in (noisy, quiet):
+        each.interval(33, 10_000)
+        each.interval(74, 10_000)
+    shown, true = noisy.advance(20.0), quiet.advance(20.0)
+
+    def spread(name: str, field: str) -> float:
+        pairs = zip(of_type(shown, name), of_type(true, name), strict=True)
+        errors = [getattr(one, field) - getattr(other, field) for one, other in pairs]
+        errors = [
+            (error + 18_000) % 36_000 - 18_000 if field == "hdg" else error for error in errors
+        ]
+        return math.sqrt(sum(error**2 for error in errors) / len(errors))
+
+    assert spread("GLOBAL_POSITION_INT", "vx") == pytest.approx(30.0, rel=0.1)
+    assert spread("GLOBAL_POSITION_INT", "hdg") == pytest.approx(100.0, rel=0.1)
+    assert spread("VFR_HUD", "airspeed") == pytest.approx(0.5, rel=0.1)
+    assert noisy.autopilot.truth() == quiet.autopilot.truth()
+
+
+def stamps(vehicle: Vehicle, interval_us: int) -> list[int]:
+    vehicle.interval(33, interval_us)
+    positions = of_type(vehicle.advance(0.5), "GLOBAL_POSITION_INT")
+    return [position.time_boot_ms for position in positions]
+
+
+def test_20_hz_on_a_scheduler_of_50_hz_comes_40_and_60_ms_apart(make: Make) -> None:
+    assert stamps(make(loop_rate_hz=50.0), 50_000) == [
+        0,
+        60,
+        100,
+        160,
+        200,
+        260,
+        300,
+        360,
+        400,
+        460,
+        500,
+    ]
+    assert stamps(make(loop_rate_hz=50.0), 40_000) == list(range(0, 501, 40))
+    assert stamps(make(loop_rate_hz=200.0), 20_000) == list(range(0, 501, 20))
+
+
+def test_a_stream_faster_than_four_fifths_of_the_loop_is_denied(make: Make) -> None:
+    vehicle = make(loop_rate_hz=50.0)
+    assert vehicle.interval(33, 20_000) == "DENIED"
+    assert vehicle.interval(33, 25_000) == "ACCEPTED"
+    (value,) = vehicle.send(
+        mavlink.MAVLink_param_request_read_message(7, 1, b"SCHED_LOOP_RATE", -1)
+    )
+    assert value.param_value == 50.0
+
+
+def test_old_parameters_have_old_names_and_units(make: Make) -> None:
+    vehicle = make(old_parameter_names=True)
+    (speed,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"TRIM_ARSPD_CM", -1))
+    assert speed.param_value == 2000.0
+    vehicle.send(mavlink.MAVLink_param_set_message(7, 1, b"ARSPD_FBW_MAX", 25.0, 4))
+    vehicle.guided()
+    assert vehicle.result(vehicle.command_int(43000, 0, 26.0)) == "FAILED"
+    assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"AIRSPEED_MAX", -1)) == []
+
+
+def test_a_slow_link_delays_both_ways(make: Make) -> None:
+    vehicle = make()
+    link = BadLink(vehicle.autopilot, delay_s=0.2)
+    assert link.advance(0.0) == b""
+    assert link.advance(0.19) == b""
+    assert len(vehicle.decoded(link.advance(0.2))) == 5
+    mode = mavlink.MAVLink_command_long_message(7, 1, 176, 0, 1, 15, 0, 0, 0, 0, 0)
+    assert link.receive(vehicle.frame(mode)) == b""
+    link.advance(0.39)
+    assert link.truth().mode == "LOITER"
+    assert link.next_due_s == pytest.approx(0.4)
+    link.advance(0.4)
+    assert link.truth().mode == "GUIDED"
+    names = [message.get_type() for message in vehicle.decoded(link.advance(0.6))]
+    assert names == ["COMMAND_ACK", "STATUSTEXT", "HEARTBEAT"]
+
+
+def test_a_lossy_link_loses_its_share_and_repeats_by_its_seed(make: Make) -> None:
+    def heard(seed: int) -> bytes:
+        vehicle = make()
+        vehicle.interval(33, 10_000)
+        link = BadLink(vehicle.autopilot, delay_s=0.1, jitter_s=0.05, loss=0.3, seed=seed)
+        return b"".join(link.advance(0.05 * index) for index in range(400))
+
+    positions = of_type(make().decoded(heard(1)), "GLOBAL_POSITION_INT")
+    assert len(positions) / 1990 == pytest.approx(0.7, abs=0.04)
+    order = [position.time_boot_ms for position in positions]
+    assert order != sorted(order)
+    assert heard(1) == heard(1) != heard(2)
+
+
+@pytest.mark.parametrize("wrong", [{"loss": 1.0}, {"delay_s": 0.1, "jitter_s": 0.2}])
+def test_a_link_that_cannot_be_is_refused(make: Make, wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        BadLink(make().autopilot, **wrong)

@@ -1,0 +1,128 @@
+"""How the true airspeed compares with the one that is reported and commanded: from flying various directions.
+
+    ground velocity = scale * (reported airspeed along the heading) + wind
+
+On a straight flight a wrong scale and a head wind look the same; on a turn the wind stays and the aircraft
+turns. A Kalman filter of scale and wind tells them apart. While the wind itself changes it learns little.
+
+Source: Cho, Kim, Lee and Kee, "Wind estimation and airspeed calibration using a UAV with a single-antenna GPS
+receiver and pitot tube", IEEE Transactions on Aerospace and Electronic Systems 47(1), 2011.
+"""
+
+import math
+from dataclasses import dataclass
+
+LEAST_SCALE, GREATEST_SCALE = 0.85, 1.25
+"""Indicated against true airspeed at 3000 m is 1.16; the rest is the sensor's."""
+
+SCALE_DEVIATION = 0.05
+"""What is not known of the scale at first."""
+
+WIND_DEVIATION = 10.0
+"""The same of the wind, m/s."""
+
+NOISE = 0.2
+"""Standard deviation of a ground velocity against air velocity and wind, m/s: gusts, and slipping."""
+
+SCALE_DRIFT = 3e-4
+"""How much the scale changes, 1/sqrt(s): with altitude and temperature."""
+
+LEAST_WIND_DRIFT = 0.05
+"""How much a steady wind changes, m/s/sqrt(s)."""
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What is known so far."""
+
+    estimate: Vector = (1.0, 0.0, 0.0)
+    """Scale, wind toward north (m/s), wind toward east (m/s)."""
+    covariance: Matrix = (
+        (SCALE_DEVIATION**2, 0.0, 0.0),
+        (0.0, WIND_DEVIATION**2, 0.0),
+        (0.0, 0.0, WIND_DEVIATION**2),
+    )
+    """Of the estimate."""
+
+    @property
+    def scale(self) -> float:
+        """True airspeed over the reported one, within what is possible."""
+        return min(max(self.estimate[0], LEAST_SCALE), GREATEST_SCALE)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the scale."""
+        return math.sqrt(max(self.covariance[0][0], 0.0))
+
+
+def calibrated(
+    before: Calibration,
+    *,
+    reported_airspeed: float,
+    heading: float,
+    velocity_north: float,
+    velocity_east: float,
+    wind_rate: float,
+    period: float,
+) -> Calibration:
+    """The calibration after a report.
+
+    Args:
+        before: after the report before.
+        reported_airspeed: m/s.
+        heading: rad.
+        velocity_north: over ground, m/s.
+        velocity_east: over ground, m/s.
+        wind_rate: how fast the wind seems to change, m/s², its amount.
+        period: since the report before, s.
+    """
+    drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
+    spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift))
+    north = (reported_airspeed * math.cos(heading), 1.0, 0.0)
+    east = (reported_airspeed * math.sin(heading), 0.0, 1.0)
+    estimate = before.estimate
+    # One velocity is averaged over the reports of a second: their errors are not independent.
+    noise = NOISE**2 / max(min(period, 1.0), 1e-3)
+    for row, seen in ((north, velocity_north), (east, velocity_east)):
+        estimate, spread = _updated(estimate, spread, row, seen, noise)
+    return Calibration(estimate=estimate, covariance=spread)
+
+
+def _with_added(matrix: Matrix, diagonal: Vector) -> Matrix:
+    first, second, third = matrix
+    return (
+        (first[0] + diagonal[0], first[1], first[2]),
+        (second[0], second[1] + diagonal[1], second[2]),
+        (third[0], third[1], third[2] + diagonal[2]),
+    )
+
+
+def _updated(
+    estimate: Vector, spread: Matrix, row: Vector, seen: float, noise: float
+) -> tuple[Vector, Matrix]:
+    """One scalar measurement: seen = row . estimate."""
+    across = (_dot(spread[0], row), _dot(spread[1], row), _dot(spread[2], row))
+    surprise = seen - _dot(row, estimate)
+    total = _dot(row, across) + noise
+    gain = (across[0] / total, across[1] / total, across[2] / total)
+    moved = (
+        estimate[0] + gain[0] * surprise,
+        estimate[1] + gain[1] * surprise,
+        estimate[2] + gain[2] * surprise,
+    )
+    return moved, (
+        _less(spread[0], gain[0], across),
+        _less(spread[1], gain[1], across),
+        _less(spread[2], gain[2], across),
+    )
+
+
+def _less(line: Vector, gain: float, across: Vector) -> Vector:
+    return line[0] - gain * across[0], line[1] - gain * across[1], line[2] - gain * across[2]
+
+
+def _dot(first: Vector, second: Vector) -> float:
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]

@@ -1,0 +1,238 @@
+"""A connection that MAVSDK keeps: frames in and out, velocities and modes by its offboard plugin.
+
+The companion is the same as on a connection of our own and speaks PX4's messages. What MAVSDK has a call for
+goes by that call; the rest goes through as it is. What arrives is handed on as frames again.
+
+MAVSDK repeats the last velocity every 50 ms from a thread of its own, also while this process hangs: the
+autopilot's fail-safe then sees a stream that is alive. A watchdog here ends the offboard mode when velocities
+stop coming, which helps against everything but a process that hangs. Prefer `autopilot: px4` for flight.
+"""
+
+import asyncio
+import json
+import logging
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+
+from vfguide.errors import InputError
+from vfguide.mavlink.address import Address
+from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD
+from vfguide.mavlink.status import Status
+
+logger = logging.getLogger(__name__)
+
+SEARCH_S = 2.0
+"""For each try of finding an autopilot."""
+
+WATCH_S = 0.25
+"""Between looks of the watchdog."""
+
+SILENCE_S = 1.0
+"""Velocities that stop for longer than this end the offboard mode."""
+
+HEARD: dict[str, type[MAVLink_message]] = {
+    "GLOBAL_POSITION_INT": mavlink.MAVLink_global_position_int_message,
+    "VFR_HUD": mavlink.MAVLink_vfr_hud_message,
+    "HEARTBEAT": mavlink.MAVLink_heartbeat_message,
+    "COMMAND_ACK": mavlink.MAVLink_command_ack_message,
+    "STATUSTEXT": mavlink.MAVLink_statustext_message,
+    "PARAM_VALUE": mavlink.MAVLink_param_value_message,
+}
+"""What companions listen to, by the name that MAVSDK gives it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plugins:
+    """MAVSDK's handles for one autopilot; it has no types."""
+
+    direct: Any
+    """Messages as they are."""
+    offboard: Any
+    """Velocities, and the offboard mode."""
+    action: Any
+    """Hold."""
+
+
+class MavsdkChannel:
+    """MAVSDK as the channel of a connection."""
+
+    def __init__(self, address: Address, receive: Callable[[bytes], None], status: Status) -> None:
+        """Make a channel that is not connected yet.
+
+        Args:
+            address: as MAVSDK writes them too.
+            receive: called from the event loop with whole frames.
+            status: of the connection.
+
+        Raises:
+            InputError: MAVSDK is not installed.
+        """
+        if find_spec("mavsdk") is None or find_spec("mavsdk.asyncio") is None:
+            raise InputError("autopilot: mavsdk needs MAVSDK 4: pip install 'vfguide[mavsdk]'")
+        self._url = str(address)
+        self._receive = receive
+        self._status = status
+        self._loop = asyncio.get_running_loop()
+        self._packer = MAVLink(None)
+        self._parser = MAVLink(None)
+        self._plugins: Plugins | None = None
+        self._velocity_time = math.inf
+
+    def send(self, datagram: bytes) -> None:
+        """Pass on what MAVSDK does not say by itself."""
+        plugins = self._plugins
+        if plugins is None:
+            self._status.counters["dropped: not connected"] += 1
+            return
+        for frame in frames_of(datagram):
+            message = None if frame is None else self._message(frame.content)
+            if message is not None:
+                self._say(plugins, message)
+
+    async def run(self) -> None:
+        """Find the autopilot, and listen until cancelled."""
+        with instance(self._url) as mavsdk:
+            system = None
+            while system is None:
+                system = await self._loop.run_in_executor(None, mavsdk.first_autopilot, SEARCH_S)
+                if system is None:
+                    self._status.down("no autopilot heard yet")
+            plugins = plugins_of(system)
+            handle = plugins.direct.subscribe_message("", self._hear)
+            self._plugins = plugins
+            self._status.up("by way of MAVSDK")
+            try:
+                while True:
+                    await asyncio.sleep(WATCH_S)
+                    self._watch(plugins)
+            finally:
+                self._plugins = None
+                plugins.direct.unsubscribe_message(handle)
+
+    def _watch(self, plugins: Plugins) -> None:
+        """End the offboard mode when nobody steers any more."""
+        if time.monotonic() - self._velocity_time <= SILENCE_S:
+            return
+        self._velocity_time = math.inf
+        if plugins.offboard.is_active():
+            logger.warning("velocities have stopped: MAVSDK is told to end offboard")
+            plugins.offboard.stop_async(ignored)
+
+    def _hear(self, heard: Any, _user_data: object) -> None:  # noqa: ANN401
+        """From a thread of MAVSDK."""
+        if heard.message_name in HEARD:
+            self._loop.call_soon_threadsafe(self._deliver, heard)
+
+    def _deliver(self, heard: Any) -> None:  # noqa: ANN401
+        message = message_of(heard.message_name, heard.fields_json)
+        if message is None or self._plugins is None:
+            self._status.counters["not understood"] += 1
+            return
+        self._packer.srcSystem, self._packer.srcComponent = heard.system_id, heard.component_id
+        self._receive(message.pack(self._packer))
+
+    def _message(self, frame: bytes) -> MAVLink_message | None:
+        try:
+            return self._parser.decode(bytearray(frame))
+        except MAVError:
+            return None
+
+    def _say(self, plugins: Plugins, message: MAVLink_message) -> None:
+        """One message of the companion, by MAVSDK's own call where there is one."""
+        mode = wanted_mode(message)
+        if message.get_type() == "HEARTBEAT":
+            return
+        try:
+            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+                self._velocity_time = time.monotonic()
+                plugins.offboard.set_velocity_ned(velocity_of(message))
+            elif mode == MAIN_MODE_OFFBOARD:
+                plugins.offboard.start_async(ignored)
+            elif mode == MAIN_MODE_AUTO:
+                self._velocity_time = math.inf
+                plugins.action.hold_async(ignored)
+            else:
+                plugins.direct.send_message(direct_message(message))
+        except import_module("mavsdk").MavsdkError as error:
+            self._status.counters[f"MAVSDK: {type(error).__name__}"] += 1
+
+
+@contextmanager
+def instance(url: str) -> Iterator[Any]:
+    """MAVSDK, connected to an address for as long as the context lasts.
+
+    Raises:
+        InputError: it cannot use the address.
+    """
+    api = import_module("mavsdk")
+    configuration = api.Configuration.create_with_component_type(
+        api.ComponentType.COMPANION_COMPUTER
+    )
+    mavsdk = api.Mavsdk(configuration)
+    try:
+        result = mavsdk.add_any_connection(url)
+        if result != api.ConnectionResult.SUCCESS:
+            raise InputError(f"MAVLink address {url}: MAVSDK says {result.name}")
+        yield mavsdk
+    finally:
+        mavsdk.destroy()
+
+
+def plugins_of(system: Any) -> Plugins:  # noqa: ANN401
+    """The parts of MAVSDK that are used here."""
+    return Plugins(
+        direct=import_module("mavsdk.plugins.mavlink_direct").MavlinkDirect(system),
+        offboard=import_module("mavsdk.plugins.offboard").Offboard(system),
+        action=import_module("mavsdk.plugins.action").Action(system),
+    )
+
+
+def ignored(*_result: object) -> None:
+    """What becomes of a command is seen in its COMMAND_ACK."""
+
+
+def message_of(name: str, fields_json: str) -> MAVLink_message | None:
+    """The message that MAVSDK describes, or None where its fields are not the message's."""
+    kind = HEARD[name]
+    try:
+        fields = json.loads(fields_json)
+        values = {field: fields[field] for field in kind.fieldnames if field in fields}
+        for field, value in values.items():
+            if isinstance(value, str):
+                values[field] = value.encode("ascii", "replace")
+            elif value is None:
+                values[field] = math.nan
+        return kind(**values)
+    except (ValueError, TypeError, KeyError):
+        return None
+
+
+def direct_message(message: MAVLink_message) -> Any:  # noqa: ANN401
+    """The message as MAVSDK wants it described."""
+    fields = {name: getattr(message, name) for name in message.get_fieldnames()}
+    plugin = import_module("mavsdk.plugins.mavlink_direct")
+    return plugin.MavlinkMessage(message.get_type(), 0, 0, 0, 0, json.dumps(fields, default=str))
+
+
+def velocity_of(message: MAVLink_message) -> Any:  # noqa: ANN401
+    """A velocity setpoint as MAVSDK wants it; the yaw, which a fixed wing ignores, is the course."""
+    course = math.degrees(math.atan2(message.vy, message.vx))
+    kind = import_module("mavsdk.plugins.offboard").VelocityNedYaw
+    return kind(message.vx, message.vy, message.vz, course)
+
+
+def wanted_mode(message: MAVLink_message) -> int | None:
+    """PX4's main mode that a message asks for, or None."""
+    if getattr(message, "command", None) != mavlink.MAV_CMD_DO_SET_MODE:
+        return None
+    return int(message.param2)
