@@ -1,4 +1,6 @@
-"""What formations reach on autopilots that answer late, flown anew: `python tests/benchmarks/late_autopilots.py`.
+"""What formations reach on autopilots that answer late, flown anew.
+
+Run with `python tests/benchmarks/late_autopilots.py`.
 
 The emulators fly ArduPlane's bank from course error and a speed hold like its TECS; the companions know of it
 what `vfguide identify` would tell them.
@@ -52,9 +54,7 @@ VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     },
     "alpha and beta 20 % too high": {"profile": {"alpha_1_s": 1.23, "beta_1_s": 0.66}},
     "alpha and beta 20 % too low": {"profile": {"alpha_1_s": 0.82, "beta_1_s": 0.44}},
-    "dead times 0.2 s longer": {
-        "emulator": {"course_dead_time_s": 0.2, "speed_dead_time_s": 0.7}
-    },
+    "dead times 0.2 s longer": {"emulator": {"course_dead_time_s": 0.2, "speed_dead_time_s": 0.7}},
     "turns at 70 % of the bank's rate": {"emulator": {"turn_efficiency": 0.7}},
     "the same, identified": {
         "emulator": {"turn_efficiency": 0.7},

@@ -16,7 +16,7 @@ CONTROLLERS: dict[str, type] = {
     "mpc": MpcController,
 }
 
-DURATION_S = 30.0
+DURATION_S = 15.0
 
 STEADY_FROM = 0.2
 """Share of the calls that is left out: imports and the first solutions."""

@@ -13,10 +13,10 @@ from vfguide.commands.live_table import Show, live_table, rows_of
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.link.address import parse_link
-from vfguide.link.broker import embedded_broker
 from vfguide.link.watch import watching
 from vfguide.mission import Mission
 from vfguide.record.latency import latency_of
+from vfguide.rehearsal.broker_process import broker_process
 from vfguide.rehearsal.live import live_flight
 from vfguide.rehearsal.lockstep import Flight
 
@@ -70,7 +70,7 @@ async def _fly(
     """The flight itself, to its end or until told to stop."""
     async with AsyncExitStack() as stack:
         if link is None:
-            port = await stack.enter_async_context(embedded_broker())
+            port = await stack.enter_async_context(broker_process(directory / "broker.log"))
             link = f"mqtt://127.0.0.1:{port}"
         presences = await stack.enter_async_context(
             watching(parse_link(link), mission.name, random=Random())

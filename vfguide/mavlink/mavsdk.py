@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
@@ -49,6 +49,19 @@ HEARD: dict[str, type[MAVLink_message]] = {
     "PARAM_VALUE": mavlink.MAVLink_param_value_message,
 }
 """What companions listen to, by the name that MAVSDK gives it."""
+
+
+class Heard(Protocol):
+    """A message as MAVSDK describes it."""
+
+    message_name: str
+    """As in the message set."""
+    fields_json: str
+    """Its fields."""
+    system_id: int
+    """Of the sender."""
+    component_id: int
+    """Of the sender."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,12 +141,12 @@ class MavsdkChannel:
             logger.warning("velocities have stopped: MAVSDK is told to end offboard")
             plugins.offboard.stop_async(ignored)
 
-    def _hear(self, heard: Any, _user_data: object) -> None:  # noqa: ANN401
+    def _hear(self, heard: Heard, _user_data: object) -> None:
         """From a thread of MAVSDK."""
         if heard.message_name in HEARD:
             self._loop.call_soon_threadsafe(self._deliver, heard)
 
-    def _deliver(self, heard: Any) -> None:  # noqa: ANN401
+    def _deliver(self, heard: Heard) -> None:
         message = message_of(heard.message_name, heard.fields_json)
         if message is None or self._plugins is None:
             self._status.counters["not understood"] += 1
@@ -188,7 +201,7 @@ def instance(url: str) -> Iterator[Any]:
         mavsdk.destroy()
 
 
-def plugins_of(system: Any) -> Plugins:  # noqa: ANN401
+def plugins_of(system: object) -> Plugins:
     """The parts of MAVSDK that are used here."""
     return Plugins(
         direct=import_module("mavsdk.plugins.mavlink_direct").MavlinkDirect(system),
@@ -217,14 +230,14 @@ def message_of(name: str, fields_json: str) -> MAVLink_message | None:
         return None
 
 
-def direct_message(message: MAVLink_message) -> Any:  # noqa: ANN401
+def direct_message(message: MAVLink_message) -> object:
     """The message as MAVSDK wants it described."""
     fields = {name: getattr(message, name) for name in message.get_fieldnames()}
     plugin = import_module("mavsdk.plugins.mavlink_direct")
     return plugin.MavlinkMessage(message.get_type(), 0, 0, 0, 0, json.dumps(fields, default=str))
 
 
-def velocity_of(message: MAVLink_message) -> Any:  # noqa: ANN401
+def velocity_of(message: MAVLink_message) -> object:
     """A velocity setpoint as MAVSDK wants it; the yaw, which a fixed wing ignores, is the course."""
     course = math.degrees(math.atan2(message.vy, message.vx))
     kind = import_module("mavsdk.plugins.offboard").VelocityNedYaw

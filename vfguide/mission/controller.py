@@ -26,7 +26,7 @@ class Observer(Section):
 class Pid(Section):
     """The baseline `pid`: a correction of course and speed on top of the slot's own motion.
 
-    The defaults are what `tests/benchmarks/tune_baselines.py` finds on the calm missions.
+    The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
     """
 
     lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.087
@@ -60,19 +60,19 @@ class Pid(Section):
 class Mpc(Section):
     """The baseline `mpc`: a quadratic programme over the next seconds; a metre of error weighs 1.
 
-    The defaults are what `tests/benchmarks/tune_baselines.py` finds on the calm missions.
+    The defaults are what `tests/benchmarks/tune_mpc.py` finds on the calm missions.
     """
 
-    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 3.0
+    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 4.0
     """How far it looks, s."""
 
-    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 20
+    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 27
     """Into how many intervals of constant acceleration the horizon is cut."""
 
-    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 1.0
+    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.1
     """Weight of the velocity relative to the slot, s²."""
 
-    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.1
+    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.02
     """Weight of the acceleration relative to the slot, s⁴."""
 
     max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0

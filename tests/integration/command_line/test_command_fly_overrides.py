@@ -39,6 +39,7 @@ def recorded(
     [
         (("--controller", "article"), "controller", "article"),
         (("--plant", "course-hold"), "plant", "course-hold"),
+        (("--plant", "bank", "--speed-response", "tecs"), "plant", "bank"),
         (("--wind", "article"), "wind", "article"),
         (("--seed", 7), "seed", 7),
     ],

@@ -39,11 +39,13 @@ def test_companions_that_are_killed_take_their_places_again(flown: Flown) -> Non
         async with flown(speedup=UNHURRIED) as watched:
             await watched.settle()
             companions = watched.flight.companions
-            # It flies straight on meanwhile: f1, outside of the turn, away from the others.
-            await companions["f1"].kill()
-            await watched.wait(3.0)
-            await companions["f1"].start()
-            assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
+            # It flies straight on meanwhile: f1, outside of the turn, away from the others; f2, inside of it,
+            # through the places of the others.
+            for name in ("f1", "f2"):
+                await companions[name].kill()
+                await watched.wait(3.0)
+                await companions[name].start()
+                assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
 
             await companions["leader"].kill()
             heard = len(watched.heard_s)

@@ -1,0 +1,90 @@
+"""Between MAVLink messages and what MAVSDK calls them; flights with it are in tests/integration/live."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.mavsdk import HEARD, direct_message, message_of, velocity_of, wanted_mode
+from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    CommandReport,
+    HeartbeatReport,
+    ParameterReport,
+    PositionReport,
+    TextReport,
+)
+
+Make = Callable[..., Any]
+
+POSITION = (
+    '{"message_id":33,"message_name":"GLOBAL_POSITION_INT","alt":588000,"hdg":1497,"lat":473980997,'
+    '"lon":85456638,"relative_alt":100000,"time_boot_ms":2000,"vx":1980,"vy":529,"vz":0}'
+)
+
+
+def frame_of(name: str, fields_json: str) -> bytes:
+    message = message_of(name, fields_json)
+    assert message is not None
+    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=7, srcComponent=1)))
+
+
+def test_a_position_arrives_as_it_was_sent(codec: Codec) -> None:
+    (report,) = codec.decode(frame_of("GLOBAL_POSITION_INT", POSITION))
+    assert isinstance(report, PositionReport)
+    assert report.boot_time_s == 2.0
+    assert report.latitude_deg == pytest.approx(47.3980997)
+    assert (report.velocity_north, report.velocity_east) == (19.8, 5.29)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "kind"),
+    [
+        ("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, HeartbeatReport),
+        ("COMMAND_ACK", {"command": 178, "result": 0, "result_param2": 0}, CommandReport),
+        ("STATUSTEXT", {"severity": 4, "text": "low battery"}, TextReport),
+        ("PARAM_VALUE", {"param_id": "FW_R_LIM", "param_value": 50.0}, ParameterReport),
+        ("VFR_HUD", {"airspeed": 20.5, "alt": 588.0, "climb": None}, AirspeedReport),
+    ],
+)
+def test_what_companions_listen_to_becomes_frames_again(
+    codec: Codec, name: str, fields: dict[str, object], kind: type
+) -> None:
+    filled = dict.fromkeys(HEARD[name].fieldnames, 0) | fields
+    (report,) = codec.decode(frame_of(name, json.dumps(filled)))
+    assert isinstance(report, kind)
+
+
+@given(name=st.sampled_from(sorted(HEARD)), text=st.text() | st.just('{"lat": "x"}'))
+def test_what_is_no_message_is_none(name: str, text: str) -> None:
+    assert message_of(name, text) is None
+
+
+def test_a_setpoint_becomes_mavsdks_velocity(address: Make) -> None:
+    setpoint, _ = Px4(address()).fly(2.0, 20.0)
+    velocity = velocity_of(setpoint)
+    assert (velocity.north_m_s, velocity.east_m_s) == pytest.approx((-8.3229, 18.1859), abs=1e-4)
+    assert velocity.down_m_s == 0.0
+    assert velocity.yaw_deg == pytest.approx(114.5916, abs=1e-4)
+
+
+def test_modes_are_recognised_and_speeds_are_none(address: Make) -> None:
+    plane = Px4(address())
+    assert [wanted_mode(message) for message in plane.engage()] == [6]
+    assert [wanted_mode(message) for message in plane.hand_back()] == [4]
+    assert [wanted_mode(message) for message in plane.fly(1.0, 20.0)] == [None, None]
+
+
+def test_everything_else_goes_through_with_all_its_fields(address: Make) -> None:
+    _, speed = Px4(address()).fly(1.0, 20.5)
+    direct = direct_message(speed)
+    fields = json.loads(direct.fields_json)
+    assert direct.message_name == "COMMAND_LONG"
+    assert (fields["command"], fields["param1"], fields["param2"]) == (178, 0, 20.5)
+    assert (fields["target_system"], fields["target_component"]) == (7, 3)
