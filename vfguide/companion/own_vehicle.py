@@ -3,10 +3,11 @@
 import math
 from dataclasses import dataclass
 
+from vfguide.angles import wrap_angle
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.foresight import Foresight
 from vfguide.companion.plan import FlightPlan
-from vfguide.guidance.airspeed_calibration import Calibration, calibrated
+from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
 from vfguide.mavlink.reports import PositionReport
@@ -73,7 +74,8 @@ class OwnVehicle:
         self._airspeed_time = -math.inf
         # Whoever holds a ground speed is told nothing in terms of the airspeed.
         self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
-        self._calibration = Calibration()
+        self._calibration = calibration_of(slips=plan.slips)
+        self._slips = plan.slips
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
         self._foresight = Foresight(plan.airframe) if plan.airframe.lags else None
@@ -117,7 +119,8 @@ class OwnVehicle:
             step = navigate_blind if self._blind else navigate
             state = step(previous, sample, self._filters)
         self._state = state
-        self._calibrate(report, interval, now)
+        turned = 0.0 if previous is None else wrap_angle(state.heading - previous.heading)
+        self._calibrate(report, interval, turned / interval, now)
         if self._foresight is not None:
             self._foresight.observe(state)
         latitude, longitude = self._frame.shifted(
@@ -138,20 +141,26 @@ class OwnVehicle:
             foresight=self._foresight,
         )
 
-    def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
+    def _calibrate(
+        self, report: PositionReport, interval: float, turn_rate: float, now: float
+    ) -> None:
         """Learn from a report with a heading and an airspeed of its own."""
         fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
         known = report.heading is not None and self._airspeed > LEAST_CALIBRATED
         state = self._state
         if not (self._calibrates and fresh and known and interval <= GAP_S) or state is None:
             return
+        heading = state.heading if report.heading is None else report.heading
+        # A nose that leaves the direction of flight looks like a wind that turns with it.
+        wind_rate = 0.0 if self._slips else math.hypot(state.wind_rate_north, state.wind_rate_east)
         self._calibration = calibrated(
             self._calibration,
             reported_airspeed=self._airspeed,
-            heading=state.heading,
+            heading=heading,
+            turn_rate=turn_rate,
             velocity_north=report.velocity_north,
             velocity_east=report.velocity_east,
-            wind_rate=math.hypot(state.wind_rate_north, state.wind_rate_east),
+            wind_rate=wind_rate,
             period=interval,
         )
 
@@ -172,6 +181,10 @@ class OwnVehicle:
                 wind_north,
                 wind_east,
             )
+        if self._slips and self._calibration.is_settled:
+            _, wind_north, wind_east, _ = self._calibration.estimate
+            air_north, air_east = velocity_north - wind_north, velocity_east - wind_east
+            heading, airspeed = math.atan2(air_east, air_north), math.hypot(air_north, air_east)
         return Sample(
             time_s=time_s,
             north=north,

@@ -88,6 +88,8 @@ class FlightPlan:
     """The laws' gains and switches."""
     airframe: Airframe
     """Response and limits."""
+    slips: bool
+    """Whether the vehicle's nose leaves the direction of flight in turns."""
     patience: Patience
     """How long silences are borne."""
     task: LeaderTask | FollowerTask
@@ -128,6 +130,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         altitude_amsl=height,
         settings=guidance_settings(mission),
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
+        slips=vehicle.slips,
         patience=Patience(**mission.patience.model_dump()),
         task=task,
     )

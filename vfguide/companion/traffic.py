@@ -28,8 +28,8 @@ SPACING_SHARE = 0.65
 SILENT_S = 1.0
 """Of somebody who has not been heard for longer than this nobody knows whether its companion still steers."""
 
-DRIFT_M_S = 1.0
-"""How fast somebody who is silent may leave the place where it is believed to be, m/s."""
+DRIFT_M_S = 0.5
+"""How fast somebody without a companion may leave the place where it is believed to be, m/s."""
 
 LAST_TURN_S = 1.0
 """A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
@@ -111,7 +111,7 @@ def possible_obstacles(
         turn_acceleration=0.0,
     )
     unsure = keep + DRIFT_M_S * (age - SILENT_S)
-    return [obstacle_of(arc, unsure), obstacle_of(predict_leader(held, now), unsure)]
+    return [obstacle_of(arc, keep), obstacle_of(predict_leader(held, now), unsure)]
 
 
 def kept_distance(spacing: float, distance: float) -> float:

@@ -1,6 +1,6 @@
 """How the true airspeed compares with the one that is reported and commanded: from flying various directions.
 
-    ground velocity = scale * (reported airspeed along the heading) + wind
+    ground velocity = reported airspeed * (scale along the heading - slip * turn rate right of it) + wind
 
 On a straight flight a wrong scale and a head wind look the same; on a turn the wind stays and the aircraft
 turns. A Kalman filter of scale and wind tells them apart. While the wind itself changes it learns little.
@@ -24,28 +24,35 @@ WIND_DEVIATION = 10.0
 NOISE = 0.2
 """Standard deviation of a ground velocity against air velocity and wind, m/s: gusts, and slipping."""
 
+SETTLED_SCALE, SETTLED_WIND = 0.02, 0.7
+"""Standard deviations of scale and wind (m/s) below which they are used instead of a heading that slips."""
+
 SCALE_DRIFT = 3e-4
 """How much the scale changes, 1/sqrt(s): with altitude and temperature."""
 
 LEAST_WIND_DRIFT = 0.05
 """How much a steady wind changes, m/s/sqrt(s)."""
 
-Vector = tuple[float, float, float]
-Matrix = tuple[Vector, Vector, Vector]
+SLIP_DEVIATION = 1.0
+"""What is not known of the slip of a vehicle that does slip, s."""
+
+Vector = tuple[float, float, float, float]
+Matrix = tuple[Vector, Vector, Vector, Vector]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """What is known so far."""
 
-    estimate: Vector = (1.0, 0.0, 0.0)
-    """Scale, wind toward north (m/s), wind toward east (m/s)."""
+    estimate: Vector = (1.0, 0.0, 0.0, 0.0)
+    """Scale, wind toward north and toward east (m/s), slip (s): angle that the nose leads for each rad/s."""
     covariance: Matrix = (
-        (SCALE_DEVIATION**2, 0.0, 0.0),
-        (0.0, WIND_DEVIATION**2, 0.0),
-        (0.0, 0.0, WIND_DEVIATION**2),
+        (SCALE_DEVIATION**2, 0.0, 0.0, 0.0),
+        (0.0, WIND_DEVIATION**2, 0.0, 0.0),
+        (0.0, 0.0, WIND_DEVIATION**2, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
     )
-    """Of the estimate."""
+    """Of the estimate; without a doubt of the slip it stays 0."""
 
     @property
     def scale(self) -> float:
@@ -53,9 +60,21 @@ class Calibration:
         return min(max(self.estimate[0], LEAST_SCALE), GREATEST_SCALE)
 
     @property
+    def is_settled(self) -> bool:
+        """Whether scale and wind are known well enough to be flown by."""
+        return self.deviation < SETTLED_SCALE and self.covariance[1][1] < SETTLED_WIND**2
+
+    @property
     def deviation(self) -> float:
         """Standard deviation of the scale."""
         return math.sqrt(max(self.covariance[0][0], 0.0))
+
+
+def calibration_of(*, slips: bool) -> Calibration:
+    """Before the first report, of a vehicle whose nose leaves its direction in turns, or does not."""
+    known = Calibration()
+    last = (0.0, 0.0, 0.0, SLIP_DEVIATION**2 if slips else 0.0)
+    return Calibration(covariance=(*known.covariance[:3], last))
 
 
 def calibrated(
@@ -63,6 +82,7 @@ def calibrated(
     *,
     reported_airspeed: float,
     heading: float,
+    turn_rate: float,
     velocity_north: float,
     velocity_east: float,
     wind_rate: float,
@@ -74,29 +94,33 @@ def calibrated(
         before: after the report before.
         reported_airspeed: m/s.
         heading: rad.
+        turn_rate: of the heading, rad/s.
         velocity_north: over ground, m/s.
         velocity_east: over ground, m/s.
         wind_rate: how fast the wind seems to change, m/s², its amount.
         period: since the report before, s.
     """
     drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
-    spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift))
-    north = (reported_airspeed * math.cos(heading), 1.0, 0.0)
-    east = (reported_airspeed * math.sin(heading), 0.0, 1.0)
+    spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift, 0.0))
+    ahead, aside = reported_airspeed * math.cos(heading), reported_airspeed * math.sin(heading)
+    # A nose that leads to the right leaves the air velocity on its left.
+    north = (ahead, 1.0, 0.0, turn_rate * aside)
+    east = (aside, 0.0, 1.0, -turn_rate * ahead)
     estimate = before.estimate
     # One velocity is averaged over the reports of a second: their errors are not independent.
-    noise = NOISE**2 / max(min(period, 1.0), 1e-3)
+    variance = NOISE**2 / max(min(period, 1.0), 1e-3)
     for row, seen in ((north, velocity_north), (east, velocity_east)):
-        estimate, spread = _updated(estimate, spread, row, seen, noise)
+        estimate, spread = _updated(estimate, spread, row, seen, variance)
     return Calibration(estimate=estimate, covariance=spread)
 
 
 def _with_added(matrix: Matrix, diagonal: Vector) -> Matrix:
-    first, second, third = matrix
+    first, second, third, fourth = matrix
     return (
-        (first[0] + diagonal[0], first[1], first[2]),
-        (second[0], second[1] + diagonal[1], second[2]),
-        (third[0], third[1], third[2] + diagonal[2]),
+        (first[0] + diagonal[0], *first[1:]),
+        (second[0], second[1] + diagonal[1], *second[2:]),
+        (*third[:2], third[2] + diagonal[2], third[3]),
+        (*fourth[:3], fourth[3] + diagonal[3]),
     )
 
 
@@ -104,25 +128,26 @@ def _updated(
     estimate: Vector, spread: Matrix, row: Vector, seen: float, noise: float
 ) -> tuple[Vector, Matrix]:
     """One scalar measurement: seen = row . estimate."""
-    across = (_dot(spread[0], row), _dot(spread[1], row), _dot(spread[2], row))
+    first, second, third, fourth = spread
+    across = (_dot(first, row), _dot(second, row), _dot(third, row), _dot(fourth, row))
     surprise = seen - _dot(row, estimate)
     total = _dot(row, across) + noise
-    gain = (across[0] / total, across[1] / total, across[2] / total)
-    moved = (
-        estimate[0] + gain[0] * surprise,
-        estimate[1] + gain[1] * surprise,
-        estimate[2] + gain[2] * surprise,
-    )
-    return moved, (
-        _less(spread[0], gain[0], across),
-        _less(spread[1], gain[1], across),
-        _less(spread[2], gain[2], across),
+    return _less(estimate, -surprise / total, across), (
+        _less(first, across[0] / total, across),
+        _less(second, across[1] / total, across),
+        _less(third, across[2] / total, across),
+        _less(fourth, across[3] / total, across),
     )
 
 
 def _less(line: Vector, gain: float, across: Vector) -> Vector:
-    return line[0] - gain * across[0], line[1] - gain * across[1], line[2] - gain * across[2]
+    return (
+        line[0] - gain * across[0],
+        line[1] - gain * across[1],
+        line[2] - gain * across[2],
+        line[3] - gain * across[3],
+    )
 
 
 def _dot(first: Vector, second: Vector) -> float:
-    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2] + first[3] * second[3]

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
-from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed
+from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed, Switch
 
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
@@ -60,6 +60,10 @@ class Vehicle(Section):
 
     speed_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
     """Time constant with which the acceleration then follows, s."""
+
+    slips: Switch = False
+    """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
+    does: wind and direction through the air are then found from the ground velocity, slowly."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""

@@ -122,3 +122,37 @@ def test_an_autopilot_that_answers_for_nothing_is_told_of_once(
     assert [text for text in told if "parameters" in text] == [
         "the autopilot does not answer for its parameters: limits and fail-safe not checked"
     ]
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(
+    plan: Callable[..., FlightPlan],
+    mission: Callable[[str], Mission],
+    spoken: Make,
+    leader_bytes: Make,
+    kind: str,
+) -> None:
+    declared = mission("line-calm").vehicles["f1"].model_copy(update={"autopilot": kind})
+    companion = Companion(plan(), adapter_of(declared), engage=True)
+    autopilot, mode = (3, 15) if kind == "ardupilot" else (12, 6 << 16)
+    told = []
+    for step in range(400):
+        now = step / 20
+        companion.receive_link(leader_bytes(now), now)
+        # It flies east, past a leader that flies north.
+        place = mavlink.MAVLink_global_position_int_message(
+            round(now * 1e3),
+            473_977_420,
+            85_455_940 + step * 133,
+            588_000,
+            100_000,
+            0,
+            2000,
+            0,
+            9000,
+        )
+        out = companion.receive_mavlink(spoken(beat(autopilot, mode), place), now)
+        told += [event.text for event in out.events if event.warning]
+    assert [text[:47] for text in told if "course" in text] == [
+        "the course does not follow the setpoints: asked"
+    ]

@@ -64,7 +64,7 @@ def test_one_that_fell_silent_may_fly_on_along_its_arc_or_straight(
     # On the arc it has turned by 0.3 rad; its autopilot, left alone, ends the turn one second ahead.
     assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
     assert math.atan2(straight.velocity_east, straight.velocity_north) == pytest.approx(TURN)
-    assert arc.keep == straight.keep == pytest.approx(7.0 + 2.0)
+    assert (arc.keep, straight.keep) == (7.0, pytest.approx(7.0 + 0.5 * 2.0))
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(

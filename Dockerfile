@@ -1,0 +1,62 @@
+# One image for every container of docker-compose.yml: companion, emulator, judge and broker.
+#
+# Python packages are pinned by constraints.txt, system packages by the release of Debian: its mirrors keep no older
+# versions than the newest fix of each.
+ARG BASE_IMAGE=debian:bookworm-slim
+
+FROM ${BASE_IMAGE} AS python
+RUN apt-get update \
+ && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends ca-certificates python3-venv \
+ && rm -rf /var/lib/apt/lists/* /var/cache/apt/*
+RUN python3 -m venv /opt/vfguide
+ENV PATH=/opt/vfguide/bin:$PATH \
+    PIP_CERT=/etc/ssl/certs/ca-certificates.crt \
+    PIP_DISABLE_PIP_VERSION_CHECK=1 \
+    PIP_NO_CACHE_DIR=1
+WORKDIR /source
+
+# By themselves, so that nothing is downloaded again while they stay the same.
+FROM python AS requirements
+COPY pyproject.toml ./
+RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" \
+      > requirements.txt
+
+FROM python AS build
+COPY --from=requirements /source/requirements.txt ./
+COPY constraints.txt ./
+RUN pip install --quiet --only-binary :all: --constraint constraints.txt --requirement requirements.txt
+COPY pyproject.toml README.md LICENSE ./
+COPY vfguide vfguide
+COPY sitl_stub sitl_stub
+RUN pip install --quiet --no-deps .
+# Left out: what installs packages, their tests, and all of MAVLink's dialects but the one that is spoken, 80 MB of them.
+RUN pip uninstall --quiet --yes pip setuptools \
+ && find /opt/vfguide -type d -name tests -prune -exec rm -rf {} + \
+ && cd /opt/vfguide/lib/python3*/site-packages/pymavlink/dialects \
+ && rm -rf v09 v10 \
+ && find v20 -type f ! -name '__init__*' ! -name 'ardupilotmega.*' -delete \
+ && find v20 -name '*.xml' -delete
+
+FROM ${BASE_IMAGE}
+RUN apt-get update \
+ && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends \
+      ca-certificates mosquitto mosquitto-clients openssl python3 \
+ && rm -rf /var/lib/apt/lists/* /var/cache/apt/* /var/cache/debconf/*-old /var/log/*.log /var/log/apt
+RUN groupadd --gid 10001 vfguide \
+ && useradd --uid 10001 --gid vfguide --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin vfguide \
+ && install --directory --owner vfguide --group vfguide \
+      /var/lib/vfguide/broker /var/lib/vfguide/trust /var/lib/vfguide/start /var/lib/vfguide/flight
+COPY --from=build /opt/vfguide /opt/vfguide
+COPY docker/bin /opt/vfguide/docker
+COPY docker/mosquitto.conf /etc/mosquitto/vfguide.conf
+COPY missions /usr/share/vfguide/missions
+# One thread for linear algebra: matrices here are small, and each thread more has its own memory.
+ENV PATH=/opt/vfguide/bin:/opt/vfguide/docker:$PATH \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    OPENBLAS_NUM_THREADS=1 \
+    MPLCONFIGDIR=/tmp/matplotlib \
+    LANG=C.UTF-8
+USER 10001:10001
+WORKDIR /tmp
+CMD ["vfguide", "--help"]
