@@ -1,8 +1,8 @@
 """The weights of the baseline `mpc`: a search on the calm missions, on the plant and limits they declare.
 
 Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; two minutes on two idle processors. One follower,
-that with the longest way, flies for each candidate: first over a grid, then around the best of it over a finer
-one. The best of what it prints last is the default in `vfguide/mission/controller.py`.
+that with the longest way, flies for each candidate: first over a grid, then over a finer one around the best
+of it. The best of what it prints last is the default in `vfguide/mission/controller.py`.
 """
 
 import os

@@ -76,6 +76,7 @@ class OwnVehicle:
         self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
         self._calibration = calibration_of(slips=plan.slips)
         self._slips = plan.slips
+        self._nose: float | None = None
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
         self._foresight = Foresight(plan.airframe) if plan.airframe.lags else None
@@ -119,8 +120,7 @@ class OwnVehicle:
             step = navigate_blind if self._blind else navigate
             state = step(previous, sample, self._filters)
         self._state = state
-        turned = 0.0 if previous is None else wrap_angle(state.heading - previous.heading)
-        self._calibrate(report, interval, turned / interval, now)
+        self._calibrate(report, interval, now)
         if self._foresight is not None:
             self._foresight.observe(state)
         latitude, longitude = self._frame.shifted(
@@ -141,23 +141,23 @@ class OwnVehicle:
             foresight=self._foresight,
         )
 
-    def _calibrate(
-        self, report: PositionReport, interval: float, turn_rate: float, now: float
-    ) -> None:
+    def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
         """Learn from a report with a heading and an airspeed of its own."""
         fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
-        known = report.heading is not None and self._airspeed > LEAST_CALIBRATED
+        before, self._nose = self._nose, report.heading
         state = self._state
-        if not (self._calibrates and fresh and known and interval <= GAP_S) or state is None:
+        if report.heading is None or before is None or state is None:
             return
-        heading = state.heading if report.heading is None else report.heading
+        flying = fresh and self._airspeed > LEAST_CALIBRATED
+        if not (self._calibrates and flying and interval <= GAP_S):
+            return
         # A nose that leaves the direction of flight looks like a wind that turns with it.
         wind_rate = 0.0 if self._slips else math.hypot(state.wind_rate_north, state.wind_rate_east)
         self._calibration = calibrated(
             self._calibration,
             reported_airspeed=self._airspeed,
-            heading=heading,
-            turn_rate=turn_rate,
+            heading=report.heading,
+            turn_rate=wrap_angle(report.heading - before) / interval,
             velocity_north=report.velocity_north,
             velocity_east=report.velocity_east,
             wind_rate=wind_rate,

@@ -47,7 +47,7 @@ def test_while_predicting_it_flies_on_in_its_slot(flight: Make, until: Make, pla
     north, east = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # The leader would be at (1200, 0), and the slot 20 m behind and 20 m left of it.
     assert (north, east) == (pytest.approx(1180.0, abs=1.0), pytest.approx(-20.0, abs=1.0))
-    assert flown.times(HEADING)[-1] == 60.0
+    assert flown.times(HEADING)[-1] > 59.5
 
 
 def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader(
@@ -128,7 +128,7 @@ def test_a_pilot_who_selects_guided_without_a_leader_gets_the_vehicle_back(
     flown.pilot(GUIDED)
     flown.run(32.0)
     assert flown.autopilot.truth().mode == "LOITER"
-    assert flown.times(HEADING)[-1] == 28.0
+    assert 27.5 < flown.times(HEADING)[-1] <= 28.0
 
 
 def test_a_leader_that_is_back_in_time_is_followed_again(flight: Make, until: Make) -> None:
