@@ -157,7 +157,6 @@ class MpcController(BaselineController):
     def _keep(
         self, state: VehicleState[float], leader: LeaderState[float], period: float
     ) -> FollowerGuidance[float]:
-        del period
         motion = slot_motion(leader, self._slot)
         return self._predictive.step(
             state,
@@ -167,6 +166,7 @@ class MpcController(BaselineController):
             formation_error(motion, state),
             wind_feedforward=self._settings.wind_feedforward,
             rho=self._settings.sliding.rho,
+            period=period,
         )
 
 

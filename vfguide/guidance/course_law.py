@@ -37,9 +37,18 @@ def sliding_course_rate(
     return desired_rate - gain * saturation(course_error / layer)
 
 
-def course_command(course: Number, course_rate: Number, alpha: float) -> Number:
-    """chi^c = chi + (d chi/dt) / alpha, rad: what a first-order hold turns into the wanted course rate.
+def course_command(
+    course: Number, course_rate: Number, alpha: float, hold: float = 0.0
+) -> Number:
+    """chi^c = chi + (d chi/dt) (1 / alpha + T / 2), rad: what a first-order hold turns into the wanted rate.
 
-    With `sliding_course_rate` this is the article's chi^c. Not wrapped.
+    With `sliding_course_rate` and T = 0 this is the article's chi^c. A setpoint that stands for T seconds
+    while the course turns toward it loses half of that turn on average: T / 2 makes it good. Not wrapped.
+
+    Args:
+        course: chi, rad.
+        course_rate: d chi/dt, rad/s.
+        alpha: response, 1/s.
+        hold: T, s.
     """
-    return course + course_rate / alpha
+    return course + course_rate * (1.0 / alpha + 0.5 * hold)

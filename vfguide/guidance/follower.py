@@ -111,6 +111,7 @@ def follower_step(
             course_rate,
             airframe,
             wind_feedforward=settings.wind_feedforward,
+            hold=period,
         ),
         error=error,
         course_error=course_error,

@@ -94,6 +94,7 @@ def leader_step(
             course_rate,
             airframe,
             wind_feedforward=settings.wind_feedforward,
+            hold=period,
         ),
         speed_estimate=ground_speed,
         cross_track_error=point.cross_track_error,

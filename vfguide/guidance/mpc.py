@@ -244,6 +244,7 @@ class Predictive:
         *,
         wind_feedforward: bool,
         rho: float,
+        period: float,
     ) -> FollowerGuidance[float]:
         """Setpoint of the follower.
 
@@ -255,6 +256,7 @@ class Predictive:
             error: where the slot is, at the same time.
             wind_feedforward: whether the wind's rate of change is taken off.
             rho: weight of the Lyapunov function that is reported, s².
+            period: until the next step, s.
         """
         programme = self.programme
         relative_course = wrap_angle(state.course - motion.course)
@@ -279,6 +281,7 @@ class Predictive:
                 motion.turn_rate + turning,
                 self._airframe,
                 wind_feedforward=wind_feedforward,
+                hold=period,
             ),
             error=error,
             course_error=relative_course,

@@ -136,6 +136,7 @@ def pid_step(
         motion.turn_rate - airframe.alpha * course_error,
         airframe,
         wind_feedforward=wind_feedforward,
+        hold=period,
     )
     guidance = FollowerGuidance(
         setpoint=setpoint,

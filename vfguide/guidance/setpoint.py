@@ -22,6 +22,7 @@ def setpoint_for(
     airframe: Airframe,
     *,
     wind_feedforward: bool,
+    hold: float = 0.0,
 ) -> Setpoint[Number]:
     """Setpoint for a wanted ground acceleration (m/s²) and course rate (rad/s).
 
@@ -31,9 +32,10 @@ def setpoint_for(
         course_rate: wanted dchi/dt.
         airframe: what the autopilot holds, how it responds, what the vehicle can do.
         wind_feedforward: whether the wind's rate of change is taken off.
+        hold: how long the setpoint stands, s.
     """
     if airframe.hold == "course-hold":
-        return _course_hold(state, acceleration, course_rate, airframe)
+        return _course_hold(state, acceleration, course_rate, airframe, hold)
     share = 1.0 if wind_feedforward else 0.0
     airspeed_rate, heading_rate = air_relative_rates(
         acceleration,
@@ -45,7 +47,7 @@ def setpoint_for(
         wind_rate_north=share * state.wind_rate_north,
         wind_rate_east=share * state.wind_rate_east,
     )
-    return heading_hold(state, airspeed_rate, heading_rate, airframe)
+    return heading_hold(state, airspeed_rate, heading_rate, airframe, hold=hold)
 
 
 def cruise_setpoint(
@@ -55,6 +57,7 @@ def cruise_setpoint(
     airframe: Airframe,
     *,
     wind_feedforward: bool,
+    hold: float = 0.0,
 ) -> Setpoint[Number]:
     """Setpoint that turns the course at a rate (rad/s) and keeps an airspeed (m/s).
 
@@ -64,12 +67,15 @@ def cruise_setpoint(
         course_rate: wanted dchi/dt.
         airframe: what the autopilot holds, how it responds, what the vehicle can do.
         wind_feedforward: whether the wind's rate of change is taken off.
+        hold: how long the setpoint stands, s.
     """
     if airframe.hold == "course-hold":
         wind = (state.wind_north, state.wind_east)
         wanted = ground_speed_on_course(airspeed, state.course, *wind)
         acceleration = airframe.beta * (wanted - state.ground_speed)
-        return setpoint_for(state, acceleration, course_rate, airframe, wind_feedforward=False)
+        return setpoint_for(
+            state, acceleration, course_rate, airframe, wind_feedforward=False, hold=hold
+        )
     share = 1.0 if wind_feedforward else 0.0
     heading_rate = heading_rate_at_constant_airspeed(
         course_rate,
@@ -82,13 +88,18 @@ def cruise_setpoint(
     )
     # The airspeed setpoint is the airspeed itself: this hold needs no lead.
     airspeed_rate = airframe.beta * (airspeed - state.airspeed)
-    return heading_hold(state, airspeed_rate, heading_rate, airframe)
+    return heading_hold(state, airspeed_rate, heading_rate, airframe, hold=hold)
 
 
 def heading_hold(
-    state: VehicleState[Number], airspeed_rate: Number, heading_rate: Number, airframe: Airframe
+    state: VehicleState[Number],
+    airspeed_rate: Number,
+    heading_rate: Number,
+    airframe: Airframe,
+    *,
+    hold: float = 0.0,
 ) -> Setpoint[Number]:
-    """Setpoint for heading and airspeed holds.
+    """Setpoint for heading and airspeed holds that stands for `hold` seconds.
 
     The course is commanded, and the autopilot flies it as a heading through the drift it measures: a
     course setpoint (heading rate)/alpha ahead of the course turns the heading at that rate.
@@ -96,17 +107,21 @@ def heading_hold(
     turn_limit = bank_limited_turn_rate(airframe.max_bank, state.airspeed)
     turn = clip(heading_rate, -turn_limit, turn_limit)
     rate = clip(airspeed_rate, -airframe.max_acceleration, airframe.max_acceleration)
-    wanted = speed_command(state.airspeed, rate, airframe.beta)
+    wanted = speed_command(state.airspeed, rate, airframe.beta, hold)
     airspeed = clip(wanted, airframe.airspeed_min, airframe.airspeed_max)
     return Setpoint(
-        course=course_command(state.course, turn, airframe.alpha),
+        course=course_command(state.course, turn, airframe.alpha, hold),
         speed=airspeed,
         limited=(turn != heading_rate) | (rate != airspeed_rate) | (airspeed != wanted),
     )
 
 
 def _course_hold(
-    state: VehicleState[Number], acceleration: Number, course_rate: Number, airframe: Airframe
+    state: VehicleState[Number],
+    acceleration: Number,
+    course_rate: Number,
+    airframe: Airframe,
+    hold: float,
 ) -> Setpoint[Number]:
     """Setpoint for course and ground-speed holds: the article's equations.
 
@@ -117,14 +132,14 @@ def _course_hold(
     )
     turn = clip(course_rate, -turn_limit, turn_limit)
     rate = clip(acceleration, -airframe.max_acceleration, airframe.max_acceleration)
-    wanted = speed_command(state.ground_speed, rate, airframe.beta)
+    wanted = speed_command(state.ground_speed, rate, airframe.beta, hold)
     still = state.airspeed * 0.0
     wind = (state.wind_north, state.wind_east)
     slowest = ground_speed_on_course(still + airframe.airspeed_min, state.course, *wind)
     fastest = ground_speed_on_course(still + airframe.airspeed_max, state.course, *wind)
     speed = clip(wanted, slowest, fastest)
     return Setpoint(
-        course=course_command(state.course, turn, airframe.alpha),
+        course=course_command(state.course, turn, airframe.alpha, hold),
         speed=speed,
         limited=(turn != course_rate) | (rate != acceleration) | (speed != wanted),
     )

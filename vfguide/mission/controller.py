@@ -103,7 +103,7 @@ class Controller(Section):
     epsilon: Annotated[Gain, Field(le=10.0)] = 0.01
     """epsilon of the article: the least width of the boundary layer in which the switching term is linear."""
 
-    boundary_layer_factor: Annotated[NotNegative, Field(le=100.0)] = 5.0
+    boundary_layer_factor: Annotated[NotNegative, Field(le=100.0)] = 3.5
     """The layer is max(epsilon, this * kappa * (loop period + loop delay)); below 0.5 the loop chatters."""
 
     rho: Gain = 50.0
