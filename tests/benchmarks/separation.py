@@ -1,5 +1,9 @@
 """Followers that stray, at random and several at a time: how near do any two vehicles come?
 
+Counted where it is in somebody's hands: one of the two must be a follower that its companion steers and
+has steered for the time that it takes to hear of the others. Two that nobody steers meet by chance, and
+the leader gives way to nobody.
+
 Run with `.venv/bin/python tests/benchmarks/separation.py [FLIGHTS]`. Exit status 1 where two came within 5 m.
 """
 
@@ -13,8 +17,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
 import vfguide.rehearsal.aircraft
-from vfguide.companion.core import Companion, Outgoing, Snapshot
+from vfguide.companion.core import Companion
+from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.elementwise import BoolArray
 from vfguide.mission.load import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
@@ -28,6 +34,9 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 GUIDED, LOITER = 15, 12
 BEGIN_S = 25.0
 """Everybody is in the slot by then."""
+
+HEARING_S = 2.0
+"""From the start of a companion until it has heard of the others and its vehicle has answered."""
 
 AFTERWARDS_S = 60.0
 LEAST_M = 5.0
@@ -122,6 +131,27 @@ def happen(
         emulators[name].receive(order.pack(mavlink.MAVLink(None, srcSystem=255)))
 
 
+def steered(record: FlightRecord, name: str, leader: str, events: list[Event]) -> BoolArray:
+    """When a vehicle can give way."""
+    free = np.full(record.time_s.shape, name != leader)
+    own = [event.time_s for event in events if event.vehicle == name]
+    for begins_s, ends_s in zip(own[::2], own[1::2], strict=True):
+        free &= (record.time_s < begins_s) | (record.time_s > ends_s + HEARING_S)
+    return free
+
+
+def nearest_steered(record: FlightRecord, leader: str, events: list[Event]) -> float:
+    """Least distance (m) of two vehicles of which one can give way."""
+    return min(
+        float(pair.distance_m[when].min())
+        for pair in pair_separations(record)
+        if (
+            when := steered(record, pair.first, leader, events)
+            | steered(record, pair.second, leader, events)
+        ).any()
+    )
+
+
 def main(flights: int) -> int:
     """Fly them all; the exit status."""
     nearest, back = [], []
@@ -129,11 +159,10 @@ def main(flights: int) -> int:
         mission = load_mission(MISSIONS / ("circle-wind.yaml" if number % 3 else "line-wind.yaml"))
         events = random_events(Random(number), list(mission.followers_by_name))
         record = fly(mission, events)
-        pair = min(pair_separations(record), key=lambda one: float(one.distance_m.min()))
         errors = np.array([slot_error(record.leader, one).distance_m for one in record.followers])
         late = record.time_s > BEGIN_S
         astray = record.time_s[late & (errors > 1.0).any(axis=0)]
-        nearest.append(float(pair.distance_m.min()))
+        nearest.append(nearest_steered(record, mission.leader.vehicle, events))
         back.append(max(float(astray.max()) - events[-1].time_s, 0.0) if astray.size else 0.0)
         what = ", ".join(f"{one.time_s:.1f} {one.vehicle} {one.what}" for one in events)
         sys.stdout.write(

@@ -25,9 +25,10 @@ FOLLOWER = "f3"
 Weights = tuple[float, float, float, int]
 """Velocity weight, acceleration weight, horizon in s, intervals."""
 
-VELOCITIES = (0.1, 0.5, 2.0)
-ACCELERATIONS = (0.02, 0.1, 0.5)
+VELOCITIES = (0.02, 0.1, 0.5, 2.0)
+ACCELERATIONS = (0.005, 0.02, 0.1, 0.5)
 HORIZONS = ((2.0, 14), (3.0, 20), (4.0, 27))
+"""s, and into how many intervals."""
 FINER = (0.6, 1.0, 1.7)
 
 

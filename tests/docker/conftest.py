@@ -6,8 +6,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -312,39 +312,6 @@ def log_of(container: str) -> str:
     ).stdout
 
 
-Scenario = Callable[[Formation], Flown]
-FlyAll = Callable[[dict[str, tuple[Scenario, dict[str, Any]]]], dict[str, Flown]]
-
-
-@pytest.fixture(scope="module")
-def fly_all(
-    compose: tuple[str, ...], image: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
-) -> FlyAll:
-    """Flies several scenarios at the same time, each with a mission of its own."""
-    assert image
-
-    def fly(name: str, scenario: Scenario, settings: dict[str, Any]) -> Flown:
-        directory = tmp_path_factory.mktemp(name)
-        mission = directory / "mission.yaml"
-        mission.write_text(yaml.safe_dump(settings.pop("mission"), sort_keys=False))
-        mission.chmod(0o644)
-        formation = Formation(compose, name, directory, {"MISSION": str(mission), **settings})
-        try:
-            return scenario(formation)
-        finally:
-            formation.remove()
-
-    def fly_each(scenarios: dict[str, tuple[Scenario, dict[str, Any]]]) -> dict[str, Flown]:
-        with ThreadPoolExecutor() as pool:
-            futures = {
-                name: pool.submit(fly, name, scenario, settings)
-                for name, (scenario, settings) in scenarios.items()
-            }
-            return {name: future.result() for name, future in futures.items()}
-
-    return fly_each
-
-
 @pytest.fixture(scope="session")
 def missions() -> Callable[..., dict[str, Any]]:
     """A mission as a dictionary; with everyone in the slots from the beginning if so wished."""
@@ -359,3 +326,56 @@ def missions() -> Callable[..., dict[str, Any]]:
         return mission
 
     return content
+
+
+Scenario = Callable[[Formation], Flown]
+Settings = dict[str, Any]
+
+
+def fly(
+    compose: tuple[str, ...], name: str, directory: Path, flight: tuple[Scenario, Settings]
+) -> Flown:
+    """One scenario, with a mission and containers of its own; nothing of it stays, however it ends."""
+    scenario, settings = flight
+    mission = directory / "mission.yaml"
+    mission.write_text(yaml.safe_dump(settings.pop("mission"), sort_keys=False))
+    mission.chmod(0o644)
+    formation = Formation(compose, name, directory, {"MISSION": str(mission), **settings})
+    try:
+        return scenario(formation)
+    finally:
+        formation.remove()
+
+
+class Flights:
+    """What became of each scenario, by name; whoever asks too early waits."""
+
+    def __init__(self, flights: dict[str, Future[Flown]]) -> None:
+        self._flights = flights
+
+    def __getitem__(self, name: str) -> Flown:
+        return self._flights[name].result()
+
+
+@pytest.fixture(scope="session")
+def flights(
+    request: pytest.FixtureRequest,
+    compose: tuple[str, ...],
+    image: dict[str, Any],
+    missions: Callable[..., dict[str, Any]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Flights]:
+    """All that the collected modules have to be flown, at the same time: real time passes once."""
+    assert image
+    modules = {item.module for item in request.session.items if isinstance(item, pytest.Function)}
+    scenarios: dict[str, tuple[Scenario, Settings]] = {}
+    for module in modules:
+        if "docker_flights" in vars(module):
+            scenarios |= module.docker_flights(missions)
+    with ThreadPoolExecutor(max_workers=len(scenarios)) as pool:
+        yield Flights(
+            {
+                name: pool.submit(fly, compose, name, tmp_path_factory.mktemp(name), flight)
+                for name, flight in scenarios.items()
+            }
+        )

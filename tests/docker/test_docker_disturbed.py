@@ -7,14 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import pytest
-
 from vfguide.link.codec import decode, encode
 
 if TYPE_CHECKING:
-    from tests.docker.conftest import Flown, Formation
+    from tests.docker.conftest import Flights, Flown, Formation
 
-Flights = dict[str, Any]
 Tell = Callable[[str], None]
 
 IN_SLOT_M = 1.0
@@ -46,6 +43,9 @@ IMPAIRED_S = (15.0, 40.0)
 LOST_S = 55.0
 PREDICTION_S = 10.0
 LOST_ENDS_S = 95.0
+
+PATIENCE_S = 25.0
+"""Real time for the companions that are let in to start, where one is not and cannot be waited for."""
 
 
 def client(
@@ -120,22 +120,20 @@ def abandoned(formation: "Formation") -> "Flown":
     return formation.finish({"impaired": impaired})
 
 
-@pytest.fixture(scope="module")
-def flights(fly_all: Callable[..., Flights], missions: Callable[..., dict[str, Any]]) -> Flights:
+def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """What is to be flown for the tests of this module."""
     mission = missions("circle-wind", in_slots=True)
     impatient = {**mission, "patience": {"prediction_s": PREDICTION_S}}
-    return fly_all(
-        {
-            "troubled": (troubled, {"mission": mission, "DURATION": str(ENDS_S)}),
-            "abandoned": (
-                abandoned,
-                {"mission": impatient, "DURATION": str(LOST_ENDS_S), "PATIENCE": "8"},
-            ),
-        }
-    )
+    return {
+        "troubled": (troubled, {"mission": mission, "DURATION": str(ENDS_S)}),
+        "abandoned": (
+            abandoned,
+            {"mission": impatient, "DURATION": str(LOST_ENDS_S), "PATIENCE": str(PATIENCE_S)},
+        ),
+    }
 
 
-def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: Flights) -> None:
+def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: "Flights") -> None:
     flown = flights["troubled"]
     assert flown.seen["forged"]["lies heard"] == 0
     assert flown.seen["forged"]["own words heard"] >= 1
@@ -144,7 +142,7 @@ def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: Flights) -> Non
 
 
 def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
-    flights: Flights, tell: Tell
+    flights: "Flights", tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(*CUT_S, "f2")
@@ -155,7 +153,7 @@ def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
     assert flown.greatest(RESTARTED_S - 3.0, RESTARTED_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_formation_flies_on_while_its_broker_starts_again(flights: Flights, tell: Tell) -> None:
+def test_a_formation_flies_on_while_its_broker_starts_again(flights: "Flights", tell: Tell) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(RESTARTED_S, PAUSED_S[0], "f1", "f2", "f3")
     tell(f"broker started again: at most {off_m:.2f} m off")
@@ -164,7 +162,7 @@ def test_a_formation_flies_on_while_its_broker_starts_again(flights: Flights, te
 
 
 def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
-    flights: Flights, tell: Tell
+    flights: "Flights", tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(PAUSED_S[0], KILLED_S, "f1")
@@ -174,7 +172,7 @@ def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
 
 
 def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
-    flights: Flights, tell: Tell
+    flights: "Flights", tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(KILLED_S, ENDS_S, "f1", "f2", "f3")
@@ -184,13 +182,15 @@ def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
     assert flown.greatest(ENDS_S - 3.0, ENDS_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_aircraft_stay_apart_through_all_troubles(flights: Flights, tell: Tell) -> None:
+def test_aircraft_stay_apart_through_all_troubles(flights: "Flights", tell: Tell) -> None:
     least_m = flights["troubled"].least_separation_m("leader", "f1", "f2", "f3")
     tell(f"least separation through all troubles: {least_m:.1f} m")
     assert least_m > REJOINING_APART_M
 
 
-def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(flights: Flights) -> None:
+def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(
+    flights: "Flights",
+) -> None:
     flown = flights["abandoned"]
     assert "refused: wrong user name or password" in flown.logs["f3"]
     assert "begun without the companions of f3" in flown.logs["judge"]
@@ -198,12 +198,12 @@ def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(flights
     assert flown.status == 1
 
 
-def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights: Flights) -> None:
+def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights: "Flights") -> None:
     flown = flights["abandoned"]
     assert flown.greatest(SETTLED_S, IMPAIRED_S[0], "f1", "f2") < IN_SLOT_M
 
 
-def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> None:
+def test_a_slow_and_lossy_link_costs_little(flights: "Flights", tell: Tell) -> None:
     flown = flights["abandoned"]
     errors = [flown.errors(name, *IMPAIRED_S) for name in ("f1", "f2")]
     mean_m = sum(float(one.mean()) for one in errors) / len(errors)
@@ -216,7 +216,7 @@ def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> Non
     assert flown.greatest(LOST_S - 3.0, LOST_S, "f1", "f2") < IN_SLOT_M
 
 
-def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights) -> None:
+def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: "Flights") -> None:
     flown = flights["abandoned"]
     assert flown.modes("f2")[-1] != "tracking"
     assert flown.greatest(LOST_S, LOST_S + PREDICTION_S - 1.0, "f2") < 5.0
@@ -224,7 +224,9 @@ def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights) -
     assert flown.least_separation_m("leader", "f1", "f2") > APART_M
 
 
-def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights, tell: Tell) -> None:
+def test_the_others_fly_on_without_a_follower_that_broke_away(
+    flights: "Flights", tell: Tell
+) -> None:
     flown = flights["abandoned"]
     off_m = flown.greatest(LOST_S, LOST_ENDS_S, "f1")
     tell(f"a follower lost for good: another gave way by {off_m:.1f} m")

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from tests.docker.conftest import Flown, Formation
+    from tests.docker.conftest import Flights, Flown, Formation
 
-Flights = dict[str, Any]
 Tell = Callable[[str], None]
 
 FLIGHT_S = 64.0
@@ -112,20 +111,18 @@ def plain(formation: "Formation") -> "Flown":
     return formation.finish(formation.began_s)
 
 
-@pytest.fixture(scope="module")
-def flights(fly_all: Callable[..., Flights], missions: Callable[..., dict[str, Any]]) -> Flights:
+def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """What is to be flown for the tests of this module."""
     duration = {"DURATION": str(FLIGHT_S)}
-    return fly_all(
-        {
-            "windy": (measured, {"mission": missions("circle-wind"), **duration}),
-            "calm": (plain, {"mission": missions("circle-calm"), **duration}),
-        }
-    )
+    return {
+        "windy": (measured, {"mission": missions("circle-wind"), **duration}),
+        "calm": (plain, {"mission": missions("circle-calm"), **duration}),
+    }
 
 
 @pytest.mark.parametrize("name", ["calm", "windy"])
 def test_a_formation_in_containers_keeps_the_missions_figures(
-    flights: Flights, tell: Tell, name: str
+    flights: "Flights", tell: Tell, name: str
 ) -> None:
     flown = flights[name]
     tell(f"{name}: {json.dumps(flown.summary['formation'])}")
@@ -136,12 +133,12 @@ def test_a_formation_in_containers_keeps_the_missions_figures(
     assert flown.summary["latency"]
 
 
-def test_the_judge_leaves_a_report(flights: Flights) -> None:
+def test_the_judge_leaves_a_report(flights: "Flights") -> None:
     names = {path.name for path in flights["windy"].directory.iterdir()}
     assert {"summary.json", "flight.npz", "report.html"} <= names
 
 
-def test_all_containers_together_stay_within_their_budget(flights: Flights, tell: Tell) -> None:
+def test_all_containers_together_stay_within_their_budget(flights: "Flights", tell: Tell) -> None:
     samples = flights["windy"].seen["usage"]
     tell(f"{'container':16} {'core':>6} {'MB':>6}   mean of {len(samples)} samples")
     mean = {
@@ -155,7 +152,7 @@ def test_all_containers_together_stay_within_their_budget(flights: Flights, tell
     assert total_mb < MOST_MB
 
 
-def test_setpoints_begin_soon_after_the_containers(flights: Flights, tell: Tell) -> None:
+def test_setpoints_begin_soon_after_the_containers(flights: "Flights", tell: Tell) -> None:
     flown = flights["calm"]
     for vehicle in ("leader", "f1", "f2", "f3"):
         line = next(line for line in flown.logs[vehicle].splitlines() if "waiting -> " in line)
@@ -163,13 +160,13 @@ def test_setpoints_begin_soon_after_the_containers(flights: Flights, tell: Tell)
         tell(f"{vehicle}: first setpoint {first - flown.seen:.1f} s after `up`")
 
 
-def test_every_container_is_healthy(flights: Flights) -> None:
+def test_every_container_is_healthy(flights: "Flights") -> None:
     inspected = flights["windy"].seen["inspected"]
     health = {name: one["State"]["Health"]["Status"] for name, one in inspected.items()}
     assert health == dict.fromkeys(inspected, "healthy")
 
 
-def test_no_container_runs_as_root_or_may_become_it(flights: Flights) -> None:
+def test_no_container_runs_as_root_or_may_become_it(flights: "Flights") -> None:
     for service, text in flights["windy"].seen["users"].items():
         fields = [line.split() for line in text.splitlines()]
         users = {user for name, *rest in fields if name == "Uid:" for user in rest}
@@ -180,14 +177,14 @@ def test_no_container_runs_as_root_or_may_become_it(flights: Flights) -> None:
         assert privileges == {"1"}, service
 
 
-def test_no_container_can_write_into_its_system(flights: Flights) -> None:
+def test_no_container_can_write_into_its_system(flights: "Flights") -> None:
     seen = flights["windy"].seen
     assert seen["written"] == ""
     read_only = {one["HostConfig"]["ReadonlyRootfs"] for one in seen["inspected"].values()}
     assert read_only == {True}
 
 
-def test_no_companion_reaches_the_autopilot_of_another(flights: Flights) -> None:
+def test_no_companion_reaches_the_autopilot_of_another(flights: "Flights") -> None:
     seen = flights["windy"].seen
     found = dict(line.split() for line in seen["f1 finds"].splitlines())
     assert found.pop("broker") != "unknown"

@@ -75,8 +75,8 @@ def article_mission(
         },
         "controller": {
             "type": "slot",
-            "k_x": 0.2,
-            "k_y": 0.2,
+            "k_x": 0.25,
+            "k_y": 0.25,
             "chi_inf_deg": 45,
             "v_inf_m_s": 8,
             "kappa": 3,

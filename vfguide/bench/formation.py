@@ -35,7 +35,7 @@ def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilo
             name: {"system_id": number, "autopilot": autopilot, "max_bank_deg": 45, **aircraft}
             for number, name in enumerate(names, start=1)
         },
-        "controller": {"type": "slot", "k_x": 0.2, "k_y": 0.2, "kappa": 3, "epsilon": 0.01},
+        "controller": {"type": "slot", "k_x": 0.25, "k_y": 0.25, "kappa": 3, "epsilon": 0.01},
         "wind": {"type": "article"},
         "rehearsal": {
             "rate_hz": rate_hz,

@@ -10,7 +10,7 @@ from random import Random
 
 from vfguide.commands.vehicles import check_flies
 from vfguide.companion.clock import Clock
-from vfguide.companion.core import Event
+from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Answer, Identification, Stage

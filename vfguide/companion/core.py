@@ -6,13 +6,15 @@ leads to one guidance step and one pair of setpoints at once.
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.engagement import Engagement
+from vfguide.companion.gate import Gate
 from vfguide.companion.inquiry import Inquiry
 from vfguide.companion.obedience import Obedience
+from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import role_of
@@ -20,6 +22,7 @@ from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode, Situation, next_mode
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import heartbeat, status_text
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
@@ -40,49 +43,8 @@ HEARTBEAT_S = 1.0
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
 
-REBOOT_S = 5.0
-"""A guided mode that was left less than this before a reboot showed was left by the reboot."""
-
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
-    """Something an operator should know."""
-
-    time_s: float
-    """When."""
-    text: str
-    """What, in one line."""
-    warning: bool = False
-    """Whether it is something to worry about."""
-
-
-@dataclass(slots=True)
-class Outgoing:
-    """What a call leads to."""
-
-    to_autopilot: bytes = b""
-    """One datagram."""
-    to_link: list[bytes] = field(default_factory=list)
-    """Own states."""
-    steered: bool = False
-    """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
-    events: list[Event] = field(default_factory=list)
-    """In the order in which they happened."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
-    """What the companion did last, for records."""
-
-    mode: Mode
-    """Of the supervisor."""
-    setpoint: Setpoint[float] | None
-    """The last that was sent."""
-    lyapunov: float
-    """W, m²; NaN for the leader."""
 
 
 class Companion:
@@ -110,17 +72,12 @@ class Companion:
         """
         self._plan = plan
         self._adapter = adapter
-        self._engages = engage
-        self._may_engage = engage
+        self._engagement = Engagement(adapter, allowed=engage)
         self._patience = plan.patience
         self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
         self._own = OwnVehicle(plan)
         self._role = role_of(plan, clock)
         self._mode = Mode.WAITING
-        self._engaged = False
-        self._given_back = False
-        self._connected = False
-        self._left_time = -math.inf
         self._telemetry_time = -math.inf
         self._interval = math.inf
         self._distance = math.inf
@@ -129,15 +86,11 @@ class Companion:
         self._setpoint: Setpoint[float] | None = None
         self._lyapunov = math.nan
         self._ready = False
-        self._unflyable_time = math.inf
-        self._own_counters: Counter[str] = Counter()
+        self._gate = Gate(plan)
         self._stream = SetpointStream(adapter)
         self._commands = Acknowledgements()
         self._inquiry = Inquiry(plan, adapter) if inspect else None
         self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
-        self._stranger: str | None = None
-        self._armed = False
-        self._told_unarmed = False
 
     @property
     def snapshot(self) -> Snapshot:
@@ -147,7 +100,7 @@ class Companion:
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
-        return self._codec.counters + self._role.counters + self._own_counters
+        return self._codec.counters + self._role.counters + self._gate.counters
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""
@@ -181,7 +134,7 @@ class Companion:
         if self._mode.steers:
             out.events.append(Event(time_s=now, text="stopping: handing back"))
             out.to_autopilot = self._codec.encode(self._adapter.hand_back())
-        self._mode, self._may_engage = Mode.WAITING, False
+        self._mode, self._engagement.may_enter = Mode.WAITING, False
         return out
 
     def leader_age(self, now: float) -> float:
@@ -201,12 +154,10 @@ class Companion:
             case AirspeedReport():
                 self._own.note_airspeed(report.airspeed, now)
             case HeartbeatReport():
-                self._armed = report.armed
-                self._recognise(report.autopilot, now, out)
-                self._note_mode(report.custom_mode, now)
+                out.warn(self._engagement.hear(report, self._mode, now), now)
                 return self._change_mode(now, out)
             case CommandReport():
-                warn(out, now, self._commands.answered(report, now))
+                out.warn(self._commands.answered(report, now), now)
             case ParameterReport():
                 if self._inquiry is not None:
                     self._inquiry.take(report)
@@ -215,31 +166,6 @@ class Companion:
                 text = f"autopilot: {report.text}"
                 out.events.append(Event(time_s=now, text=text, warning=worrying))
         return []
-
-    def _recognise(self, autopilot: int, now: float, out: Outgoing) -> None:
-        """Whether this is an autopilot that the adapter speaks to; if not, say so once."""
-        complaint = self._adapter.recognise(autopilot)
-        if complaint != self._stranger:
-            warn(out, now, complaint)
-        self._stranger = complaint
-
-    def _note_mode(self, custom_mode: int, now: float) -> None:
-        """Whether the autopilot obeys; a guided mode that was left comes back by the pilot's hand alone.
-
-        Except where this companion has left it itself, for lack of a leader: then the pilot has taken over
-        once the autopilot is in any mode but the one that it was given back in.
-        """
-        self._connected = True
-        # Modes are numbers that mean something else to every autopilot.
-        engaged = self._stranger is None and self._adapter.is_engaged(custom_mode)
-        as_given_back = self._given_back and self._adapter.is_handed_back(custom_mode)
-        if self._engaged and not engaged:
-            self._left_time = now
-        if not (engaged or as_given_back) and (self._engaged or self._given_back):
-            self._may_engage = False
-        if engaged and self._mode is not Mode.LOST:
-            self._given_back = False
-        self._engaged = engaged
 
     def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
@@ -252,7 +178,8 @@ class Companion:
         if step.publish is not None:
             out.to_link.append(step.publish)
         messages = self._change_mode(now, out)
-        setpoint = self._flyable(step.setpoint, now, out)
+        setpoint, complaint = self._gate.pass_on(step.setpoint, now)
+        out.warn(complaint, now)
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return messages
@@ -261,40 +188,20 @@ class Companion:
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
             messages += self._steer(setpoint, now)
             out.steered = True
-            warn(out, now, self._obedience.watch(fix.state, setpoint))
+            out.warn(self._obedience.watch(fix.state, setpoint), now)
             if not self._adapter.holds_altitude:
-                warn(out, now, self._obedience.watch_altitude(fix.place.altitude_amsl))
-        elif self._mode is not Mode.LOST and self._stranger is None:
+                out.warn(self._obedience.watch_altitude(fix.place.altitude_amsl), now)
+        elif self._mode is not Mode.LOST and self._engagement.recognised:
             ready = self._adapter.stay_ready(setpoint.course, self._reported(setpoint.speed))
             messages += self._stream.due(ready, now)
         return messages
 
-    def _flyable(
-        self, setpoint: Setpoint[float] | None, now: float, out: Outgoing
-    ) -> Setpoint[float] | None:
-        """The setpoint if it is finite and within the vehicle's limits; if not, none and an event."""
-        if setpoint is None or is_flyable(setpoint, self._plan):
-            self._unflyable_time = math.inf
-            return setpoint
-        self._own_counters["setpoint not flyable"] += 1
-        if math.isinf(self._unflyable_time):
-            self._unflyable_time = now
-            text = f"guidance asks for what cannot be flown: {setpoint}"
-            out.events.append(Event(time_s=now, text=text, warning=True))
-        return None
-
     def _start_anew(self, now: float, out: Outgoing) -> None:
-        """The autopilot has rebooted and forgotten everything.
-
-        If it left the guided mode just now, that was the reboot and no pilot.
-        """
-        out.events.append(Event(time_s=now, text="the autopilot has rebooted", warning=True))
-        if now - self._left_time <= REBOOT_S:
-            self._may_engage = self._engages
-        if self._may_engage:
+        """The autopilot has rebooted and forgotten everything."""
+        out.warn("the autopilot has rebooted", now)
+        self._engagement.rebooted(now)
+        if self._engagement.may_enter:
             self._mode = Mode.WAITING
-        # Its next heartbeat tells which mode it came up in: no pilot has left the one before.
-        self._engaged = self._given_back = False
 
     def _steer(self, setpoint: Setpoint[float], now: float) -> list[MAVLink_message]:
         """Messages that carry a setpoint, and now and then the altitude."""
@@ -316,7 +223,7 @@ class Companion:
     def _change_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """Follow the supervisor; hand the vehicle back when the leader is lost."""
         situation = Situation(
-            engaged=self._engaged,
+            engaged=self._engagement.engaged,
             telemetry_age=now - self._telemetry_time,
             leader_age=self._role.leader_age(now),
             distance=self._distance,
@@ -332,8 +239,7 @@ class Companion:
             self._obedience.reset()
         messages = [status_text(f"vfguide {self._plan.name}: {self._mode.value}")]
         if self._mode is Mode.LOST:
-            self._given_back = True
-            messages += self._adapter.hand_back()
+            messages += self._engagement.give_back()
         return messages
 
     def _housekeeping(self, now: float, out: Outgoing) -> list[MAVLink_message]:
@@ -344,69 +250,27 @@ class Companion:
         messages = [heartbeat()]
         silent = now - self._telemetry_time > self._patience.telemetry_s
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
-        if self._connected and (silent or slow):
+        engagement = self._engagement
+        if engagement.connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         if not silent:
             for text in self._commands.overdue(now):
-                warn(out, now, text)
-        if self._connected and self._inquiry is not None and self._stranger is None:
-            messages += self._inquiry.requests(lambda text: warn(out, now, text))
-        ready = self._ready or not self._adapter.streams_before_engaging
-        followable = self._role.leader_age(now) <= self._patience.leader_s
-        informed = followable and math.isfinite(self._interval)
-        waiting = self._mode is Mode.WAITING and not self._engaged
-        if self._may_engage and waiting and ready and informed and self._stranger is None:
-            messages += self._engage(now, out)
-        # An autopilot holds its last setpoint: one that gets no other is better off by itself.
-        nothing_to_fly = now - self._unflyable_time > HEARTBEAT_S
-        if self._engaged and (self._mode is Mode.LOST or nothing_to_fly):
+                out.warn(text, now)
+        if engagement.connected and engagement.recognised and self._inquiry is not None:
+            messages += self._inquiry.requests(lambda text: out.warn(text, now))
+        if self._may_enter(now):
+            entering, complaint = engagement.enter()
+            messages += entering
+            out.warn(complaint, now)
+        if engagement.engaged and (self._mode is Mode.LOST or self._gate.closed(now)):
             messages += self._adapter.hand_back()
         return messages
 
-    def _engage(self, now: float, out: Outgoing) -> list[MAVLink_message]:
-        """Enter the guided mode; on the ground that is for the pilot to do."""
-        if self._armed:
-            self._told_unarmed = False
-            return self._adapter.engage()
-        if not self._told_unarmed:
-            self._told_unarmed = True
-            warn(out, now, "the vehicle is not armed: not engaged until it is")
-        return []
-
-
-def warn(out: Outgoing, now: float, text: str | None) -> None:
-    """An event to worry about, if there is one."""
-    if text is not None:
-        out.events.append(Event(time_s=now, text=text, warning=True))
-
-
-def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
-    """Whether a setpoint is finite and its speed one that the vehicle may be asked for.
-
-    The laws see to both; this is the gate behind which nothing depends on them.
-    """
-    if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
-        return False
-    airframe = plan.airframe
-    if airframe.hold == "course-hold":
-        return setpoint.speed > 0.0
-    return airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
-
-
-def status_text(text: str) -> MAVLink_message:
-    """STATUSTEXT, for ground stations that listen to the vehicle; longer than 50 characters is cut."""
-    return mavlink.MAVLink_statustext_message(
-        mavlink.MAV_SEVERITY_NOTICE, text.encode("ascii", "replace")[:50]
-    )
-
-
-def heartbeat() -> MAVLink_message:
-    """HEARTBEAT of an onboard computer."""
-    return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-        mavlink.MAV_AUTOPILOT_INVALID,
-        0,
-        0,
-        mavlink.MAV_STATE_ACTIVE,
-        3,
-    )
+    def _may_enter(self, now: float) -> bool:
+        """Whether the guided mode is to be entered: it may be, and there is something to fly."""
+        engagement = self._engagement
+        waiting = self._mode is Mode.WAITING and not engagement.engaged
+        ready = self._ready or not self._adapter.streams_before_engaging
+        followable = self._role.leader_age(now) <= self._patience.leader_s
+        informed = followable and math.isfinite(self._interval)
+        return engagement.may_enter and engagement.recognised and waiting and ready and informed

@@ -13,8 +13,9 @@ from pathlib import Path
 from random import Random
 
 from vfguide.companion.clock import Clock
-from vfguide.companion.core import Companion, Outgoing, Snapshot
+from vfguide.companion.core import Companion
 from vfguide.companion.latency import Quantiles
+from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.link.address import LinkAddress

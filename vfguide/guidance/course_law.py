@@ -37,9 +37,7 @@ def sliding_course_rate(
     return desired_rate - gain * saturation(course_error / layer)
 
 
-def course_command(
-    course: Number, course_rate: Number, alpha: float, hold: float = 0.0
-) -> Number:
+def course_command(course: Number, course_rate: Number, alpha: float, hold: float = 0.0) -> Number:
     """chi^c = chi + (d chi/dt) (1 / alpha + T / 2), rad: what a first-order hold turns into the wanted rate.
 
     With `sliding_course_rate` and T = 0 this is the article's chi^c. A setpoint that stands for T seconds

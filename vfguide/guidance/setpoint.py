@@ -3,7 +3,7 @@
 from vfguide.elementwise import Number, clip, greater_of
 from vfguide.guidance.course_law import course_command
 from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.speed_law import speed_command
+from vfguide.guidance.speed_law import acceleration_toward, speed_command
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
     ground_speed_on_course,
@@ -72,7 +72,7 @@ def cruise_setpoint(
     if airframe.hold == "course-hold":
         wind = (state.wind_north, state.wind_east)
         wanted = ground_speed_on_course(airspeed, state.course, *wind)
-        acceleration = airframe.beta * (wanted - state.ground_speed)
+        acceleration = acceleration_toward(wanted, state.ground_speed, airframe.beta, hold)
         return setpoint_for(
             state, acceleration, course_rate, airframe, wind_feedforward=False, hold=hold
         )
@@ -87,7 +87,7 @@ def cruise_setpoint(
         wind_rate_east=share * state.wind_rate_east,
     )
     # The airspeed setpoint is the airspeed itself: this hold needs no lead.
-    airspeed_rate = airframe.beta * (airspeed - state.airspeed)
+    airspeed_rate = acceleration_toward(airspeed, state.airspeed, airframe.beta, hold)
     return heading_hold(state, airspeed_rate, heading_rate, airframe, hold=hold)
 
 

@@ -32,11 +32,14 @@ def sliding_acceleration(
     return desired_acceleration + position_term - gain * saturation(speed_error / layer)
 
 
-def speed_command(
-    speed: Number, acceleration: Number, beta: float, hold: float = 0.0
-) -> Number:
+def speed_command(speed: Number, acceleration: Number, beta: float, hold: float = 0.0) -> Number:
     """V^c = V + (dV/dt) (1 / beta + T / 2), m/s: what a first-order hold turns into the wanted acceleration.
 
     T is how long the setpoint stands, s; see `course_command`.
     """
     return speed + acceleration * (1.0 / beta + 0.5 * hold)
+
+
+def acceleration_toward(command: Number, speed: Number, beta: float, hold: float = 0.0) -> Number:
+    """Acceleration (m/s²) for which `speed_command` gives this command (m/s)."""
+    return (command - speed) / (1.0 / beta + 0.5 * hold)

@@ -7,14 +7,15 @@ from enum import Enum
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.core import Event, heartbeat, status_text
 from vfguide.companion.obedience import Obedience
+from vfguide.companion.outgoing import Event
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.identification.recording import Recording
 from vfguide.identification.steps import Phase, Segment, segments
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import heartbeat, status_text
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from vfguide.companion.core import Companion, Event
+from vfguide.companion.core import Companion
+from vfguide.companion.outgoing import Event, Outgoing
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.link.memory import LinkQuality, MemoryLink
 from vfguide.mission.model import Mission

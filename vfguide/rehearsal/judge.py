@@ -9,7 +9,7 @@ from dataclasses import fields
 from typing import Any
 
 import sitl_stub
-from vfguide.companion.core import Snapshot
+from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission

@@ -8,7 +8,7 @@ import numpy as np
 import pymap3d
 
 import sitl_stub
-from vfguide.companion.core import Snapshot
+from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.plan import path_of
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
-from vfguide.companion.core import Event
+from vfguide.companion.outgoing import Event
 from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog

@@ -12,7 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
 import vfguide.rehearsal.aircraft
-from vfguide.companion.core import Companion, Outgoing, Snapshot
+from vfguide.companion.core import Companion
+from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.elementwise import FloatArray
 from vfguide.link.codec import decode, encode

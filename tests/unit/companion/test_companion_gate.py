@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.core import Companion, is_flyable
+from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
+from vfguide.companion.gate import is_flyable
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.role import RoleStep

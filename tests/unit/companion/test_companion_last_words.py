@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from vfguide.companion.core import status_text
 from vfguide.companion.supervisor import Mode
+from vfguide.mavlink.announcements import status_text
 
 Make = Callable[..., Any]
 

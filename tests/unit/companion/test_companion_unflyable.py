@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import vfguide.companion.core
-from vfguide.companion.core import is_flyable
+from vfguide.companion.gate import is_flyable
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.state import Setpoint

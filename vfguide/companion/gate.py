@@ -1,0 +1,47 @@
+"""The gate behind which nothing depends on the laws: setpoints are finite and inside the vehicle's limits."""
+
+import math
+from collections import Counter
+
+from vfguide.companion.plan import FlightPlan
+from vfguide.state import Setpoint
+
+PATIENCE_S = 1.0
+"""An autopilot holds its last setpoint: after this without any other it is better off by itself."""
+
+
+def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
+    """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
+    if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
+        return False
+    airframe = plan.airframe
+    if airframe.hold == "course-hold":
+        return setpoint.speed > 0.0
+    return airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
+
+
+class Gate:
+    """Lets pass what can be flown."""
+
+    def __init__(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self._closed_s = math.inf
+        self.counters: Counter[str] = Counter()
+        """What did not pass."""
+
+    def closed(self, now: float) -> bool:
+        """Whether nothing has passed for so long that the autopilot is better off by itself."""
+        return now - self._closed_s > PATIENCE_S
+
+    def pass_on(
+        self, setpoint: Setpoint[float] | None, now: float
+    ) -> tuple[Setpoint[float] | None, str | None]:
+        """(the setpoint if it can be flown, a complaint when one that cannot follows one that could)."""
+        if setpoint is None or is_flyable(setpoint, self._plan):
+            self._closed_s = math.inf
+            return setpoint, None
+        self.counters["setpoint not flyable"] += 1
+        if math.isfinite(self._closed_s):
+            return None, None
+        self._closed_s = now
+        return None, f"guidance asks for what cannot be flown: {setpoint}"

@@ -1,0 +1,49 @@
+"""What a companion wants sent and has to say, and what it did last."""
+
+from dataclasses import dataclass, field
+
+from vfguide.companion.supervisor import Mode
+from vfguide.state import Setpoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something an operator should know."""
+
+    time_s: float
+    """When."""
+    text: str
+    """What, in one line."""
+    warning: bool = False
+    """Whether it is something to worry about."""
+
+
+@dataclass(slots=True)
+class Outgoing:
+    """What a call leads to."""
+
+    to_autopilot: bytes = b""
+    """One datagram."""
+    to_link: list[bytes] = field(default_factory=list)
+    """Own states."""
+    steered: bool = False
+    """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
+    events: list[Event] = field(default_factory=list)
+    """In the order in which they happened."""
+
+    def warn(self, text: str | None, now: float) -> None:
+        """Add an event to worry about, if there is one."""
+        if text is not None:
+            self.events.append(Event(time_s=now, text=text, warning=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What the companion did last, for records."""
+
+    mode: Mode
+    """Of the supervisor."""
+    setpoint: Setpoint[float] | None
+    """The last that was sent."""
+    lyapunov: float
+    """W, m²; NaN for the leader."""
