@@ -4,10 +4,16 @@
 # versions than the newest fix of each.
 ARG BASE_IMAGE=debian:bookworm-slim
 
-FROM ${BASE_IMAGE} AS python
+# What runs, and what builds on top of that.
+FROM ${BASE_IMAGE} AS system
 RUN apt-get update \
- && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends ca-certificates python3-venv \
- && rm -rf /var/lib/apt/lists/* /var/cache/apt/*
+ && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends \
+      ca-certificates mosquitto mosquitto-clients openssl python3 \
+ && rm -rf /var/lib/apt/lists/* /var/cache/apt/* /var/cache/debconf/*-old /var/log/*.log /var/log/apt
+
+FROM system AS python
+RUN apt-get update \
+ && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends python3-venv
 RUN python3 -m venv /opt/vfguide
 ENV PATH=/opt/vfguide/bin:$PATH \
     PIP_CERT=/etc/ssl/certs/ca-certificates.crt \
@@ -25,9 +31,7 @@ FROM python AS build
 COPY --from=requirements /source/requirements.txt ./
 COPY constraints.txt ./
 RUN pip install --quiet --only-binary :all: --constraint constraints.txt --requirement requirements.txt
-COPY pyproject.toml README.md LICENSE ./
-COPY vfguide vfguide
-COPY sitl_stub sitl_stub
+COPY . ./
 RUN pip install --quiet --no-deps .
 # Left out: what installs packages, their tests, and all of MAVLink's dialects but the one that is spoken, 80 MB of them.
 RUN pip uninstall --quiet --yes pip setuptools \
@@ -37,11 +41,7 @@ RUN pip uninstall --quiet --yes pip setuptools \
  && find v20 -type f ! -name '__init__*' ! -name 'ardupilotmega.*' -delete \
  && find v20 -name '*.xml' -delete
 
-FROM ${BASE_IMAGE}
-RUN apt-get update \
- && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends \
-      ca-certificates mosquitto mosquitto-clients openssl python3 \
- && rm -rf /var/lib/apt/lists/* /var/cache/apt/* /var/cache/debconf/*-old /var/log/*.log /var/log/apt
+FROM system
 RUN groupadd --gid 10001 vfguide \
  && useradd --uid 10001 --gid vfguide --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin vfguide \
  && install --directory --owner vfguide --group vfguide \

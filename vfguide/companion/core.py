@@ -86,6 +86,7 @@ class Companion:
         self._setpoint: Setpoint[float] | None = None
         self._lyapunov = math.nan
         self._ready = False
+        self._stopped = self._leaving = False
         self._gate = Gate(plan)
         self._stream = SetpointStream(adapter)
         self._commands = Acknowledgements()
@@ -113,6 +114,9 @@ class Companion:
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
         out = Outgoing()
+        if self._stopped:
+            self._hear_out(data, now)
+            return out
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
             messages += self._take(report, now, out)
@@ -129,13 +133,32 @@ class Companion:
         return out
 
     def stop(self, now: float) -> Outgoing:
-        """The last words: a vehicle that is being steered goes back to its autopilot."""
+        """The last words, to be repeated until `released`: what is steered goes back to its autopilot.
+
+        From here on nothing is guided any more; what the autopilot says is heard for its answer alone.
+        """
         out = Outgoing()
         if self._mode.steers:
             out.events.append(Event(time_s=now, text="stopping: handing back"))
-            out.to_autopilot = self._codec.encode(self._adapter.hand_back())
+            self._leaving = True
+        self._stopped = True
         self._mode, self._engagement.may_enter = Mode.WAITING, False
+        if not self.released:
+            out.to_autopilot = self._codec.encode(self._adapter.hand_back())
         return out
+
+    @property
+    def released(self) -> bool:
+        """Whether a vehicle that was steered until the stop is seen to fly by itself, or none was."""
+        return not (self._leaving and self._engagement.engaged)
+
+    def _hear_out(self, data: bytes, now: float) -> None:
+        """After the last words: has the autopilot taken over?"""
+        for report in self._codec.decode(data):
+            if isinstance(report, HeartbeatReport):
+                self._engagement.hear(report, self._mode, now)
+            elif isinstance(report, CommandReport):
+                self._engagement.hear_answer(report)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""

@@ -38,6 +38,9 @@ ANNOUNCE_S = 1.0
 """Between presences, s of the companion's clock."""
 
 
+FAREWELLS, FAREWELL_S = 8, 0.1
+"""How often a vehicle is handed back at the end, and the real time between, s."""
+
 VERSION = version("vfguide")
 """Looked up once: it is read from a file."""
 
@@ -132,14 +135,27 @@ class Daemon:
                         await stop.wait()
                 except TimeoutError:
                     continue
-            self._dispatch(self._companion.stop(self._clock.now()))
-            self._stopped = True
+            await self._take_leave()
         self._write_log()
+
+    async def _take_leave(self) -> None:
+        """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
+        self._stopped = True
+        for _ in range(FAREWELLS):
+            self._dispatch(self._companion.stop(self._clock.now()))
+            if self._companion.released:
+                return
+            await asyncio.sleep(FAREWELL_S)
+        logger.warning(
+            "the autopilot has not answered: it may still be in its guided mode",
+            extra={"vehicle": self._name},
+        )
 
     def _take_mavlink(self, datagram: bytes) -> None:
         """One datagram in, one out, at once."""
         if self._stopped:
-            # Handed back: while connections close, its telemetry must not bring new setpoints.
+            # Handed back: its telemetry brings no more setpoints, only its answer.
+            self._companion.receive_mavlink(datagram, self._clock.now())
             return
         began = time.perf_counter()
         now = self._clock.now()

@@ -1,17 +1,18 @@
 """Who flies: whether the autopilot obeys this companion, and whether it may be asked to.
 
 The pilot always wins: a guided mode that was left comes back by the pilot's hand alone. Two things are not
-taken for a pilot: what this companion itself asked for when it gave the vehicle back for lack of a leader, and
-a reboot.
+taken for a pilot: what this companion itself asked for when it gave the vehicle back for lack of a leader,
+and a reboot.
 """
 
 import math
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.reports import HeartbeatReport
+from vfguide.mavlink.reports import CommandReport, HeartbeatReport
 
 REBOOT_S = 5.0
 """A guided mode that was left less than this before a reboot showed was left by the reboot."""
@@ -67,6 +68,12 @@ class Engagement:
         if engaged and mode is not Mode.LOST:
             self._given_back = False
         self.engaged = engaged
+
+    def hear_answer(self, report: CommandReport) -> None:
+        """Take the answer to the last command of all: a change of mode that was accepted has happened."""
+        accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
+        if accepted and report.command == mavlink.MAV_CMD_DO_SET_MODE:
+            self.engaged = False
 
     def rebooted(self, now: float) -> None:
         """The autopilot has started anew. If it left the guided mode just now, that was no pilot."""

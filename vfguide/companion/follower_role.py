@@ -8,6 +8,7 @@ from dataclasses import replace
 from vfguide.angles import wrap_angle
 from vfguide.companion.foresight import Law
 from vfguide.companion.hearing import Hearing
+from vfguide.companion.lookout import standpoint_of
 from vfguide.companion.motion_report import GAP_S, MotionReport
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, FollowerTask, course_settings, speed_settings
@@ -18,7 +19,7 @@ from vfguide.companion.traffic import Traffic, kept_distance, obstacle_of
 from vfguide.guidance.breakaway import breakaway_course
 from vfguide.guidance.controller import FormationController, formation_controller
 from vfguide.guidance.course_law import sliding_course_rate
-from vfguide.guidance.formation import predict_leader
+from vfguide.guidance.formation import predict_leader, slot_motion
 from vfguide.guidance.separation import Obstacle, carried_on
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.virtual_leader import carry_along_path
@@ -49,10 +50,11 @@ class FollowerRole:
         self._task = task
         self._clock = clock
         self._leader = Hearing(plan.frame, clock)
-        self._traffic = Traffic(task.spacing, plan.frame, clock)
+        self._traffic = Traffic(task.spacing, plan.frame, clock, plan.settings.field)
         self._report = MotionReport(plan)
         self._told_time = -math.inf
         self._distance = math.inf
+        self._avoiding = False
         self._controller = formation_controller(plan.settings, task.slot, plan.airframe)
         # One for each of the two delays with which an autopilot answers, if it does.
         self._late_controllers = tuple(
@@ -106,6 +108,7 @@ class FollowerRole:
             setpoint = fix.foresight.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
+        self._avoiding = bool(guidance.avoiding)
         breaks_away = mode is Mode.BREAKAWAY
         return RoleStep(
             setpoint=self._away(fix, leader) if breaks_away else setpoint,
@@ -148,8 +151,11 @@ class FollowerRole:
         linked = self.leader_age(now) <= self._plan.patience.leader_s
         slot = self._task.slot
         keep = kept_distance(math.hypot(slot.forward, slot.right), self._distance)
-        others = self._traffic.obstacles(now, self._distance, linked=linked)
-        return [obstacle_of(predict_leader(leader, now), keep), *others]
+        leading = predict_leader(leader, now)
+        here = standpoint_of(
+            fix.state, slot_motion(leading, slot), self._distance, avoiding=self._avoiding
+        )
+        return [obstacle_of(leading, keep), *self._traffic.obstacles(here, linked=linked)]
 
     def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path."""

@@ -1,14 +1,16 @@
 """The others in the air, as a follower knows them: where they are now, and how far to keep from them."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from vfguide.companion.hearing import Hearing
+from vfguide.companion.lookout import ROOM_M, Standpoint, calm_for, greatest_wish
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.elementwise import clip
 from vfguide.frames import LocalFrame
-from vfguide.guidance.formation import predict_leader
+from vfguide.guidance.formation import FieldGains, predict_leader
 from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.wind_triangle import compose
 from vfguide.state import LeaderState
@@ -38,50 +40,106 @@ FORGET_S = 15.0
 """After this nobody knows where it is, either."""
 
 
+@dataclass(slots=True)
+class Neighbour:
+    """One of the others, and when it has to be looked at."""
+
+    hearing: Hearing
+    """What was heard of it, and read."""
+    spacing: float
+    """From its slot to one's own, m."""
+    calm_until: float = -math.inf
+    """Before this it cannot come into the way, s; infinitely long ago: it may be there now."""
+    unread: tuple[bytes, float] | None = None
+    """What came in the meantime, and when."""
+
+    def read(self) -> None:
+        """Take what was put aside."""
+        if self.unread is not None:
+            data, arrived = self.unread
+            self.unread = None
+            self.hearing.take(data, arrived)
+
+
 class Traffic:
     """The other vehicles of a formation."""
 
-    def __init__(self, spacing: Mapping[str, float], frame: LocalFrame, clock: SharedClock) -> None:
+    def __init__(
+        self,
+        spacing: Mapping[str, float],
+        frame: LocalFrame,
+        clock: SharedClock,
+        gains: FieldGains,
+    ) -> None:
         """Make it, with nobody heard yet.
 
         Args:
             spacing: for each of the others, the distance between its slot and one's own, m.
             frame: the formation's local frame.
             clock: that the formation shares.
+            gains: of the field, which bound what the follower may wish for.
         """
-        self._spacing = spacing
-        self._heard = {vehicle: Hearing(frame, clock) for vehicle in spacing}
+        self._neighbours = {
+            vehicle: Neighbour(Hearing(frame, clock), apart) for vehicle, apart in spacing.items()
+        }
+        self._gains = gains
+        self._foreseen = -math.inf
 
     @property
     def counters(self) -> Counter[str]:
         """States of others that were not used, by reason."""
         total: Counter[str] = Counter()
-        for hearing in self._heard.values():
-            total += hearing.counters
+        for neighbour in self._neighbours.values():
+            total += neighbour.hearing.counters
         return total
 
     def receive(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower; those of strangers are nobody's business."""
-        hearing = self._heard.get(vehicle)
-        if hearing is not None:
-            hearing.take(data, now)
+        neighbour = self._neighbours.get(vehicle)
+        if neighbour is None:
+            return
+        neighbour.unread = (data, now)
+        # Reading costs more than all else: who cannot come into the way is read when it may.
+        if neighbour.calm_until <= now:
+            neighbour.read()
 
-    def obstacles(self, now: float, distance: float, *, linked: bool) -> list[Obstacle[float]]:
-        """Where the other followers are.
+    def obstacles(self, here: Standpoint, *, linked: bool) -> list[Obstacle[float]]:
+        """Those of the other followers that may be in the way now.
 
         Args:
-            now: on one's own clock, s.
-            distance: from one's own slot, m.
+            here: the follower itself.
             linked: whether the link is known to work, so that silence means something.
         """
-        return [
-            obstacle
-            for vehicle, hearing in self._heard.items()
-            if hearing.newest is not None
-            for obstacle in possible_obstacles(
-                hearing.newest, now, kept_distance(self._spacing[vehicle], distance), linked=linked
-            )
-        ]
+        now = here.time_s
+        ahead = 2.0 * here.foreseen + ROOM_M
+        if here.foreseen > self._foreseen:
+            for neighbour in self._neighbours.values():
+                neighbour.calm_until = -math.inf
+            self._foreseen = ahead
+        self._foreseen = min(self._foreseen, ahead)
+        slot_speed = math.hypot(here.slot_north, here.slot_east)
+        wish = greatest_wish(self._foreseen, slot_speed, self._gains)
+        found = []
+        for neighbour in self._neighbours.values():
+            if neighbour.calm_until <= now:
+                found += self._look(neighbour, here, wish, linked=linked)
+        return found
+
+    @staticmethod
+    def _look(
+        neighbour: Neighbour, here: Standpoint, wish: float, *, linked: bool
+    ) -> list[Obstacle[float]]:
+        """Where one of them may be, unless it is nowhere near."""
+        neighbour.read()
+        heard = neighbour.hearing.newest
+        if heard is None:
+            return []
+        now = here.time_s
+        keep = kept_distance(neighbour.spacing, here.distance)
+        places = possible_obstacles(heard, now, keep, linked=linked)
+        calm_s = min((calm_for(here, place, wish) for place in places), default=0.0)
+        neighbour.calm_until = now + calm_s if calm_s > 0.0 else -math.inf
+        return places if calm_s == 0.0 else []
 
 
 def possible_obstacles(

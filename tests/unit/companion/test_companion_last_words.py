@@ -85,3 +85,36 @@ def test_after_stopping_nothing_is_engaged_any_more(flight: Make) -> None:
     flown.run(30.0)
     assert flown.autopilot.truth().mode == "LOITER"
     assert flown.later(176, 20.0) == []
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_last_words_are_repeated_until_the_autopilot_answers(flight: Make, kind: str) -> None:
+    flown = flight(kind=kind)
+    flown.run(20.0)
+    lost = flown.companion.stop(20.05).to_autopilot
+    assert not flown.companion.released
+    again = flown.companion.stop(20.15)
+    assert len(again.to_autopilot) == len(lost)
+    assert again.events == []
+    answer = flown.autopilot.receive(again.to_autopilot)
+    assert flown.companion.receive_mavlink(answer, 20.2).to_autopilot == b""
+    assert flown.companion.released
+    assert flown.companion.stop(20.25).to_autopilot == b""
+
+
+def test_a_heartbeat_shows_that_the_vehicle_flies_by_itself(flight: Make) -> None:
+    flown = flight()
+    flown.run(20.0)
+    flown.autopilot.receive(flown.companion.stop(20.05).to_autopilot)
+    assert not flown.companion.released
+    # A second of telemetry, in which one heartbeat is; nothing of it is guided by.
+    out = flown.companion.receive_mavlink(flown.autopilot.advance(21.1), 21.1)
+    assert flown.companion.released
+    assert (out.to_autopilot, out.to_link) == (b"", [])
+
+
+def test_whoever_steers_nothing_is_released_at_once(flight: Make) -> None:
+    flown = flight(engage=False)
+    flown.run(5.0)
+    flown.companion.stop(5.05)
+    assert flown.companion.released

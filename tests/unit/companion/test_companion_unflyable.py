@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-import vfguide.companion.core
+import vfguide.companion.gate
 from vfguide.companion.gate import is_flyable
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
@@ -33,7 +33,7 @@ class Gate:
 def gate(monkeypatch: pytest.MonkeyPatch) -> Gate:
     """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
     made = Gate()
-    monkeypatch.setattr(vfguide.companion.core, "is_flyable", made)
+    monkeypatch.setattr(vfguide.companion.gate, "is_flyable", made)
     return made
 
 

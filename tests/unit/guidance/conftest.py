@@ -113,7 +113,7 @@ def choices() -> Callable[..., GuidanceSettings]:
         field_type="slot",
         field=FieldGains(k_x=0.2, k_y=0.2, chi_inf=math.pi / 4.0, v_inf=8.0),
         sliding=SlidingGains(
-            kappa=3.0, epsilon=0.01, boundary_layer_factor=5.0, loop_delay_s=0.0, rho=50.0
+            kappa=3.0, epsilon=0.01, boundary_layer_factor=3.5, loop_delay_s=0.0, rho=50.0
         ),
         observer=ObserverGains(gamma=1.0, rho=200.0, sigma=0.5),
         filters=FilterTimes(position_s=2.0, wind_s=0.2),

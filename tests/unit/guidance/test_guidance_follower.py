@@ -77,9 +77,10 @@ def test_a_little_behind_a_follower_speeds_up(
     guidance = follower_step(
         vehicle(-20.1, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
     )
-    # V_inf (2/pi) atan(0.2 . 0.1) = 0.10185 m/s; layer 0.75: 3 . 0.10185/0.75 + 0.1/50 = 0.4094 m/s²
+    # V_inf (2/pi) atan(0.2 . 0.1) = 0.101846 m/s; layer 0.525: 3 . 0.101846/0.525 + 0.1/50 = 0.58398 m/s²,
+    # and a lead of 1/0.8 + 0.05/2 = 1.275 s
     assert guidance.speed_error == pytest.approx(-0.10185, abs=1e-5)
-    assert guidance.setpoint.speed == pytest.approx(20.0 + 0.4094 / 0.8, abs=1e-4)
+    assert guidance.setpoint.speed == pytest.approx(20.0 + 0.58398 * 1.275, abs=1e-4)
     assert guidance.setpoint.course == 0.0
     # W = 0.1²/2 + 50 . 0.10185²/2
     assert guidance.lyapunov == pytest.approx(0.26433, abs=1e-4)
@@ -90,9 +91,9 @@ def test_a_follower_that_closes_in_eases_off_as_the_field_does(
 ) -> None:
     closing = vehicle(-20.5, 0.0, ground_speed=20.2)
     guidance = follower_step(closing, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD)
-    # V~ = 0.2 - 5.09296 atan(0.1) = -0.30761; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
-    # 3 . 0.30761/0.75 + 0.5/50 - 0.20170 = 1.03874 m/s²
-    assert guidance.setpoint.speed == pytest.approx(20.2 + 1.03874 / 0.8, abs=1e-4)
+    # V~ = 0.2 - 5.09296 atan(0.1) = -0.307608; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
+    # 3 . 0.307608/0.525 + 0.5/50 - 0.20170 = 1.56606 m/s²
+    assert guidance.setpoint.speed == pytest.approx(20.2 + 1.56606 * 1.275, abs=1e-4)
 
 
 def test_the_leaders_acceleration_is_fed_forward(
@@ -106,8 +107,8 @@ def test_the_leaders_acceleration_is_fed_forward(
         COURSE_HOLD,
         period=PERIOD,
     )
-    # 0.4 m/s² / 0.8
-    assert guidance.setpoint.speed == pytest.approx(20.5)
+    # 0.4 m/s² . (1/0.8 + 0.05/2) s
+    assert guidance.setpoint.speed == pytest.approx(20.51)
 
 
 def test_far_behind_it_takes_all_the_acceleration_there_is(
@@ -116,8 +117,8 @@ def test_far_behind_it_takes_all_the_acceleration_there_is(
     guidance = follower_step(
         vehicle(-30.0, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
     )
-    # 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3/0.8
-    assert guidance.setpoint.speed == pytest.approx(23.75)
+    # 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3 . 1.275
+    assert guidance.setpoint.speed == pytest.approx(23.825)
     assert guidance.setpoint.limited
 
 
@@ -127,9 +128,9 @@ def test_left_of_its_slot_a_follower_turns_right(
     guidance = follower_step(
         vehicle(-20.0, -0.5), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
     )
-    # chi_inf (2/pi) atan(0.2 . 0.5) = 0.5 . 0.09967 = 0.04983 rad; 3 . 0.04983/0.75 = 0.19934 rad/s; over 1.2
+    # chi_inf (2/pi) atan(0.2 . 0.5) = 0.5 . 0.09967 = 0.049834 rad; 3 . 0.049834/0.525 = 0.28477 rad/s
     assert guidance.course_error == pytest.approx(-0.04983, abs=1e-5)
-    assert guidance.setpoint.course == pytest.approx(0.19934 / 1.2, abs=1e-4)
+    assert guidance.setpoint.course == pytest.approx(0.28477 * (1.0 / 1.2 + 0.025), abs=1e-4)
 
 
 @pytest.mark.parametrize(("predicts", "along"), [(True, 0.0), (False, -2.0)])
@@ -233,8 +234,8 @@ def test_wind_feedforward_takes_the_winds_acceleration_off(
 ) -> None:
     state = vehicle(-20.0, 0.0, wind_rate=(0.8, 0.0))
     with_it = follower_step(state, leader(), BEHIND, choices(), Airframe(), period=PERIOD)
-    # the tail wind grows by 0.8 m/s²: V_a has to fall by it, -0.8/0.8 = 1 m/s below the airspeed
-    assert with_it.setpoint.speed == pytest.approx(19.0)
+    # the tail wind grows by 0.8 m/s²: V_a has to fall by it, 0.8 . 1.275 = 1.02 m/s below the airspeed
+    assert with_it.setpoint.speed == pytest.approx(18.98)
     without = follower_step(
         state, leader(), BEHIND, choices(wind_feedforward=False), Airframe(), period=PERIOD
     )

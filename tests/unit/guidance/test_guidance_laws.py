@@ -99,7 +99,7 @@ def test_however_far_behind_the_position_term_never_outweighs_the_sliding_term()
         (0.001, 0.0, 2.0, 0.01),  # 2 . 3 . 0.001 = 0.006 is less than the article's 0.01
         (0.05, 0.0, 2.0, 0.3),  # 2 . 3 . 0.05
         (0.05, 0.05, 2.0, 0.6),
-        (0.05, 0.0, 5.0, 0.75),
+        (0.05, 0.0, 3.5, 0.525),
     ],
 )
 def test_the_boundary_layer_follows_period_and_delay(
@@ -112,12 +112,12 @@ def test_the_boundary_layer_follows_period_and_delay(
 def test_the_settings_give_the_layer_of_their_gains(
     choices: Callable[..., GuidanceSettings],
 ) -> None:
-    # factor 5, kappa 3, no delay, 20 Hz
-    assert choices().sliding.layer(0.05) == pytest.approx(0.75)
+    # factor 3.5, kappa 3, no delay, 20 Hz
+    assert choices().sliding.layer(0.05) == pytest.approx(0.525)
 
 
 @pytest.mark.parametrize(
-    ("period", "layer"), [(0.005, 0.75), (0.01, 0.75), (0.02, 0.75), (0.1, 1.5)]
+    ("period", "layer"), [(0.005, 0.525), (0.01, 0.525), (0.02, 0.525), (0.1, 1.05)]
 )
 def test_a_loop_faster_than_twenty_hertz_keeps_the_layer_of_twenty_hertz(
     choices: Callable[..., GuidanceSettings], period: float, layer: float

@@ -56,8 +56,8 @@ def test_on_its_circle_the_course_setpoint_leads_the_turn(
 ) -> None:
     state = vehicle(150.0, 0.0, math.pi / 2.0)
     guidance = leader_step(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
-    # 20/150 = 0.1333 rad/s, over 1.2: 0.1111 rad
-    assert guidance.setpoint.course - state.course == pytest.approx(0.11111, abs=1e-5)
+    # 20/150 = 0.1333 rad/s, times 1/1.2 + 0.05/2 = 0.858333 s: 0.11444 rad
+    assert guidance.setpoint.course - state.course == pytest.approx(0.114444, abs=1e-5)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
@@ -66,9 +66,9 @@ def test_right_of_its_line_it_turns_left(vehicle: Vehicles, choices: Choices) ->
         vehicle(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD
     )
     assert guidance.cross_track_error == pytest.approx(1.0)
-    # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.75 = 0.119964 rad/s to the left, over 1.2
+    # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.525 = 0.171377 rad/s to the left, times 0.858333 s
     assert guidance.course_error == pytest.approx(0.029991, abs=1e-6)
-    assert guidance.setpoint.course == pytest.approx(-0.09997, abs=1e-5)
+    assert guidance.setpoint.course == pytest.approx(-0.147099, abs=1e-5)
 
 
 def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed(
@@ -109,16 +109,16 @@ def test_the_leader_gives_way_to_an_inner_slot(
     assert guidance.setpoint.speed == pytest.approx(airspeed)
 
 
-@pytest.mark.parametrize(("feedforward", "course"), [(True, -0.1 / 1.2), (False, 0.0)])
+@pytest.mark.parametrize(("feedforward", "course"), [(True, -0.0858333), (False, 0.0)])
 @pytest.mark.parametrize("north_rate", [0.0, 1.5])
 def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(
     vehicle: Vehicles, choices: Choices, *, north_rate: float, feedforward: bool, course: float
 ) -> None:
-    # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, over 1.2; what blows along is left alone
+    # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, times 0.858333 s; what blows along is left alone
     state = vehicle(wind_rate=(north_rate, 2.0))
     chosen = choices(wind_feedforward=feedforward)
     guidance = leader_step(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
-    assert guidance.setpoint.course == pytest.approx(course)
+    assert guidance.setpoint.course == pytest.approx(course, abs=1e-6)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
@@ -127,7 +127,7 @@ def test_flying_east_the_left_is_north(vehicle: Vehicles, choices: Choices) -> N
     state = vehicle(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
     task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
     guidance = leader_step(state, task, choices(), HEADING_HOLD, period=PERIOD)
-    assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.1 / 1.2)
+    assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.0858333)
 
 
 def test_the_first_estimate_of_the_observer_is_the_airspeed(
@@ -164,12 +164,12 @@ def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
 @pytest.mark.parametrize(
     ("airframe", "estimate", "lead"),
     [
-        # 18 + 0.05 . 0.5 . 2 = 18.05 and 24 - 0.05 . 0.5 . 4 = 23.9 m/s, over 150 m and 1.2 1/s
-        (COURSE_HOLD, 18.0, 0.100278),
-        (COURSE_HOLD, 24.0, 0.132778),
+        # 18 + 0.05 . 0.5 . 2 = 18.05 and 24 - 0.05 . 0.5 . 4 = 23.9 m/s, over 150 m, times 0.858333 s
+        (COURSE_HOLD, 18.0, 0.1032861),
+        (COURSE_HOLD, 24.0, 0.1367611),
         # the same, times what the ground speed is to the airspeed
-        (HEADING_HOLD, 18.0, 0.0905007),
-        (HEADING_HOLD, 24.0, 0.158669),
+        (HEADING_HOLD, 18.0, 0.0932157),
+        (HEADING_HOLD, 24.0, 0.1634295),
     ],
 )
 def test_an_observing_leader_turns_by_its_estimate(

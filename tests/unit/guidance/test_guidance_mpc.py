@@ -74,7 +74,8 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
     )
     controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
     setpoint = controller.step(state, leading, period=PERIOD).setpoint
-    assert setpoint.course == pytest.approx(motion.course + motion.turn_rate / 1.2, abs=1e-4)
+    lead = motion.turn_rate * (1.0 / 1.2 + 0.025)
+    assert setpoint.course == pytest.approx(motion.course + lead, abs=1e-4)
     assert setpoint.speed == pytest.approx(motion.speed, abs=1e-3)
 
 
@@ -83,7 +84,8 @@ def test_a_distant_slot_is_flown_to_within_bank_and_airspeed(
 ) -> None:
     airframe = Airframe()
     controller = MpcController(choices(), SLOT, airframe, WEIGHTS)
-    steepest = GRAVITY * math.tan(airframe.max_bank) / 20.0 / airframe.alpha
+    fastest = GRAVITY * math.tan(airframe.max_bank) / 20.0
+    steepest = fastest * (1.0 / airframe.alpha + PERIOD / 2.0)
     for east in (-300.0, 300.0):
         setpoint = controller.step(
             vehicle(north=-200.0, east=east), leader(), period=PERIOD

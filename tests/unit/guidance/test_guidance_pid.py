@@ -78,7 +78,7 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
         wind_feedforward=True,
         rho=50.0,
     )
-    assert guidance.setpoint.course == pytest.approx(motion.course + 0.1 / 1.2)
+    assert guidance.setpoint.course == pytest.approx(motion.course + 0.1 * (1.0 / 1.2 + 0.025))
     assert guidance.setpoint.speed == pytest.approx(motion.speed)
 
 

@@ -125,8 +125,8 @@ def test_the_field_of_a_line_turns_fastest_at_one_over_root_two_of_its_width() -
 def test_the_default_gains_fit_a_loop_of_twenty_hertz() -> None:
     controller = mission("line-calm").controller
     layer = effective_layer(controller, 0.05)
-    assert layer == pytest.approx(0.75)
-    assert layer_crossing(3.0, layer, period=0.05, delay=0.0) == pytest.approx(0.2)
+    assert layer == pytest.approx(0.525)
+    assert layer_crossing(3.0, layer, period=0.05, delay=0.0) == pytest.approx(1.0 / 3.5)
 
 
 @pytest.mark.parametrize(
