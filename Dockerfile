@@ -46,12 +46,9 @@ RUN groupadd --gid 10001 vfguide \
  && useradd --uid 10001 --gid vfguide --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin vfguide \
  && install --directory --owner vfguide --group vfguide \
       /var/lib/vfguide/broker /var/lib/vfguide/trust /var/lib/vfguide/start /var/lib/vfguide/flight
-COPY --from=build /opt/vfguide /opt/vfguide
-COPY docker/bin /opt/vfguide/docker
-COPY docker/mosquitto.conf /etc/mosquitto/vfguide.conf
-COPY missions /usr/share/vfguide/missions
+COPY docker /usr/share/vfguide/docker
 # One thread for linear algebra: matrices here are small, and each thread more has its own memory.
-ENV PATH=/opt/vfguide/bin:/opt/vfguide/docker:$PATH \
+ENV PATH=/opt/vfguide/bin:/usr/share/vfguide/docker/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
     OPENBLAS_NUM_THREADS=1 \
@@ -60,3 +57,5 @@ ENV PATH=/opt/vfguide/bin:/opt/vfguide/docker:$PATH \
 USER 10001:10001
 WORKDIR /tmp
 CMD ["vfguide", "--help"]
+# What changes most often, and takes longest, comes last.
+COPY --from=build /opt/vfguide /opt/vfguide

@@ -1,6 +1,6 @@
 """The weights of the baseline `mpc`: a search on the calm missions, on the plant and limits they declare.
 
-Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; two minutes on two idle processors. One follower,
+Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; some minutes on two processors. One follower,
 that with the longest way, flies for each candidate: first over a grid, then over a finer one around the best
 of it. The best of what it prints last is the default in `vfguide/mission/controller.py`.
 """
@@ -25,9 +25,9 @@ FOLLOWER = "f3"
 Weights = tuple[float, float, float, int]
 """Velocity weight, acceleration weight, horizon in s, intervals."""
 
-VELOCITIES = (0.02, 0.1, 0.5, 2.0)
-ACCELERATIONS = (0.005, 0.02, 0.1, 0.5)
-HORIZONS = ((2.0, 14), (3.0, 20), (4.0, 27))
+VELOCITIES = (0.1, 0.5, 2.0, 5.0)
+ACCELERATIONS = (0.02, 0.1, 0.5, 2.0)
+HORIZONS = ((2.0, 14), (4.0, 27))
 """s, and into how many intervals."""
 FINER = (0.6, 1.0, 1.7)
 

@@ -59,7 +59,16 @@ def crowd(count: int, duration_s: float) -> Mission:
             name: {"system_id": number, **AIRCRAFT} for number, name in enumerate(names, start=1)
         },
         "wind": {"type": "article"},
-        "rehearsal": {"duration_s": duration_s, "rate_hz": 20},
+        "rehearsal": {
+            "duration_s": duration_s,
+            "rate_hz": 20,
+            "link_delay_s": 0.1,
+            # In place: so many that join at once stand in each other's way.
+            "start": {
+                "leader": {"north_m": 0, "east_m": 0, "course_deg": PATHS["line"]["course_deg"]},
+                **{name: {"forward_m": 0, "right_m": 0} for name in names[1:]},
+            },
+        },
     }
     return Mission.model_validate(content)
 

@@ -1,7 +1,7 @@
 """What an identification flight has seen and said, and the stretches that are fitted."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.guidance.response import held_direction, held_speed
 from vfguide.identification.fit import Response, fit_response
 from vfguide.identification.models import SETTLED_S, course_response, speed_response
-from vfguide.identification.samples import Samples
+from vfguide.identification.samples import Samples, mean_told
 from vfguide.identification.steps import Phase, Segment
 from vfguide.state import Airframe, VehicleState
 
@@ -84,7 +84,7 @@ class Recording:
         north, east = self._wind(stretch, time_s)
         is_course = phase is Phase.COURSE
         told = np.array([(at, course, pace) for at, course, pace in self.told if at <= last])
-        return Samples(
+        samples = Samples(
             time_s=time_s,
             direction=np.unwrap(np.array([held_direction(state, airframe) for state in stretch])),
             speed=speed,
@@ -93,6 +93,7 @@ class Recording:
             told_s=told[:, 0],
             told=np.unwrap(told[:, 1]) if is_course else told[:, 2],
         )
+        return samples if is_course else as_seen(samples)
 
     def _wind(
         self, stretch: list[VehicleState[float]], time_s: FloatArray
@@ -103,6 +104,15 @@ class Recording:
         north = np.array([state.wind_north for state in stretch])
         east = np.array([state.wind_east for state in stretch])
         return smoothed(time_s, north), smoothed(time_s, east)
+
+
+def as_seen(samples: Samples) -> Samples:
+    """The same, with setpoints on the scale of what was seen: setpoints are indicated airspeeds, states true ones.
+
+    The steps go either way and back: however late a response is, its mean is that of its setpoints.
+    """
+    offset = float(np.mean(samples.speed[1:] - mean_told(samples, 0.0)))
+    return replace(samples, told=samples.told + offset)
 
 
 def smoothed(time_s: FloatArray, values: FloatArray) -> FloatArray:

@@ -29,22 +29,22 @@ class Pid(Section):
     The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
     """
 
-    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.087
+    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.105
     """Course for the error across track, rad/m."""
 
-    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 0.017
+    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 0.021
     """Course for its integral, rad/(m s)."""
 
-    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.0084
+    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.0082
     """Course for its rate, rad s/m."""
 
-    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 3.0
+    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 3.8
     """Speed for the error along track, m/s per m."""
 
-    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 0.0033
+    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 0.0045
     """Speed for its integral, m/s per m s."""
 
-    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 3.2
+    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 4.1
     """Speed for its rate, m/s per m/s."""
 
     derivative_filter_s: Duration = 0.2

@@ -27,9 +27,9 @@ def test_a_companion_that_may_engages_and_flies_to_its_slot(flight: Make) -> Non
 
 def test_each_position_leads_to_a_course_and_a_speed_while_they_change(flight: Make) -> None:
     flown = flight()
-    flown.run(4.0)
-    assert flown.times(HEADING)[-40:] == [pytest.approx(2.05 + 0.05 * k) for k in range(40)]
-    assert flown.times(SPEED)[-40:] == [pytest.approx(2.05 + 0.05 * k) for k in range(40)]
+    flown.run(3.5)
+    assert flown.times(HEADING)[-40:] == [pytest.approx(1.55 + 0.05 * k) for k in range(40)]
+    assert flown.times(SPEED)[-40:] == [pytest.approx(1.55 + 0.05 * k) for k in range(40)]
 
 
 def test_what_does_not_change_is_repeated_at_least_twice_a_second(flight: Make) -> None:

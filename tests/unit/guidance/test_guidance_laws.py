@@ -13,7 +13,7 @@ from vfguide.guidance.limits import bank_limited_turn_rate, saturation
 from vfguide.guidance.path import Line
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings
-from vfguide.guidance.speed_law import sliding_acceleration, speed_command
+from vfguide.guidance.speed_law import acceleration_toward, sliding_acceleration, speed_command
 
 KAPPA, ALPHA, BETA, SPEED = 3.0, 1.2, 0.8, 20.0
 
@@ -65,6 +65,52 @@ def test_the_speed_command_leads_by_the_acceleration_over_beta(plant: Callable[.
     flyer = plant(speed=20.0)
     flyer.fly(0.0, speed_command(20.0, 2.0, BETA), 1e-4)
     assert (flyer.speed - 20.0) / 1e-4 == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_setpoint_that_stands_leads_by_half_of_that_time_more() -> None:
+    # 1/1.2 + 0.05/2 = 0.858333 s and 1/0.8 + 0.05/2 = 1.275 s
+    assert course_command(1.0, 0.3, ALPHA, 0.05) == pytest.approx(1.2575)
+    assert speed_command(20.0, 2.0, BETA, 0.05) == pytest.approx(22.55)
+
+
+def test_the_acceleration_toward_a_command_is_the_one_it_was_made_for() -> None:
+    assert acceleration_toward(22.55, 20.0, BETA, 0.05) == pytest.approx(2.0)
+    # ideal, 0.8 1/s of what is missing
+    assert acceleration_toward(18.0, 20.0, BETA) == pytest.approx(-1.6)
+    assert acceleration_toward(20.0, 20.0, BETA, 0.2) == 0.0
+
+
+# A hold of bandwidth a answers a step d with d (1 - e^(-a T)) after T. With x = a T, the lead 1/a + T/2 turns
+# T times (1/x + 1/2)(1 - e^-x) = 1 - x^2/12 + x^3/24 - ... of the rate, the lead 1/a alone 1 - x/2 + ...
+PERIODS = [0.02, 0.05, 0.1, 0.2]
+
+
+@pytest.mark.parametrize("period", PERIODS)
+def test_a_course_whose_setpoint_stands_turns_as_wanted_but_for_the_second_order(
+    plant: Callable[..., Plant], period: float
+) -> None:
+    leading, late = plant(course=1.0), plant(course=1.0)
+    for _ in range(10):
+        leading.fly(course_command(leading.course, 0.3, ALPHA, period), SPEED, period)
+        late.fly(course_command(late.course, 0.3, ALPHA), SPEED, period)
+    wanted, x = 0.3 * 10.0 * period, ALPHA * period
+    short = 1.0 - (leading.course - 1.0) / wanted
+    assert x**2 / 12.0 - x**3 / 24.0 < short < x**2 / 12.0
+    assert 1.0 - (late.course - 1.0) / wanted == pytest.approx(x / 2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("period", PERIODS)
+def test_a_speed_whose_setpoint_stands_grows_as_wanted_but_for_the_second_order(
+    plant: Callable[..., Plant], period: float
+) -> None:
+    leading, late = plant(speed=20.0), plant(speed=20.0)
+    for _ in range(10):
+        leading.fly(0.0, speed_command(leading.speed, 0.5, BETA, period), period)
+        late.fly(0.0, speed_command(late.speed, 0.5, BETA), period)
+    wanted, x = 0.5 * 10.0 * period, BETA * period
+    short = 1.0 - (leading.speed - 20.0) / wanted
+    assert x**2 / 12.0 - x**3 / 24.0 < short < x**2 / 12.0
+    assert 1.0 - (late.speed - 20.0) / wanted == pytest.approx(x / 2.0, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_the_leader_gives_way_to_an_inner_slot(
 def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(
     vehicle: Vehicles, choices: Choices, *, north_rate: float, feedforward: bool, course: float
 ) -> None:
-    # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, times 0.858333 s; what blows along is left alone
+    # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, . 0.858333 s; what blows along is left alone
     state = vehicle(wind_rate=(north_rate, 2.0))
     chosen = choices(wind_feedforward=feedforward)
     guidance = leader_step(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)

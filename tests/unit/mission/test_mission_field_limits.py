@@ -27,38 +27,38 @@ def findings_of(name: str, field: str, *changes: tuple[str, str]) -> list[Findin
 @pytest.mark.parametrize(
     ("name", "pull", "most"),
     [
-        # (pi/4) (2/pi) 5 = 2.5 rad/m at 20 m/s and 8 m/s of wind; 4 = 3/0.75 of it: 5 . 4/70
-        ("k_y", "70.0", "0.285"),
-        # 8 (2/pi) 5 = 25.46 1/s; 5 . 4/25.46
-        ("k_x", "25.5", "0.785"),
+        # (pi/4) (2/pi) 5 = 2.5 rad/m at 20 m/s and 8 m/s of wind; 5.7143 = 3/0.525 of it: 5 . 5.7143/70
+        ("k_y", "70.0", "0.408"),
+        # 8 (2/pi) 5 = 25.46479 1/s; 5 . 5.71429/25.46479 = 1.121997
+        ("k_x", "25.5", "1.121"),
     ],
 )
 def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain_that_does_not(
     name: str, pull: str, most: str
 ) -> None:
-    text = text_of("circle-wind", (f"{name}: 0.2", f"{name}: 5"))
+    text = text_of("circle-wind", (f"{name}: 0.25", f"{name}: 5"))
     loaded = parse_mission(text.encode(), file="m.yaml")
     (warning,) = report_on(loaded.mission, loaded.source).warnings
     assert warning.field == f"controller.{name}"
     assert warning.line == text[: text.index(f"{name}: 5")].count("\n") + 1
-    assert f"pulls at {pull} 1/s, faster than the 4.0 1/s" in warning.message
+    assert f"pulls at {pull} 1/s, faster than the 5.7 1/s" in warning.message
     assert warning.remedy == f"lower {name} to {most} 1/m or less"
 
 
 @pytest.mark.parametrize(
     ("name", "gain", "warns"),
-    [("k_y", 0.285, False), ("k_y", 0.286, True), ("k_x", 0.785, False), ("k_x", 0.786, True)],
+    [("k_y", 0.408, False), ("k_y", 0.409, True), ("k_x", 1.121, False), ("k_x", 1.122, True)],
 )
 def test_the_gain_that_the_remedy_names_is_the_greatest_that_will_do(
     name: str, gain: float, *, warns: bool
 ) -> None:
-    found = findings_of("circle-wind", f"controller.{name}", (f"{name}: 0.2", f"{name}: {gain}"))
+    found = findings_of("circle-wind", f"controller.{name}", (f"{name}: 0.25", f"{name}: {gain}"))
     assert ("warning" in [one.severity for one in found]) is warns
 
 
 def test_a_slow_loop_follows_only_gentle_fields() -> None:
-    # at 5 Hz the layer is 3 and the law follows at 1 1/s: 0.1 . 20 . 0.5 and 0.196 . 8 . 2/pi
-    slow = ("rate_hz: 20", "rate_hz: 5")
+    # at 4 Hz the layer is 2.625 and the law follows at 1.1429 1/s: 0.11429 . 20 . 0.5 and 0.2244 . 8 . 2/pi
+    slow = ("rate_hz: 20", "rate_hz: 4")
     fields = ("controller.k_y", "controller.k_x")
     remedies = [
         one.remedy
@@ -66,14 +66,14 @@ def test_a_slow_loop_follows_only_gentle_fields() -> None:
         for one in findings_of("line-calm", field, slow)
         if one.severity == "warning"
     ]
-    assert remedies == ["lower k_y to 0.1 1/m or less", "lower k_x to 0.196 1/m or less"]
+    assert remedies == ["lower k_y to 0.114 1/m or less", "lower k_x to 0.224 1/m or less"]
 
 
 def test_a_fast_loop_is_judged_by_the_layer_that_it_keeps() -> None:
-    # at 50 Hz still 4 1/s, 0.5 . 20 . 0.4: not the 10 1/s of a layer that were thinner
-    change = (("rate_hz: 20", "rate_hz: 50"), ("k_y: 0.2", "k_y: 0.5"))
+    # at 50 Hz still 5.7 1/s, less than 0.5 . 20 . 0.6: not the 14.3 1/s of a layer that were thinner
+    change = (("rate_hz: 20", "rate_hz: 50"), ("k_y: 0.25", "k_y: 0.6"))
     (warning, _) = findings_of("line-calm", "controller.k_y", *change)
-    assert "faster than the 4.0 1/s" in warning.message
+    assert "faster than the 5.7 1/s" in warning.message
 
 
 def test_the_slope_of_a_field_on_its_slot() -> None:
@@ -104,7 +104,7 @@ def test_for_an_eighth_of_a_turn_a_course_field_turns_at_half_of_that() -> None:
     ],
 )
 def test_a_followers_field_that_outturns_its_bank_is_noted(k_y: float, notes: int) -> None:
-    found = findings_of("line-calm", "controller.k_y", ("k_y: 0.2", f"k_y: {k_y}"))
+    found = findings_of("line-calm", "controller.k_y", ("k_y: 0.25", f"k_y: {k_y}"))
     assert [one.severity for one in found] == ["note"] * notes
 
 
@@ -112,7 +112,7 @@ def test_a_followers_field_that_outturns_its_bank_is_noted(k_y: float, notes: in
 def test_on_a_circle_a_followers_field_has_the_turn_to_fly_as_well(k_y: float, notes: int) -> None:
     # The outer slot: hypot(20 + 0.1333 . 20, 0.1333 . 20) = 22.82 m/s, where the bank gives 0.4297 rad/s.
     # 0.5 . 0.15 . 22.82 . 0.202386 = 0.3464 is less, with the circle's own 0.1333 it is 0.4797.
-    found = findings_of("circle-calm", "controller.k_y", ("k_y: 0.2", f"k_y: {k_y}"))
+    found = findings_of("circle-calm", "controller.k_y", ("k_y: 0.25", f"k_y: {k_y}"))
     assert [one.severity for one in found] == ["note"] * notes
     for note in found:
         assert note.message == (
@@ -125,7 +125,7 @@ def test_a_leader_whose_bank_is_small_says_nothing_about_the_followers_field() -
     # 25 degrees: 0.229 rad/s, enough for its own field but not for one of k_y 0.2
     leader = "leader: {system_id: 1, alpha_1_s: 1.2, beta_1_s: 0.8, airspeed_range_m_s: [12, 32], "
     change = (f"{leader}max_bank_deg: 45", f"{leader}max_bank_deg: 25")
-    assert findings_of("line-calm", "controller.k_y", change) == []
+    assert findings_of("line-calm", "controller.k_y", change, ("k_y: 0.25", "k_y: 0.2")) == []
 
 
 def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well() -> None:
