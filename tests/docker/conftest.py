@@ -32,6 +32,9 @@ SERVICES = ("broker", *EMULATORS, *VEHICLES, "judge")
 SIGNAL = "/var/lib/vfguide/start/signal"
 FLIGHT = "/var/lib/vfguide/flight"
 
+AT_ONCE = 3
+"""Formations: Docker has addresses for thirty networks, and each takes seven."""
+
 PATIENCE_S = 180.0
 """Real time for everything that is waited for, beyond the flight itself."""
 
@@ -371,17 +374,21 @@ def flights(
     missions: Callable[..., dict[str, Any]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Flights]:
-    """All that the collected modules have to be flown, at the same time: real time passes once."""
+    """All that the collected modules have to be flown, side by side: real time passes once."""
     assert image
-    modules = {item.module for item in request.session.items if isinstance(item, pytest.Function)}
+    items = (item for item in request.session.items if isinstance(item, pytest.Function))
     scenarios: dict[str, tuple[Scenario, Settings]] = {}
-    for module in modules:
+    for module in dict.fromkeys(item.module for item in items):
         if "docker_flights" in vars(module):
             scenarios |= module.docker_flights(missions)
-    with ThreadPoolExecutor(max_workers=len(scenarios)) as pool:
+    # The longest first, so that the last ones do not wait for each other.
+    names = sorted(scenarios, key=lambda name: -float(scenarios[name][1].get("DURATION", 0.0)))
+    with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
         yield Flights(
             {
-                name: pool.submit(fly, compose, name, tmp_path_factory.mktemp(name), flight)
-                for name, flight in scenarios.items()
+                name: pool.submit(
+                    fly, compose, name, tmp_path_factory.mktemp(name), scenarios[name]
+                )
+                for name in names
             }
         )

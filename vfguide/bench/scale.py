@@ -5,7 +5,7 @@ import resource
 import statistics
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from multiprocessing import get_context
@@ -22,7 +22,10 @@ from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import fly_lockstep
 
 COUNTS = (4, 10, 30, 100)
-FLOWN_S, QUICK_S = 20.0, 6.0
+FLOWN_S, QUICK_S = 20.0, 4.0
+JOINED_S = 10.0
+"""Until everybody is in place: what is measured is a formation, not a muster."""
+
 ROW = 10
 SPACING_M = 20.0
 
@@ -74,21 +77,23 @@ def crowd(count: int, duration_s: float) -> Mission:
 
 
 def measure(count: int, duration_s: float) -> dict[str, Any]:
-    """Fly so many, twice: for the time it takes, and for where it goes."""
+    """Fly so many, twice, and measure once they are in place: the time it takes, and where it goes."""
     before = resident_mb()
-    mission = crowd(count, duration_s)
-    began = time.perf_counter(), time.process_time()
-    fly_lockstep(mission)
-    wall_s, processor_s = time.perf_counter() - began[0], time.process_time() - began[1]
+    mission = crowd(count, JOINED_S + duration_s)
+    joining_s, wall_s, processor_s = timed_flight(mission)
     with ExitStack() as stack:
         durations = {
             part: stack.enter_context(calls_timed(owner, name))
             for part, (owner, name) in SHARES.items()
         }
-        timed = time.process_time()
-        fly_lockstep(mission)
-        timed = time.process_time() - timed
-    steps = count * duration_s * mission.rehearsal.rate_hz
+
+        def forget() -> None:
+            for spent in durations.values():
+                spent.clear()
+
+        _, _, timed = timed_flight(mission, forget)
+    rate_hz = mission.rehearsal.rate_hz
+    steps = count * duration_s * rate_hz
     return {
         "vehicles": count,
         "duration_s": duration_s,
@@ -96,11 +101,34 @@ def measure(count: int, duration_s: float) -> dict[str, Any]:
         "processor_s": processor_s,
         "real_time_factor": duration_s / wall_s,
         "processor_us_per_vehicle_step": processor_s / steps * 1e6,
+        "joining_us_per_vehicle_step": joining_s / (count * JOINED_S * rate_hz) * 1e6,
         "memory_mb": resident_mb(),
         "memory_before_mb": before,
         "guidance_step_us": statistics.median(durations["guidance"]) * 1e6,
         "shares": {part: sum(spent) / timed for part, spent in durations.items()},
     }
+
+
+def timed_flight(
+    mission: Mission, joined: Callable[[], None] = lambda: None
+) -> tuple[float, float, float]:
+    """Processor time until everybody is in place, then wall time and processor time to the end, s.
+
+    Args:
+        mission: what is flown.
+        joined: called when everybody is in place.
+    """
+    began = time.process_time()
+    wall = processor = math.nan
+
+    def notice(now: float) -> None:
+        nonlocal wall, processor
+        if math.isnan(wall) and now >= JOINED_S:
+            joined()
+            wall, processor = time.perf_counter(), time.process_time()
+
+    fly_lockstep(mission, progress=notice)
+    return processor - began, time.perf_counter() - wall, time.process_time() - processor
 
 
 def resident_mb() -> float:

@@ -1,4 +1,4 @@
-"""Who has to be looked at, and when again: what a follower spends on the others is not to grow with their number.
+"""Who has to be looked at, and when again: a follower's cost is not to grow with the number of the others.
 
 A barrier binds where the closing speed c that is asked for exceeds gamma (d - keep): never beyond
 
@@ -20,15 +20,15 @@ UNSURE_M_S = 3.0
 """On top of what is known of closing speeds: what one barrier takes off may turn a wish toward the next."""
 
 HURRY_M_S = 75.0
-"""How fast at most distance and reach may meet, besides the speeds that are known now: two that turn and brake as hard
-as they can, together at 15 m/s², let the reach grow by 15 / gamma = 38 m/s, and come nearer by half of 15 m/s² t²,
-which is 15 m/s over two seconds; as much again for what nobody thought of."""
+"""How fast at most distance and reach may meet, besides the speeds that are known now: two that turn and
+brake as hard as they can, together at 15 m/s², let the reach grow by 15 / gamma = 38 m/s, and come nearer by
+half of 15 m/s² t², which is 15 m/s over two seconds; as much again for what nobody thought of."""
 
 LONGEST_S = 2.0
 """Nobody is left unlooked at for longer."""
 
 ROOM_M = 1.0
-"""Farther than twice its distance from the slot and this a follower does not come without looking round again."""
+"""Farther than twice its distance from the slot and this no follower comes without looking round again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ def standpoint_of(
 
 
 def greatest_wish(distance: float, slot_speed: float, gains: FieldGains) -> float:
-    """Greatest speed (m/s) relative to the slot that a field asks for so far (m) from a slot so fast (m/s)."""
+    """Greatest speed (m/s) relative to the slot that a field asks for so far (m) from one so fast (m/s)."""
     turn, _ = arc_tangent_field(distance, 0.0, gains.k_y, gains.chi_inf)
     push, _ = arc_tangent_field(distance, 0.0, gains.k_x, gains.v_inf)
     # The chord of the turn, at the greatest speed, and what is faster.

@@ -107,7 +107,7 @@ class Recording:
 
 
 def as_seen(samples: Samples) -> Samples:
-    """The same, with setpoints on the scale of what was seen: setpoints are indicated airspeeds, states true ones.
+    """The same, with setpoints on the scale of what was seen: they are indicated airspeeds, states true ones.
 
     The steps go either way and back: however late a response is, its mean is that of its setpoints.
     """

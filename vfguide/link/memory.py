@@ -1,8 +1,12 @@
 """An in-memory link that delays, jitters and loses messages, in virtual time and repeatable by a seed."""
 
 import heapq
+import math
 from dataclasses import dataclass
 from random import Random
+
+ROUNDING_S = 1e-9
+"""Times are sums of decimal fractions: what is due now must not wait for a rounding error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +30,8 @@ class MemoryLink:
         self._random = Random(seed)
         self._in_flight: list[tuple[float, int, bytes]] = []
         self._sent = 0
+        self.due = math.inf
+        """When the next message arrives, s; never, if infinite."""
 
     def send(self, data: bytes, now: float) -> None:
         """Hand a message over at this time."""
@@ -35,11 +41,12 @@ class MemoryLink:
         if not lost:
             self._sent += 1
             heapq.heappush(self._in_flight, (now + max(flight, 0.0), self._sent, data))
+            self.due = self._in_flight[0][0]
 
     def receive(self, now: float) -> list[bytes]:
         """Messages that have arrived by this time, in the order of their arrival."""
         arrived = []
-        # Times are sums of decimal fractions: what is due now must not wait for a rounding error.
-        while self._in_flight and self._in_flight[0][0] <= now + 1e-9:
+        while self.due <= now + ROUNDING_S:
             arrived.append(heapq.heappop(self._in_flight)[2])
+            self.due = self._in_flight[0][0] if self._in_flight else math.inf
         return arrived

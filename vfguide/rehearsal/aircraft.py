@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from vfguide.companion.core import Companion
-from vfguide.companion.outgoing import Event, Outgoing
+from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
-from vfguide.link.memory import LinkQuality, MemoryLink
+from vfguide.link.memory import ROUNDING_S, LinkQuality, MemoryLink
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.emulators import emulator_of
@@ -35,7 +35,7 @@ class Aircraft:
         vehicle = mission.vehicles[name]
         plan = flight_plan(mission, name)
         self.name = name
-        self.events: list[Event] = []
+        self.events = list[Event]()
         """What the companion reported."""
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
@@ -81,7 +81,8 @@ class Aircraft:
             if sender in self._links:
                 self._links[sender].send(data, now)
         for sender, link in self._links.items():
-            for data in link.receive(now):
+            # Asked first, because there may be a hundred of them.
+            for data in link.receive(now) if link.due <= now + ROUNDING_S else ():
                 if sender == self._leader:
                     self.companion.receive_link(data, now)
                 else:

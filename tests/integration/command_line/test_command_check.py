@@ -111,7 +111,7 @@ FINDINGS = [
     ),
     pytest.param(
         [("duration_s: 20", "duration_s: 20\n  rate_hz: 2")],
-        "warning: controller.kappa: at 2 Hz kappa 3 takes a boundary layer of 7.50 rad",
+        "warning: controller.kappa: at 2 Hz kappa 3 takes a boundary layer of 5.25 rad",
         "raise rehearsal.rate_hz, or lower controller.kappa or boundary_layer_factor",
         id="boundary layer too wide",
     ),

@@ -28,7 +28,7 @@ def test_live_flight_is_as_good_as_the_mission_asks(
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
-                *("--speedup", "5", "--duration", "100", "--link", broker.url),
+                *("--speedup", "3", "--duration", "100", "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

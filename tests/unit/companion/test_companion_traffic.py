@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
+from vfguide.companion.lookout import Standpoint
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.traffic import Traffic, kept_distance
@@ -18,11 +19,25 @@ TURN = 0.1
 
 @pytest.fixture
 def traffic(plan: MakePlan) -> Traffic:
-    return Traffic({"f2": 40.0}, plan().frame, SAME_CLOCK)
+    return Traffic({"f2": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
+
+
+def beside(time_s: float, east: float = 10.0) -> Standpoint:
+    """Of one in its slot, abreast of somebody who was 200 m north at 10 s and flies north at 20 m/s."""
+    return Standpoint(
+        time_s=time_s,
+        north=200.0 + 20.0 * (time_s - 10.0),
+        east=east,
+        slot_north=20.0,
+        slot_east=0.0,
+        off_slot=0.0,
+        distance=0.0,
+        avoiding=False,
+    )
 
 
 def test_nobody_is_in_the_way_before_anybody_was_heard(traffic: Traffic) -> None:
-    assert traffic.obstacles(10.0, 0.0, linked=True) == []
+    assert traffic.obstacles(beside(10.0), linked=True) == []
 
 
 def test_another_follower_is_where_it_has_flown_since_it_was_heard(
@@ -30,10 +45,20 @@ def test_another_follower_is_where_it_has_flown_since_it_was_heard(
 ) -> None:
     # 20 m/s northbound from 200 m north of the origin.
     traffic.receive("f2", leader_bytes(10.0), 10.1)
-    (one,) = traffic.obstacles(10.5, 0.0, linked=True)
+    (one,) = traffic.obstacles(beside(10.5), linked=True)
     assert (one.north, one.east) == (pytest.approx(210.0, abs=1e-3), pytest.approx(0.0, abs=1e-3))
     assert (one.velocity_north, one.velocity_east) == (pytest.approx(20.0), pytest.approx(0.0))
     assert one.keep == 7.0
+
+
+def test_one_too_far_away_to_matter_is_not_looked_at_before_it_may(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
+    # nobody is left unlooked at for longer than two seconds
+    assert traffic.obstacles(beside(11.9), linked=True) == []
+    assert len(traffic.obstacles(beside(12.1), linked=True)) == 2
 
 
 def test_strangers_and_rubbish_are_in_nobodys_way(
@@ -42,7 +67,7 @@ def test_strangers_and_rubbish_are_in_nobodys_way(
     traffic.receive("f9", leader_bytes(10.0), 10.0)
     traffic.receive("f2", b"rubbish", 10.0)
     traffic.receive("f2", leader_bytes(20.0), 10.0)
-    assert traffic.obstacles(10.0, 0.0, linked=True) == []
+    assert traffic.obstacles(beside(10.0), linked=True) == []
     assert dict(traffic.counters) == {"malformed": 1, "from the future": 1}
 
 
@@ -50,9 +75,9 @@ def test_the_time_of_a_state_is_the_formations(plan: MakePlan, leader_bytes: Lea
     skewed = SharedClock(
         to_own=lambda time_s: time_s - 100.0, from_own=lambda time_s: time_s + 100.0
     )
-    traffic = Traffic({"f2": 40.0}, plan().frame, skewed)
+    traffic = Traffic({"f2": 40.0}, plan().frame, skewed, plan().settings.field)
     traffic.receive("f2", leader_bytes(10.0, time_s=110.0), 10.0)
-    (one,) = traffic.obstacles(10.5, 0.0, linked=True)
+    (one,) = traffic.obstacles(beside(10.5), linked=True)
     assert one.north == pytest.approx(210.0, abs=1e-3)
 
 
@@ -60,7 +85,7 @@ def test_one_that_fell_silent_may_fly_on_along_its_arc_or_straight(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
-    arc, straight = traffic.obstacles(13.0, 0.0, linked=True)
+    arc, straight = traffic.obstacles(beside(13.0), linked=True)
     # On the arc it has turned by 0.3 rad; its autopilot, left alone, ends the turn one second ahead.
     assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
     assert math.atan2(straight.velocity_east, straight.velocity_north) == pytest.approx(TURN)
@@ -71,7 +96,7 @@ def test_ones_own_deafness_says_nothing_about_the_others(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
-    (arc,) = traffic.obstacles(13.0, 0.0, linked=False)
+    (arc,) = traffic.obstacles(beside(13.0), linked=False)
     assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
     assert arc.keep == 7.0
 
@@ -80,8 +105,8 @@ def test_one_that_is_silent_for_long_is_nowhere(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert len(traffic.obstacles(24.9, 0.0, linked=True)) == 2
-    assert traffic.obstacles(25.1, 0.0, linked=True) == []
+    assert len(traffic.obstacles(beside(24.9), linked=True)) == 2
+    assert traffic.obstacles(beside(25.1), linked=True) == []
 
 
 @pytest.mark.parametrize(
