@@ -59,7 +59,7 @@ def client(
 def forge(formation: "Formation") -> dict[str, Any]:
     """As f3, tell the formation that the leader is a kilometre away; then tell it something of one's own."""
     heard = client(
-        formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "5", "-F", "%x"
+        formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "15", "-F", "%x"
     )
     true = decode(bytes.fromhex(heard.strip()))
     sequence = (true.sequence + 1000) % 2**32

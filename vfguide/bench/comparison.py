@@ -52,7 +52,7 @@ class Extent:
 
 
 FULL = Extent(duration_s=300.0, seeds=5, bad_link_plants=PLANTS)
-QUICK = Extent(duration_s=90.0, seeds=2, bad_link_plants=PLANTS[:1])
+QUICK = Extent(duration_s=60.0, seeds=2, bad_link_plants=PLANTS[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,8 +29,12 @@ from vfguide.state import Airframe, Setpoint, VehicleState
 STEP_S = 0.05
 """Longest step of the prediction."""
 
-COURSE_MEMORY_S, SPEED_MEMORY_S = 0.6, 0.6
-"""Time constants with which the vehicle's departures from its model are learned."""
+MEMORY_S = 0.6
+"""Time constant with which a vehicle's departures from its model are learned."""
+
+SLIPPING_MEMORY_S = 4.0
+"""The same for a vehicle that slips. Its yaw swings with little damping (that of ArduPilot's simulated plane
+at 0.9 Hz): taken off within a fraction of a second, what the swing adds to the turn rate would feed it."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
 """What a model may be off by; more is no bias but a vehicle that does something else."""
@@ -45,8 +49,15 @@ Law = Callable[[VehicleState[float]], Setpoint[float]]
 class Foresight:
     """The near future of one vehicle."""
 
-    def __init__(self, airframe: Airframe) -> None:
+    def __init__(self, airframe: Airframe, *, memory_s: float = MEMORY_S) -> None:
+        """Make one that has seen nothing yet.
+
+        Args:
+            airframe: of the vehicle.
+            memory_s: time constant with which its departures from its model are learned.
+        """
         self._airframe = airframe
+        self._memory_s = memory_s
         self._told: deque[tuple[float, Setpoint[float]]] = deque()
         self._state: VehicleState[float] | None = None
         self._inner = Inner()
@@ -93,10 +104,9 @@ class Foresight:
     def _learn(self, direction_surprise: float, speed_surprise: float, period: float) -> None:
         """Move the bias toward what one period has shown beyond model and bias."""
         greatest = GREATEST_BIAS
-        turn_share = period / (COURSE_MEMORY_S + period)
-        speed_share = period / (SPEED_MEMORY_S + period)
-        turn_rate = self._bias.turn_rate + turn_share * direction_surprise / period
-        acceleration = self._bias.acceleration + speed_share * speed_surprise / period
+        share = period / (self._memory_s + period)
+        turn_rate = self._bias.turn_rate + share * direction_surprise / period
+        acceleration = self._bias.acceleration + share * speed_surprise / period
         self._bias = Bias(
             turn_rate=min(max(turn_rate, -greatest.turn_rate), greatest.turn_rate),
             acceleration=min(max(acceleration, -greatest.acceleration), greatest.acceleration),
@@ -107,7 +117,7 @@ class Foresight:
     ) -> None:
         """Nobody steers it from here: its bank and acceleration are what they show."""
         airframe = self._airframe
-        share = period / (COURSE_MEMORY_S + period)
+        share = period / (MEMORY_S + period)
         direction, speed = held_direction(state, airframe), held_speed(state, airframe)
         turn_rate = wrap_angle(direction - held_direction(before, airframe)) / period
         bank = coordinated_bank(turn_rate, turning_speed(state, airframe), airframe.max_bank)

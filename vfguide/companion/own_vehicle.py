@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from vfguide.angles import wrap_angle
 from vfguide.companion.boot_clock import BootClock
-from vfguide.companion.foresight import Foresight
+from vfguide.companion.foresight import MEMORY_S, SLIPPING_MEMORY_S, Foresight
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
@@ -79,7 +79,10 @@ class OwnVehicle:
         self._nose: float | None = None
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
-        self._foresight = Foresight(plan.airframe) if plan.airframe.lags else None
+        memory_s = SLIPPING_MEMORY_S if plan.slips else MEMORY_S
+        self._foresight = (
+            Foresight(plan.airframe, memory_s=memory_s) if plan.airframe.lags else None
+        )
 
     @property
     def calibration(self) -> Calibration:

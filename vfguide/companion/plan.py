@@ -12,7 +12,7 @@ from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.pace import paced
+from vfguide.guidance.pace import paced, without_own_speed
 from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
 from vfguide.guidance.settings import (
     AxisGains,
@@ -149,13 +149,10 @@ def course_settings(plan: FlightPlan) -> GuidanceSettings:
 
 def speed_settings(plan: FlightPlan) -> GuidanceSettings:
     """Settings for what goes out as a speed, by how late that takes effect."""
-    airframe = plan.airframe
-    return paced(
-        plan.settings,
-        airframe.speed_dead_time + airframe.speed_lag,
-        period=1.0 / plan.rate_hz,
-        speed=airframe.cruise,
-    )
+    airframe, period = plan.airframe, 1.0 / plan.rate_hz
+    delay = airframe.speed_dead_time + airframe.speed_lag
+    settings = paced(plan.settings, delay, period=period, speed=airframe.cruise)
+    return without_own_speed(settings, airframe.beta, period=period) if plan.slips else settings
 
 
 def local_frame(mission: Mission) -> LocalFrame:

@@ -95,6 +95,8 @@ def follower_step(
     speed_error = state.ground_speed - clear.speed
     layer = sliding.layer(period)
     course_rate = sliding_course_rate(course_error, clear.course_rate, sliding.kappa, layer)
+    if not settings.answers_course_error:
+        course_rate = motion.turn_rate
     acceleration = sliding_acceleration(
         speed_error,
         # Whoever keeps clear of somebody is not drawn to the slot as well.

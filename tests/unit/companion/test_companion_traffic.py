@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
-from vfguide.companion.lookout import Standpoint
+from vfguide.companion.lookout import Standpoint, calm_for, greatest_wish
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.traffic import Traffic, kept_distance
+from vfguide.guidance.formation import FieldGains
+from vfguide.guidance.separation import Obstacle
 
 MakePlan = Callable[..., FlightPlan]
 LeaderBytes = Callable[..., bytes]
@@ -117,3 +120,63 @@ def test_whoever_is_astray_keeps_more_and_close_slots_less(
     spacing: float, distance: float, kept: float
 ) -> None:
     assert kept_distance(spacing, distance) == pytest.approx(kept)
+
+
+GAINS = FieldGains(k_x=0.2, k_y=0.2, chi_inf=math.pi / 4.0, v_inf=8.0)
+
+
+def abreast(east: float, velocity_north: float = 20.0) -> Obstacle[float]:
+    """Somebody so far east of the origin, 200 m north."""
+    return Obstacle(
+        north=200.0, east=east, velocity_north=velocity_north, velocity_east=0.0, keep=7.0
+    )
+
+
+def test_in_its_slot_a_follower_wishes_for_nothing_and_far_out_for_a_sharp_turn() -> None:
+    assert greatest_wish(0.0, 20.0, GAINS) == 0.0
+    # Far out 8 m/s more than the slot, 45 degrees off its course: 8 + 2 * 28 * sin(22.5 degrees).
+    assert greatest_wish(math.inf, 20.0, GAINS) == pytest.approx(29.43, abs=0.01)
+
+
+def test_only_who_is_near_enough_for_what_may_be_asked_for_is_in_the_way() -> None:
+    here = beside(10.0, east=0.0)
+    # Nothing wished for: 7 m and 3 / 0.4 = 7.5 m.
+    assert calm_for(here, abreast(14.0), 0.0) == 0.0
+    # 7.5 m farther, at 75 m/s.
+    assert calm_for(here, abreast(22.0), 0.0) == pytest.approx(0.1)
+    # 10 m/s wished for, the other 8 m/s faster: 7 + 21 / 0.4 = 59.5 m; then 41.5 m at 83 m/s.
+    assert calm_for(here, abreast(59.0, 28.0), 10.0) == 0.0
+    assert calm_for(here, abreast(101.0, 28.0), 10.0) == pytest.approx(0.5)
+    assert calm_for(here, abreast(5000.0), 0.0) == 2.0
+
+
+def test_who_is_far_away_is_not_even_read_until_it_may_have_come_near(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
+    traffic.receive("f2", b"rubbish", 10.2)
+    assert traffic.obstacles(beside(10.3, east=100.0), linked=True) == []
+    assert not traffic.counters
+    traffic.receive("f2", leader_bytes(11.9), 11.9)
+    (one,) = traffic.obstacles(beside(12.0), linked=True)
+    assert one.velocity_north == pytest.approx(20.0)
+    assert not traffic.counters
+
+
+def test_whoever_leaves_its_slot_looks_round_at_once(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=60.0), linked=True) == []
+    astray = replace(beside(10.05, east=60.0), distance=20.0)
+    assert len(traffic.obstacles(astray, linked=True)) == 1
+
+
+def test_whoever_keeps_clear_of_somebody_looks_at_all_who_may_be_next(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=60.0), linked=True) == []
+    avoiding = replace(beside(10.05, east=60.0), avoiding=True)
+    assert len(traffic.obstacles(avoiding, linked=True)) == 1
