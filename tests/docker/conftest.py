@@ -32,8 +32,9 @@ SERVICES = ("broker", *EMULATORS, *VEHICLES, "judge")
 SIGNAL = "/var/lib/vfguide/start/signal"
 FLIGHT = "/var/lib/vfguide/flight"
 
-AT_ONCE = 3
-"""Formations: Docker has addresses for thirty networks, and each takes seven."""
+AT_ONCE = 3 if os.getloadavg()[0] < 2.0 * (os.cpu_count() or 1) else 1
+"""Formations: Docker has addresses for thirty networks, and each takes seven. One, where others wait for
+the cores already."""
 
 PATIENCE_S = 180.0
 """Real time for everything that is waited for, beyond the flight itself."""
@@ -392,3 +393,5 @@ def flights(
                 for name in names
             }
         )
+        # After the first failure with --exitfirst, or Ctrl-C, no more of them begin.
+        pool.shutdown(cancel_futures=True)

@@ -55,6 +55,7 @@ def own_autopilots(formation: "Formation") -> "Flown":
         try:
             for _ in range(TRIES):
                 time.sleep(1.0)
+                assert stub.poll() is None, "the autopilots have ended"
                 now = distances(truth) if truth.exists() else astray
                 astray = {name: abs(now[name] - SLOTS_M[name]) for name in SLOTS_M}
                 if max(astray.values()) < IN_SLOT_M:

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.random import Generator
 
 from vfguide.angles import TURN
+from vfguide.bench.array_calibration import Calibrations
 from vfguide.bench.array_ground import Ground, Report
 from vfguide.bench.array_plant import Fleet, Targets
 from vfguide.bench.array_wind import SwingingWind
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, clip
 from vfguide.guidance.follower import follower_step
 from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
 from vfguide.guidance.leader import LeaderTask, leader_step
@@ -56,6 +57,8 @@ class Conditions:
     """Of the flights."""
     link_delay_s: float
     """Age of a leader state on arrival."""
+    calibrates: bool = True
+    """Whether everybody calibrates its airspeed, as companions do; here it is the true one already."""
     position_noise_m: float = 0.0
     """Standard deviation of the reported positions on each axis."""
     engaged_after_s: float = 1.0
@@ -164,6 +167,8 @@ def fly_formations(
     fleet = fleet_at(start, conditions)
     followers = Followers(start, conditions)
     clock, stream = Clock(conditions.rate_hz), Stream()
+    calibrates = conditions.calibrates and conditions.airframe.hold == "heading-hold"
+    calibrations = Calibrations() if calibrates else None
     delayed = math.ceil(conditions.link_delay_s * conditions.rate_hz - 1e-6)
     heard: deque[LeaderState[FloatArray]] = deque(maxlen=delayed + 1)
     engaged = round(conditions.engaged_after_s * conditions.rate_hz) + 1
@@ -176,9 +181,14 @@ def fly_formations(
             fleet.advance((step - 1) / conditions.rate_hz, 1.0 / conditions.rate_hz)
         time_s = clock.report(now)
         sample, said = reported(fleet, conditions, now, random)
+        reported_airspeed = sample.airspeed
+        if calibrations is not None:
+            sample = replace(sample, airspeed=calibrations.scale * reported_airspeed)
         sample = replace(sample, time_s=time_s)
         filters = conditions.settings.filters
         state = first_state(sample) if state is None else navigate(state, sample, filters)
+        if calibrations is not None:
+            calibrations.learn(sample, reported_airspeed, state)
         leaders = rows(state, 0)
         motion = (
             leader_at_rest(leaders)
@@ -207,6 +217,10 @@ def fly_formations(
             ).setpoint
             course = np.vstack([leading.course[None], following.course])
             speed = np.vstack([leading.speed[None], following.speed])
+            if calibrations is not None:
+                airframe = conditions.airframe
+                shown = speed / calibrations.scale
+                speed = clip(shown, airframe.airspeed_min, airframe.airspeed_max)
             if conditions.rounded:
                 course, speed = stream.told(course, speed, now)
             fleet.guide(course, speed, now)

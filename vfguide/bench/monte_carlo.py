@@ -100,7 +100,8 @@ def fly_batch(batch: Batch) -> Flown:
     began = time.process_time()
     random = default_rng(SeedSequence(batch.seed))
     mission, gains = drawn_mission(batch, random)
-    conditions = conditions_of(mission, Plane(), rounded=False)
+    # Airspeeds are reported as they are: nothing is learnt about them.
+    conditions = replace(conditions_of(mission, Plane(), rounded=False), calibrates=False)
     start = drawn_start(mission, batch.count, random)
     watch = Watch(batch.duration_s)
     # Arithmetic on what has flown out of bounds may overflow: it is counted as not settled.

@@ -138,8 +138,10 @@ class Companion:
         From here on nothing is guided any more; what the autopilot says is heard for its answer alone.
         """
         out = Outgoing()
-        if self._mode.steers:
-            out.events.append(Event(time_s=now, text="stopping: handing back"))
+        # An autopilot that was steered holds its last setpoint, also while it waits for the next.
+        if self._mode.steers or (self._engagement.engaged and self._setpoint is not None):
+            if not self._leaving:
+                out.events.append(Event(time_s=now, text="stopping: handing back"))
             self._leaving = True
         self._stopped = True
         self._mode, self._engagement.may_enter = Mode.WAITING, False
@@ -247,6 +249,7 @@ class Companion:
         """Follow the supervisor; hand the vehicle back when the leader is lost."""
         situation = Situation(
             engaged=self._engagement.engaged,
+            given_back=self._engagement.as_given_back,
             telemetry_age=now - self._telemetry_time,
             leader_age=self._role.leader_age(now),
             distance=self._distance,
@@ -287,6 +290,9 @@ class Companion:
             out.warn(complaint, now)
         if engagement.engaged and (self._mode is Mode.LOST or self._gate.closed(now)):
             messages += self._adapter.hand_back()
+        elif engagement.engaged and now - self._telemetry_time > self._patience.telemetry_lost_s:
+            # It flies on along its last course; whether it hears this nobody knows.
+            messages += engagement.give_back()
         return messages
 
     def _may_enter(self, now: float) -> bool:

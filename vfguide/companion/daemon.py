@@ -38,7 +38,7 @@ ANNOUNCE_S = 1.0
 """Between presences, s of the companion's clock."""
 
 
-FAREWELLS, FAREWELL_S = 8, 0.1
+FAREWELLS, FAREWELL_S = 5, 0.1
 """How often a vehicle is handed back at the end, and the real time between, s."""
 
 VERSION = version("vfguide")

@@ -39,6 +39,8 @@ class Engagement:
         """Whether the guided mode may be entered now."""
         self.engaged = False
         """Whether the autopilot is in it."""
+        self.as_given_back = False
+        """Whether it is in the mode that it was given back in."""
         self.connected = False
         """Whether a heartbeat has come."""
 
@@ -60,10 +62,10 @@ class Engagement:
         # Modes are numbers that mean something else to every autopilot.
         engaged = self.recognised and self._adapter.is_engaged(custom_mode)
         # Given back by this companion, the pilot has taken over once it is in any mode but that one.
-        as_given_back = self._given_back and self._adapter.is_handed_back(custom_mode)
+        self.as_given_back = self._given_back and self._adapter.is_handed_back(custom_mode)
         if self.engaged and not engaged:
             self._left_time = now
-        if not (engaged or as_given_back) and (self.engaged or self._given_back):
+        if not (engaged or self.as_given_back) and (self.engaged or self._given_back):
             self.may_enter = False
         if engaged and mode is not Mode.LOST:
             self._given_back = False

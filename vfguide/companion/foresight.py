@@ -9,9 +9,10 @@ off what is asked of it (Ohnishi's disturbance observer).
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
+from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -29,12 +30,25 @@ from vfguide.state import Airframe, Setpoint, VehicleState
 STEP_S = 0.05
 """Longest step of the prediction."""
 
-MEMORY_S = 0.6
-"""Time constant with which a vehicle's departures from its model are learned."""
+WATCH_S = 0.6
+"""Time constant with which bank and acceleration of a vehicle that nobody steers are seen."""
 
-SLIPPING_MEMORY_S = 4.0
-"""The same for a vehicle that slips. Its yaw swings with little damping (that of ArduPilot's simulated plane
-at 0.9 Hz): taken off within a fraction of a second, what the swing adds to the turn rate would feed it."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """Time constants of what is learned of a vehicle, and of what is sent to it."""
+
+    turn_rate_s: float = 0.6
+    """Of how its turn rate departs from its model, s."""
+    acceleration_s: float = 0.6
+    """The same of its acceleration, s."""
+    speed_setpoint_s: float = 0.0
+    """Time constant with which speed setpoints are smoothed, s; the laws look ahead by as much."""
+
+
+SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0, speed_setpoint_s=0.8)
+"""Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz), and
+pitch and lift with it: what a swing adds to turn rate and acceleration would feed it, taken off at once."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
 """What a model may be off by; more is no bias but a vehicle that does something else."""
@@ -49,20 +63,21 @@ Law = Callable[[VehicleState[float]], Setpoint[float]]
 class Foresight:
     """The near future of one vehicle."""
 
-    def __init__(self, airframe: Airframe, *, memory_s: float = MEMORY_S) -> None:
+    def __init__(self, airframe: Airframe, *, memory: Memory | None = None) -> None:
         """Make one that has seen nothing yet.
 
         Args:
             airframe: of the vehicle.
-            memory_s: time constant with which its departures from its model are learned.
+            memory: how fast its departures from its model are learned; a usual one's if absent.
         """
         self._airframe = airframe
-        self._memory_s = memory_s
+        self._memory = Memory() if memory is None else memory
         self._told: deque[tuple[float, Setpoint[float]]] = deque()
         self._state: VehicleState[float] | None = None
         self._inner = Inner()
         self._bias = Bias()
         self._direction = self._speed = 0.0
+        self._sent: tuple[float, float] | None = None
 
     def note(self, setpoint: Setpoint[float], time_s: float) -> None:
         """A setpoint has gone out."""
@@ -75,6 +90,7 @@ class Foresight:
     def forget(self) -> None:
         """The vehicle is not steered: nothing is on its way."""
         self._told.clear()
+        self._sent = None
 
     def observe(self, state: VehicleState[float]) -> None:
         """Take a navigated state: how far is the vehicle from what its model does?"""
@@ -104,9 +120,10 @@ class Foresight:
     def _learn(self, direction_surprise: float, speed_surprise: float, period: float) -> None:
         """Move the bias toward what one period has shown beyond model and bias."""
         greatest = GREATEST_BIAS
-        share = period / (self._memory_s + period)
-        turn_rate = self._bias.turn_rate + share * direction_surprise / period
-        acceleration = self._bias.acceleration + share * speed_surprise / period
+        turn_share = period / (self._memory.turn_rate_s + period)
+        speed_share = period / (self._memory.acceleration_s + period)
+        turn_rate = self._bias.turn_rate + turn_share * direction_surprise / period
+        acceleration = self._bias.acceleration + speed_share * speed_surprise / period
         self._bias = Bias(
             turn_rate=min(max(turn_rate, -greatest.turn_rate), greatest.turn_rate),
             acceleration=min(max(acceleration, -greatest.acceleration), greatest.acceleration),
@@ -117,7 +134,7 @@ class Foresight:
     ) -> None:
         """Nobody steers it from here: its bank and acceleration are what they show."""
         airframe = self._airframe
-        share = period / (MEMORY_S + period)
+        share = period / (WATCH_S + period)
         direction, speed = held_direction(state, airframe), held_speed(state, airframe)
         turn_rate = wrap_angle(direction - held_direction(before, airframe)) / period
         bank = coordinated_bank(turn_rate, turning_speed(state, airframe), airframe.max_bank)
@@ -138,14 +155,27 @@ class Foresight:
         """
         airframe = self._airframe
         course = self.course_setpoint(course_law)
-        at, after = self._ahead(airframe.speed_dead_time, airframe.speed_lag)
+        dead_time = airframe.speed_dead_time + self._memory.speed_setpoint_s
+        at, after = self._ahead(dead_time, airframe.speed_lag)
         wanted = speed_law(after)
         rate = airframe.beta * (wanted.speed - held_speed(after, airframe))
         speed = held_speed(at, airframe) + (rate - self._bias.acceleration) / airframe.beta
         if airframe.hold != "course-hold":
             speed = min(max(speed, airframe.airspeed_min), airframe.airspeed_max)
         limited = bool(course.limited) or bool(wanted.limited)
-        return Setpoint(course=course.course, speed=speed, limited=limited)
+        return Setpoint(course=course.course, speed=self._smoothed(speed), limited=limited)
+
+    def _smoothed(self, speed: float) -> float:
+        """A speed setpoint (m/s) without the swing of the vehicle in it."""
+        if self._memory.speed_setpoint_s <= 0.0:
+            return speed
+        now = 0.0 if self._state is None else self._state.time_s
+        time_s, before = self._sent or (now, speed)
+        period = now - time_s
+        if 0.0 < period <= GAP_S:
+            speed = low_pass(before, speed, period, self._memory.speed_setpoint_s)
+        self._sent = (now, speed)
+        return speed
 
     def course_setpoint(self, law: Law) -> Setpoint[float]:
         """The same for the course alone; the speed is what the law says without any lead."""

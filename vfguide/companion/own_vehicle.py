@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from vfguide.angles import wrap_angle
 from vfguide.companion.boot_clock import BootClock
-from vfguide.companion.foresight import MEMORY_S, SLIPPING_MEMORY_S, Foresight
+from vfguide.companion.foresight import SLIPPING, Foresight
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
+from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
 from vfguide.mavlink.reports import PositionReport
@@ -22,6 +23,9 @@ AIRSPEED_FRESH_S = 2.0
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
+
+TURN_RATE_S = 2.0
+"""Time constant of the nose's turn rate, which decides how far a vehicle slips."""
 
 LEAST_CALIBRATED = 5.0
 """m/s: slower than this nothing is learned of the airspeed sensor."""
@@ -77,12 +81,11 @@ class OwnVehicle:
         self._calibration = calibration_of(slips=plan.slips)
         self._slips = plan.slips
         self._nose: float | None = None
+        self._turn_rate = 0.0
         self._state: VehicleState[float] | None = None
         self._period = self._nominal_period
-        memory_s = SLIPPING_MEMORY_S if plan.slips else MEMORY_S
-        self._foresight = (
-            Foresight(plan.airframe, memory_s=memory_s) if plan.airframe.lags else None
-        )
+        memory = SLIPPING if plan.slips else None
+        self._foresight = Foresight(plan.airframe, memory=memory) if plan.airframe.lags else None
 
     @property
     def calibration(self) -> Calibration:
@@ -105,7 +108,7 @@ class OwnVehicle:
 
     def take(self, report: PositionReport, now: float) -> Fix | None:
         """What a position report leads to; None where it is not newer than the one before."""
-        rebooted = self._clock.rebooted(report.boot_time_s)
+        rebooted = self._clock.rebooted(report.boot_time_s, now)
         if rebooted:
             self._clock.reset()
             self._state = None
@@ -154,13 +157,16 @@ class OwnVehicle:
         flying = fresh and self._airspeed > LEAST_CALIBRATED
         if not (self._calibrates and flying and interval <= GAP_S):
             return
+        # In a swing of the yaw the nose does not leave its direction as in a turn: that is averaged out.
+        turn_rate = wrap_angle(report.heading - before) / interval
+        self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
         # A nose that leaves the direction of flight looks like a wind that turns with it.
         wind_rate = 0.0 if self._slips else math.hypot(state.wind_rate_north, state.wind_rate_east)
         self._calibration = calibrated(
             self._calibration,
             reported_airspeed=self._airspeed,
             heading=report.heading,
-            turn_rate=wrap_angle(report.heading - before) / interval,
+            turn_rate=self._turn_rate,
             velocity_north=report.velocity_north,
             velocity_east=report.velocity_east,
             wind_rate=wind_rate,

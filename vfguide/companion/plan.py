@@ -12,7 +12,7 @@ from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.pace import paced, without_own_speed
+from vfguide.guidance.pace import paced, without_own_speed, without_swing
 from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
 from vfguide.guidance.settings import (
     AxisGains,
@@ -139,7 +139,8 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
 def course_settings(plan: FlightPlan) -> GuidanceSettings:
     """Settings for what goes out as a course, by how late that takes effect."""
     airframe = plan.airframe
-    return paced(
+    slowed = without_swing if plan.slips else paced
+    return slowed(
         plan.settings,
         airframe.course_dead_time + airframe.course_lag,
         period=1.0 / plan.rate_hz,
@@ -151,8 +152,11 @@ def speed_settings(plan: FlightPlan) -> GuidanceSettings:
     """Settings for what goes out as a speed, by how late that takes effect."""
     airframe, period = plan.airframe, 1.0 / plan.rate_hz
     delay = airframe.speed_dead_time + airframe.speed_lag
-    settings = paced(plan.settings, delay, period=period, speed=airframe.cruise)
-    return without_own_speed(settings, airframe.beta, period=period) if plan.slips else settings
+    if not plan.slips:
+        return paced(plan.settings, delay, period=period, speed=airframe.cruise)
+    return without_own_speed(
+        plan.settings, delay, airframe.beta, period=period, speed=airframe.cruise
+    )
 
 
 def local_frame(mission: Mission) -> LocalFrame:

@@ -46,6 +46,8 @@ class Situation:
     """s since the newest position; infinite before the first."""
     leader_age: float
     """s since the newest leader state was true; 0 for the leader itself, infinite before the first."""
+    given_back: bool = False
+    """The autopilot is in the mode that the companion itself gave it back in."""
     distance: float
     """m from the slot, or from the path for the leader; infinite while not known."""
 
@@ -56,6 +58,8 @@ class Patience:
 
     telemetry_s: float = 1.0
     """Position reports."""
+    telemetry_lost_s: float = 10.0
+    """Position reports, before a vehicle that was steered is handed back."""
     leader_s: float = 0.6
     """Leader states, before the companion says that it is predicting."""
     prediction_s: float = 30.0
@@ -87,7 +91,9 @@ def mode_when_disengaged(mode: Mode, situation: Situation, patience: Patience) -
     """The autopilot does not obey: it never did, it was given back for lack of a leader, or a pilot flies."""
     if mode is Mode.LOST:
         return Mode.WAITING if situation.leader_age <= patience.leader_s else Mode.LOST
-    return Mode.WAITING if mode is Mode.WAITING else Mode.PILOT
+    # A leader that comes back while the vehicle is being handed back: that was no pilot either.
+    ours = mode is Mode.WAITING or situation.given_back
+    return Mode.WAITING if ours else Mode.PILOT
 
 
 def mode_when_leader_is_silent(situation: Situation, patience: Patience) -> Mode:

@@ -13,6 +13,7 @@ from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import FieldGains, predict_leader
 from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.wind_triangle import compose
+from vfguide.link.codec import stamp_of
 from vfguide.state import LeaderState
 
 JOIN_M = 10.0
@@ -36,6 +37,9 @@ DRIFT_M_S = 0.5
 LAST_TURN_S = 1.0
 """A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
 
+ARC_STEP_S = 1.0
+"""Longest step along an arc."""
+
 FORGET_S = 15.0
 """After this nobody knows where it is, either."""
 
@@ -52,6 +56,8 @@ class Neighbour:
     """Before this it cannot come into the way, s; infinitely long ago: it may be there now."""
     unread: tuple[bytes, float] | None = None
     """What came in the meantime, and when."""
+    arrived: float = -math.inf
+    """When something came last, s."""
 
     def read(self) -> None:
         """Take what was put aside."""
@@ -98,9 +104,21 @@ class Traffic:
         neighbour = self._neighbours.get(vehicle)
         if neighbour is None:
             return
-        neighbour.unread = (data, now)
+        stamp = stamp_of(data)
+        if stamp is None:
+            neighbour.hearing.take(data, now)
+            return
+        if neighbour.unread is not None and not stamp > (
+            stamp_of(neighbour.unread[0]) or -math.inf
+        ):
+            neighbour.hearing.counters["not newer"] += 1
+            return
+        # After a silence the guess that calmed is worth nothing.
+        fell_silent = now - neighbour.arrived > SILENT_S
+        neighbour.unread, neighbour.arrived = (data, now), now
         # Reading costs more than all else: who cannot come into the way is read when it may.
-        if neighbour.calm_until <= now:
+        if fell_silent or neighbour.calm_until <= now:
+            neighbour.calm_until = -math.inf
             neighbour.read()
 
     def obstacles(self, here: Standpoint, *, linked: bool) -> list[Obstacle[float]]:
@@ -159,7 +177,7 @@ def possible_obstacles(
     age = now - heard.time_s
     if age > FORGET_S:
         return []
-    arc = predict_leader(heard, now)
+    arc = along_arc(heard, now)
     if age <= SILENT_S or not linked:
         return [obstacle_of(arc, keep)]
     held = replace(
@@ -170,6 +188,18 @@ def possible_obstacles(
     )
     unsure = keep + DRIFT_M_S * (age - SILENT_S)
     return [obstacle_of(arc, keep), obstacle_of(predict_leader(held, now), unsure)]
+
+
+def along_arc(heard: LeaderState[float], now: float) -> LeaderState[float]:
+    """Somebody who flies on as heard: for a second by all its rates, then at that speed along the circle.
+
+    In steps, since the prediction is one along a chord.
+    """
+    motion = predict_leader(heard, min(now, heard.time_s + LAST_TURN_S))
+    while motion.time_s < now:
+        steady = replace(motion, acceleration=0.0, turn_acceleration=0.0)
+        motion = predict_leader(steady, min(now, motion.time_s + ARC_STEP_S))
+    return motion
 
 
 def kept_distance(spacing: float, distance: float) -> float:

@@ -12,6 +12,8 @@ receiver and pitot tube", IEEE Transactions on Aerospace and Electronic Systems 
 import math
 from dataclasses import dataclass
 
+from vfguide.elementwise import clip, cos, greater_of, sin
+
 LEAST_SCALE, GREATEST_SCALE = 0.85, 1.25
 """Indicated against true airspeed at 3000 m is 1.16; the rest is the sensor's."""
 
@@ -57,7 +59,7 @@ class Calibration:
     @property
     def scale(self) -> float:
         """True airspeed over the reported one, within what is possible."""
-        return min(max(self.estimate[0], LEAST_SCALE), GREATEST_SCALE)
+        return clip(self.estimate[0], LEAST_SCALE, GREATEST_SCALE)
 
     @property
     def is_settled(self) -> bool:
@@ -100,9 +102,9 @@ def calibrated(
         wind_rate: how fast the wind seems to change, m/s², its amount.
         period: since the report before, s.
     """
-    drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
+    drift = greater_of(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
     spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift, 0.0))
-    ahead, aside = reported_airspeed * math.cos(heading), reported_airspeed * math.sin(heading)
+    ahead, aside = reported_airspeed * cos(heading), reported_airspeed * sin(heading)
     # A nose that leads to the right leaves the air velocity on its left.
     north = (ahead, 1.0, 0.0, turn_rate * aside)
     east = (aside, 0.0, 1.0, -turn_rate * ahead)

@@ -4,17 +4,21 @@ Toward each of the others the closing speed is held below `CLOSING_RATE` times t
 barrier function: h = d - keep, dh/dt >= -gamma h (Ames et al., "Control Barrier Functions: Theory and
 Applications", 2019). Rigid slots keep their distances, so in a formation that flies as it should nothing is
 ever taken off, turning or not. What is taken off a wish to go through somebody becomes a wish to go round,
-always to the right: a barrier alone would let two vehicles wait for each other for ever.
+as a rule to the right: a barrier alone would let two vehicles wait for each other for ever.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.elementwise import BoolArray, Number, greater_of, hypot, like
+from vfguide.elementwise import BoolArray, Number, greater_of, hypot, like, where
 
 CLOSING_RATE = 0.4
 """gamma, 1/s: slower than both responses of an aircraft, which have to follow."""
+
+LEFT_M_S = 2.0
+"""Whoever wants to pass somebody on the left by this speed or more, relative to that one, does; all others
+go to the right, so that two who meet head on do the same. Any two see the same side of each other."""
 
 PASSES = 3
 """Over all the others: what one takes off may bring nearer to the next."""
@@ -60,6 +64,8 @@ class Bearing(Generic[Number]):
     """Greatest own velocity in that direction, m/s: the obstacle's own plus gamma (d - keep)."""
     own: Number
     """The obstacle's velocity in that direction, m/s."""
+    own_right: Number
+    """The obstacle's velocity to the right of that direction, m/s."""
 
 
 def bearing_of(north: Number, east: Number, obstacle: Obstacle[Number]) -> Bearing[Number]:
@@ -73,6 +79,7 @@ def bearing_of(north: Number, east: Number, obstacle: Obstacle[Number]) -> Beari
         toward_east=toward_east,
         greatest=own + CLOSING_RATE * (distance - obstacle.keep),
         own=own,
+        own_right=obstacle.velocity_east * toward_north - obstacle.velocity_north * toward_east,
     )
 
 
@@ -104,5 +111,7 @@ def separated_velocity(
                 # Of what was wanted toward the obstacle; being pushed away is no reason to go round.
                 around = excess - greater_of(seen.own - seen.greatest, 0.0)
                 around = greater_of(around, 0.0)
+                rightward = wanted[1] * seen.toward_north - wanted[0] * seen.toward_east
+                around = where(rightward - seen.own_right < -LEFT_M_S, -around, around)
                 north, east = north - around * seen.toward_east, east + around * seen.toward_north
     return north, east, taken > 0.0

@@ -10,7 +10,7 @@ from vfguide.guidance.limits import GRAVITY
 from vfguide.mavlink.parameters import FlightNeeds, airspeed_warnings, bank_warning, first_known
 
 NAMES = (
-    *("FS_GCS_ENABL", "GUIDED_P", "SCHED_LOOP_RATE"),
+    *("FS_GCS_ENABL", "GUIDED_P", "SCHED_LOOP_RATE", "TECS_TIME_CONST"),
     *("AIRSPEED_MIN", "AIRSPEED_MAX", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"),
     *("ROLL_LIMIT_DEG", "LIM_ROLL_CD"),
 )
@@ -18,6 +18,9 @@ NAMES = (
 
 LEAST_GUIDED_P = 10_000.0
 """Centidegrees of bank for a radian of course error: with less, a course of 30 degrees takes over 3 s."""
+
+MOST_TECS_TIME_CONST = 3.0
+"""s: with the default of 5 a change of the demanded speed over 12 s hardly moves the aircraft."""
 
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what GUIDED_P gives."""
@@ -33,6 +36,7 @@ def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> l
         *failsafe_warning(known),
         *course_warnings(known, needs),
         *loop_warning(known, needs),
+        *speed_warning(known),
         *airspeed_warnings(
             first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN"),
             first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX"),
@@ -95,3 +99,16 @@ def loop_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[st
             )
         ]
     return []
+
+
+def speed_warning(parameters: Mapping[str, float]) -> list[str]:
+    """TECS_TIME_CONST decides how fast the throttle follows the demanded speed."""
+    time_const = parameters.get("TECS_TIME_CONST", 0.0)
+    if time_const <= MOST_TECS_TIME_CONST:
+        return []
+    return [
+        (
+            f"TECS_TIME_CONST is {time_const:g}: the speed answers slowly, and formation errors are about"
+            f" twice as large; set it to {MOST_TECS_TIME_CONST:g}, or 2 where the aircraft bears it"
+        )
+    ]

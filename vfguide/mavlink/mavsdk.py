@@ -12,6 +12,7 @@ import asyncio
 import json
 import logging
 import math
+import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -100,6 +101,7 @@ class MavsdkChannel:
         self._parser = MAVLink(None)
         self._plugins: Plugins | None = None
         self._velocity_time = math.inf
+        self._offboard = False
 
     def send(self, datagram: bytes) -> None:
         """Pass on what MAVSDK does not say by itself."""
@@ -137,7 +139,8 @@ class MavsdkChannel:
         if time.monotonic() - self._velocity_time <= SILENCE_S:
             return
         self._velocity_time = math.inf
-        if plugins.offboard.is_active():
+        # MAVSDK takes offboard for active as soon as it has a velocity, whoever flies.
+        if self._offboard and plugins.offboard.is_active():
             logger.warning("velocities have stopped: MAVSDK is told to end offboard")
             plugins.offboard.stop_async(ignored)
 
@@ -151,8 +154,15 @@ class MavsdkChannel:
         if message is None or self._plugins is None:
             self._status.counters["not understood"] += 1
             return
+        if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            self._offboard = message.custom_mode >> 16 & 0xFF == MAIN_MODE_OFFBOARD
         self._packer.srcSystem, self._packer.srcComponent = heard.system_id, heard.component_id
-        self._receive(message.pack(self._packer))
+        try:
+            frame = message.pack(self._packer)
+        except struct.error:
+            self._status.counters["not understood"] += 1
+            return
+        self._receive(frame)
 
     def _message(self, frame: bytes) -> MAVLink_message | None:
         try:

@@ -15,6 +15,9 @@ class Patience(Section):
     telemetry_s: Silence = 1.0
     """Position reports: after this the companion stops sending setpoints until they come again, s."""
 
+    telemetry_lost_s: Silence = 10.0
+    """Position reports: after this a vehicle that was steered is handed back to its autopilot, s."""
+
     leader_s: Silence = 0.6
     """Leader states: after this the leader is predicted along its path, s."""
 

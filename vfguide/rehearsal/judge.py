@@ -21,6 +21,9 @@ from vfguide.state import Setpoint
 NUMBERS = frozenset(field.name for field in fields(sitl_stub.Truth)) - {"mode", "armed"}
 """Fields of a true state that are numbers."""
 
+AFTERWARDS_S = 60.0
+"""After the end of the flight nobody's true state is of interest."""
+
 MODES = frozenset(mode.value for mode in Mode)
 
 UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
@@ -44,6 +47,8 @@ class Judge(asyncio.DatagramProtocol):
         decoded = decode_truth(data)
         if decoded is not None and decoded[0] in self._names:
             system_id, truth = decoded
+            if truth.time_s > self._mission.rehearsal.duration_s + AFTERWARDS_S:
+                return
             self.truths[self._names[system_id]][round(truth.time_s * self._rate_hz)] = truth
 
     @property

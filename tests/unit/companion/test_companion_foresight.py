@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.companion.foresight import Foresight, steps
+from vfguide.companion.foresight import SLIPPING, Foresight, Memory, steps
 from vfguide.companion.plan import flight_plan
-from vfguide.guidance.pace import paced
+from vfguide.guidance.pace import paced, without_own_speed, without_swing
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -160,6 +160,56 @@ def test_each_field_is_slower_than_the_law_inside_it() -> None:
     assert inside < settings().sliding.kappa / settings().sliding.layer(0.04)
 
 
+def test_a_long_memory_hardly_answers_to_a_swing() -> None:
+    """The turn rate swings by 0.1 rad/s at 1 Hz: what of that is sent back as a course."""
+    spreads = []
+    for memory in (Memory(), SLIPPING):
+        foresight = Foresight(LATE, memory=memory)
+        foresight.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        sent = []
+        for step in range(400):
+            time_s = step * PERIOD
+            # The course stays within a sixtieth of a radian: 0.1 / (2 pi).
+            swing = 0.1 / math.tau * math.sin(math.tau * time_s)
+            foresight.observe(state(time_s=time_s, course=swing, heading=swing))
+            still = foresight.course_setpoint(
+                lambda ahead: Setpoint(course=ahead.course, speed=20.0, limited=False)
+            )
+            sent.append(still.course - swing)
+        spreads.append(max(sent[200:]) - min(sent[200:]))
+    # First-order filters of 0.6 s and of 3 s pass 0.26 and 0.05 of 1 Hz.
+    assert spreads[1] < 0.6 * spreads[0]
+
+
+@pytest.mark.parametrize(("k_x", "expected_k_x"), [(0.05, 0.05), (10.0, 0.4 / (12.0 / math.pi))])
+def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
+    k_x: float, expected_k_x: float
+) -> None:
+    known = settings()
+    slow = replace(
+        known,
+        field=replace(known.field, k_x=k_x, v_inf=6.0),
+        sliding=replace(known.sliding, loop_delay_s=0.5),
+    )
+    beta = 1.2
+    sent = without_own_speed(slow, 0.8, beta, period=0.04, speed=20.0)
+    gain = sent.sliding.kappa / sent.sliding.layer(0.04)
+    slope = 2.0 / math.pi * sent.field.v_inf * sent.field.k_x
+    # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
+    assert 1.0 - (gain + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    # No more than a third of beta, half of what is left to the law inside.
+    assert sent.field.k_x == pytest.approx(expected_k_x)
+    assert not sent.answers_course_error
+
+
+def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
+    # kappa 3 and factor 3.5 alone: 1 / (3.5 (0.05 + 0.2 * 0.5)) = 1.9 1/s.
+    slowed = without_swing(settings(), 0.5, period=0.04, speed=20.0)
+    gain = slowed.sliding.kappa / slowed.sliding.layer(0.04)
+    assert gain == pytest.approx(0.45)
+    assert 20.0 * 2.0 / math.pi * slowed.field.chi_inf * slowed.field.k_y <= 0.225 + 1e-9
+
+
 def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
     foresight = Foresight(LATE)
     bank = math.atan(0.1 * 20.0 / 9.80665)
@@ -170,3 +220,18 @@ def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
     ahead = ahead_of(foresight)
     assert ahead.course - (now.course - 0.1 * PERIOD) == pytest.approx(0.05, abs=0.005)
     assert replace(ahead, time_s=0.0).airspeed == pytest.approx(20.0, abs=0.01)
+
+
+def test_the_speed_setpoint_of_a_vehicle_that_slips_does_not_swing() -> None:
+    """A law that asks for 20 m/s and a swing of 1 m/s at 1 Hz."""
+
+    def law(ahead: VehicleState[float]) -> Setpoint[float]:
+        return Setpoint(course=0.0, speed=20.0 + math.sin(math.tau * ahead.time_s), limited=False)
+
+    foresight = Foresight(LATE, memory=SLIPPING)
+    sent = []
+    for step in range(200):
+        foresight.observe(state(time_s=step * PERIOD))
+        sent.append(foresight.setpoint(law, law).speed)
+    # A lag of 0.8 s passes 1 / hypot(1, 2 pi 0.8) = 0.195 of it.
+    assert 0.5 * (max(sent[100:]) - min(sent[100:])) == pytest.approx(0.195, abs=0.03)

@@ -115,8 +115,10 @@ def test_a_second_without_reports_is_no_gap_yet(own: OwnVehicle, report: MakeRep
     assert fix.state.north < 200.0
 
 
-def test_a_reboot_starts_anew_at_once(own: OwnVehicle, report: MakeReport) -> None:
+def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(100.0), now=200.0)
+    for number in range(3):
+        assert own.take(report(0.05 * (1 + number)), 200.85 + 0.05 * number) is None
     fix = taken(own, report(0.2, north=500.0), now=201.0)
     assert fix.state.north == pytest.approx(500.0, abs=1e-3)
     assert fix.state.time_s == 201.0

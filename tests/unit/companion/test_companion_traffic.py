@@ -155,7 +155,8 @@ def test_who_is_far_away_is_not_even_read_until_it_may_have_come_near(
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
-    traffic.receive("f2", b"rubbish", 10.2)
+    # Its checksum is wrong, which nobody looks at.
+    traffic.receive("f2", leader_bytes(10.2)[:-1] + b"?", 10.2)
     assert traffic.obstacles(beside(10.3, east=100.0), linked=True) == []
     assert not traffic.counters
     traffic.receive("f2", leader_bytes(11.9), 11.9)
@@ -180,3 +181,27 @@ def test_whoever_keeps_clear_of_somebody_looks_at_all_who_may_be_next(
     assert traffic.obstacles(beside(10.0, east=60.0), linked=True) == []
     avoiding = replace(beside(10.05, east=60.0), avoiding=True)
     assert len(traffic.obstacles(avoiding, linked=True)) == 1
+
+
+def test_what_is_older_than_the_last_is_counted_and_takes_nobodys_place(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
+    traffic.receive("f2", leader_bytes(10.4), 10.4)
+    traffic.receive("f2", leader_bytes(10.2), 10.5)
+    traffic.receive("f2", b"rubbish", 10.5)
+    assert dict(traffic.counters) == {"not newer": 1, "malformed": 1}
+    (one,) = traffic.obstacles(beside(11.3), linked=True)
+    assert one.north == pytest.approx(226.0, abs=1e-3)
+
+
+def test_a_turn_that_is_rolled_into_does_not_go_on_tightening(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    # 0.05 rad/s and 0.04 rad/s² for one second: 0.09 rad/s and 0.07 rad, then a circle.
+    rolling = leader_bytes(10.0, turn_rate=0.05, turn_acceleration=0.04)
+    traffic.receive("f2", rolling, 10.0)
+    (arc,) = traffic.obstacles(beside(15.0), linked=False)
+    course = math.atan2(arc.velocity_east, arc.velocity_north)
+    assert course == pytest.approx(0.07 + 4.0 * 0.09)

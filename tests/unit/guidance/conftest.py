@@ -45,6 +45,7 @@ class Changes(TypedDict, total=False):
     predict_leader: bool
     wind_feedforward: bool
     give_way: bool
+    answers_course_error: bool
     law: FollowerLaw
 
 

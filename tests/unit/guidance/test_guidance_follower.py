@@ -251,3 +251,23 @@ def test_a_narrower_layer_answers_more_sharply(
     slow = follower_step(state, leader(), BEHIND, usual, COURSE_HOLD, period=PERIOD)
     fast = follower_step(state, leader(), BEHIND, sharp, COURSE_HOLD, period=PERIOD)
     assert fast.setpoint.speed > slow.setpoint.speed
+
+
+def test_where_only_the_speed_counts_it_does_not_swing_with_the_course(
+    leader: Leaders, vehicle: Vehicles, choices: Choices
+) -> None:
+    """In a wind across, a turn toward the field would ask for another airspeed meanwhile."""
+    airframe, ahead = Airframe(), leader(turn_rate=0.1)
+    speeds = [
+        follower_step(
+            vehicle(-20.0, 0.0, course=course, wind=(0.0, 4.0)),
+            ahead,
+            BEHIND,
+            choices(answers_course_error=answers, predict_leader=False),
+            airframe,
+            period=PERIOD,
+        ).setpoint.speed
+        for course in (-0.05, 0.05)
+        for answers in (True, False)
+    ]
+    assert abs(speeds[3] - speeds[1]) < 0.5 * abs(speeds[2] - speeds[0])

@@ -58,6 +58,15 @@ def test_two_that_meet_head_on_both_turn_right() -> None:
     assert back == pytest.approx(-north)
 
 
+def test_whoever_is_faster_passes_in_front_of_one_that_cuts_in_from_the_right() -> None:
+    # It is 12 m right of us, keeps its course and flies 5 m/s slower; we want to turn toward it by 6 m/s. Of
+    # those 0.4 * 2 = 0.8 remain, and the other 5.2 turn to the left of the way toward it, which is ahead.
+    slower = obstacle(0.0, 12.0, (15.0, 0.0))
+    north, east, avoiding = separated_velocity(HERE, (20.0, 6.0), [slower])
+    assert (north, east) == (pytest.approx(25.2), pytest.approx(0.8))
+    assert avoiding
+
+
 def test_whoever_is_too_near_backs_off_and_does_not_go_round() -> None:
     # 5 m ahead, 10 to be kept: 0.4 * 5 = 2 m/s away from it.
     north, east, avoiding = separated_velocity(HERE, (0.0, 0.0), [obstacle(5.0, 0.0)])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from vfguide.elementwise import FloatArray
 from vfguide.identification.fit import Response, fit_response
 from vfguide.identification.models import course_response, speed_response
+from vfguide.identification.recording import as_seen
 from vfguide.identification.samples import Samples, mean_told
 from vfguide.state import Airframe
 
@@ -159,3 +161,11 @@ def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time() -> Non
     assert mean_told(samples, 0.5).tolist() == pytest.approx([2.0, 8.0])
     # So late that nothing of it is seen; before the first there was another like it.
     assert mean_told(samples, 5.0).tolist() == pytest.approx([0.0, 0.0])
+
+
+def test_setpoints_are_indicated_airspeeds_and_what_is_seen_are_true_ones() -> None:
+    """At 700 m the true airspeed is 6.6 % greater: 1.3 m/s, as much as a step."""
+    flight = speed_flight(0.6, 0.4, 0.0, 0.0)
+    seen = found(as_seen(replace(flight, speed=flight.speed + 1.3)), "speed")
+    assert seen.bandwidth.value == pytest.approx(0.6, rel=0.05)
+    assert seen.dead_time.value == pytest.approx(0.4, abs=0.05)

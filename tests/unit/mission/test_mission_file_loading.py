@@ -11,7 +11,8 @@ from vfguide.mission.flight_path import CirclePath, LinePath
 from vfguide.mission.rehearsal import ArticleWind, CalmWind
 from vfguide.mission.starts import follower_start, leader_start, path_beginning
 
-MISSIONS = sorted((Path(__file__).parents[3] / "missions").glob("*.yaml"))
+FOLDER = Path(__file__).parents[3] / "missions"
+MISSIONS = sorted(FOLDER.glob("*.yaml"))
 
 CONTRACT_EXAMPLE = b"""
 name: circle-wind
@@ -54,8 +55,9 @@ def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
     assert load_mission(file).name == file.stem
 
 
-def test_six_missions_are_shipped() -> None:
+def test_seven_missions_are_shipped() -> None:
     assert [file.stem for file in MISSIONS] == [
+        "ardupilot-sitl",
         "circle-calm",
         "circle-wind",
         "line-calm",
@@ -134,7 +136,7 @@ def test_a_circle_begins_where_it_passes_nearest_to_the_origin() -> None:
 
 
 def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader() -> None:
-    mission = load_mission(MISSIONS[1])
+    mission = load_mission(FOLDER / "circle-wind.yaml")
     start = follower_start(mission, "f1")
     # leader at (30, 0) flying west: 80 m behind is east of it, 70 m left is south
     assert (start.north_m, start.east_m) == pytest.approx((-40.0, 80.0))
