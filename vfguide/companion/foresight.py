@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -36,17 +35,15 @@ WATCH_S = 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Memory:
-    """Time constants of what is learned of a vehicle, and of what is sent to it."""
+    """Time constants with which a vehicle's departures from its model are learned."""
 
     turn_rate_s: float = 0.6
-    """Of how its turn rate departs from its model, s."""
+    """Of its turn rate, s."""
     acceleration_s: float = 0.6
-    """The same of its acceleration, s."""
-    speed_setpoint_s: float = 0.0
-    """Time constant with which speed setpoints are smoothed, s; the laws look ahead by as much."""
+    """Of its acceleration, s."""
 
 
-SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0, speed_setpoint_s=0.8)
+SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0)
 """Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz), and
 pitch and lift with it: what a swing adds to turn rate and acceleration would feed it, taken off at once."""
 
@@ -77,7 +74,6 @@ class Foresight:
         self._inner = Inner()
         self._bias = Bias()
         self._direction = self._speed = 0.0
-        self._sent: tuple[float, float] | None = None
 
     def note(self, setpoint: Setpoint[float], time_s: float) -> None:
         """A setpoint has gone out."""
@@ -90,7 +86,6 @@ class Foresight:
     def forget(self) -> None:
         """The vehicle is not steered: nothing is on its way."""
         self._told.clear()
-        self._sent = None
 
     def observe(self, state: VehicleState[float]) -> None:
         """Take a navigated state: how far is the vehicle from what its model does?"""
@@ -155,27 +150,14 @@ class Foresight:
         """
         airframe = self._airframe
         course = self.course_setpoint(course_law)
-        dead_time = airframe.speed_dead_time + self._memory.speed_setpoint_s
-        at, after = self._ahead(dead_time, airframe.speed_lag)
+        at, after = self._ahead(airframe.speed_dead_time, airframe.speed_lag)
         wanted = speed_law(after)
         rate = airframe.beta * (wanted.speed - held_speed(after, airframe))
         speed = held_speed(at, airframe) + (rate - self._bias.acceleration) / airframe.beta
         if airframe.hold != "course-hold":
             speed = min(max(speed, airframe.airspeed_min), airframe.airspeed_max)
         limited = bool(course.limited) or bool(wanted.limited)
-        return Setpoint(course=course.course, speed=self._smoothed(speed), limited=limited)
-
-    def _smoothed(self, speed: float) -> float:
-        """A speed setpoint (m/s) without the swing of the vehicle in it."""
-        if self._memory.speed_setpoint_s <= 0.0:
-            return speed
-        now = 0.0 if self._state is None else self._state.time_s
-        time_s, before = self._sent or (now, speed)
-        period = now - time_s
-        if 0.0 < period <= GAP_S:
-            speed = low_pass(before, speed, period, self._memory.speed_setpoint_s)
-        self._sent = (now, speed)
-        return speed
+        return Setpoint(course=course.course, speed=speed, limited=limited)
 
     def course_setpoint(self, law: Law) -> Setpoint[float]:
         """The same for the course alone; the speed is what the law says without any lead."""

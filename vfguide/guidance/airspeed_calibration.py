@@ -26,6 +26,13 @@ WIND_DEVIATION = 10.0
 NOISE = 0.2
 """Standard deviation of a ground velocity against air velocity and wind, m/s: gusts, and slipping."""
 
+STEADY_WIND_RATE = 0.1
+"""m/s²: a wind that seems to change no faster may be a steady one, with the sensors' noise."""
+
+CHANGE_S = 60.0
+"""How much of a faster change counts as noise of the velocity, s: nothing can be learnt from it, since a wind
+that turns with the aircraft, or on a straight flight any change at all, is taken for a wrong scale."""
+
 SETTLED_SCALE, SETTLED_WIND = 0.02, 0.7
 """Standard deviations of scale and wind (m/s) below which they are used instead of a heading that slips."""
 
@@ -110,7 +117,8 @@ def calibrated(
     east = (aside, 0.0, 1.0, -turn_rate * ahead)
     estimate = before.estimate
     # One velocity is averaged over the reports of a second: their errors are not independent.
-    variance = NOISE**2 / max(min(period, 1.0), 1e-3)
+    unsteady = CHANGE_S * greater_of(wind_rate - STEADY_WIND_RATE, 0.0)
+    variance = (NOISE**2 + unsteady * unsteady) / max(min(period, 1.0), 1e-3)
     for row, seen in ((north, velocity_north), (east, velocity_east)):
         estimate, spread = _updated(estimate, spread, row, seen, variance)
     return Calibration(estimate=estimate, covariance=spread)

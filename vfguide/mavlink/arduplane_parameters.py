@@ -108,7 +108,7 @@ def speed_warning(parameters: Mapping[str, float]) -> list[str]:
         return []
     return [
         (
-            f"TECS_TIME_CONST is {time_const:g}: the speed answers slowly, and formation errors are about"
-            f" twice as large; set it to {MOST_TECS_TIME_CONST:g}, or 2 where the aircraft bears it"
+            f"TECS_TIME_CONST is {time_const:g}: the speed answers slowly, and hardly to what changes within"
+            f" 12 s; set it to {MOST_TECS_TIME_CONST:g}, or 2 where the aircraft bears it"
         )
     ]

@@ -220,18 +220,3 @@ def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
     ahead = ahead_of(foresight)
     assert ahead.course - (now.course - 0.1 * PERIOD) == pytest.approx(0.05, abs=0.005)
     assert replace(ahead, time_s=0.0).airspeed == pytest.approx(20.0, abs=0.01)
-
-
-def test_the_speed_setpoint_of_a_vehicle_that_slips_does_not_swing() -> None:
-    """A law that asks for 20 m/s and a swing of 1 m/s at 1 Hz."""
-
-    def law(ahead: VehicleState[float]) -> Setpoint[float]:
-        return Setpoint(course=0.0, speed=20.0 + math.sin(math.tau * ahead.time_s), limited=False)
-
-    foresight = Foresight(LATE, memory=SLIPPING)
-    sent = []
-    for step in range(200):
-        foresight.observe(state(time_s=step * PERIOD))
-        sent.append(foresight.setpoint(law, law).speed)
-    # A lag of 0.8 s passes 1 / hypot(1, 2 pi 0.8) = 0.195 of it.
-    assert 0.5 * (max(sent[100:]) - min(sent[100:])) == pytest.approx(0.195, abs=0.03)
