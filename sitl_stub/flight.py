@@ -174,10 +174,6 @@ class Flight:
         self.circle()
         self._orbit = orbit
 
-    def orbit_here(self) -> None:
-        """Loiter around the present position."""
-        self.orbit(self.orbit_at(self.state.latitude_rad, self.state.longitude_rad))
-
     def orbit_at(self, latitude_rad: float, longitude_rad: float) -> Orbit:
         """The loiter around a point, with the radius of the parameters."""
         radius_m = self.navigation.loiter_radius_m

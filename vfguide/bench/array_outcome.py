@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import FloatArray
 from vfguide.state import Setpoint
 
 
@@ -25,11 +25,6 @@ class Outcome:
     """Course setpoints' variation that is not net turning, per second; the worst follower's."""
     limited: FloatArray
     """Share of the followers' setpoints that a limit cut, in the window."""
-
-    @property
-    def stable(self) -> BoolArray:
-        """Whether everybody was within 10 m at the end."""
-        return np.isfinite(self.settle_10m_s)
 
 
 class Watch:

@@ -125,8 +125,6 @@ class Programme:
         """N, of intervals."""
         self.interval = weights.horizon_s / weights.intervals
         """h, s."""
-        self.iterations = 0
-        """Of the solver, the last time."""
         count, step = self.count, self.interval
         self._weights = weights
         self._end, self._gain = regulator(step, weights.velocity, weights.acceleration)
@@ -199,7 +197,6 @@ class Programme:
             u=bounds[1],
         )
         result = self._solver.solve(raise_error=False)
-        self.iterations = int(result.info.iter)
         first = complex(result.x[0], result.x[count])
         if math.isfinite(first.real) and math.isfinite(first.imag):
             return first

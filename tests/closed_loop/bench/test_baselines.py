@@ -16,7 +16,7 @@ def test_a_baseline_holds_its_slots(law: str, mission: str) -> None:
     figures, _ = fly(case)
     assert figures.mean_error_m < 0.25
     assert figures.settle_1m_s is not None
-    # PID comes in late on the calm circle, where the others are in its way.
+    # PID comes in late on the calm circle.
     assert figures.settle_1m_s < 60.0
     assert figures.min_separation_m > 5.0
 
