@@ -18,7 +18,7 @@ SLOTS_M = {"f1": math.hypot(20.0, 20.0), "f2": math.hypot(20.0, 20.0), "f3": 40.
 COMPANIONS = ("sitl-leader", *(f"sitl-{name}" for name in SLOTS_M))
 
 IN_SLOT_M = 5.0
-"""That all fly together is what is shown here, not how closely: one follower was seen to stay 2 to 3 m off."""
+"""That all fly together is shown here, not how closely: one follower was seen to stay 2 to 3 m off."""
 
 TRIES = 180
 """A second each."""
