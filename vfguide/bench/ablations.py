@@ -8,6 +8,7 @@ from vfguide.bench.flown import Case
 ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
     "no slot motion": {"controller": {"type": "article"}},
+    "no integral": {"controller": {"integral_s": 0.0}},
     "no rates of the slot's motion": {"controller": {"rate_feedforward": False}},
     "no wind rate": {"controller": {"wind_feedforward": False}},
     "no delay compensation": {"controller": {"predict_leader": False}},

@@ -22,13 +22,14 @@ from vfguide.bench.array_wind import SwingingWind
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
 from vfguide.elementwise import FloatArray, clip
-from vfguide.guidance.follower import follower_step
+from vfguide.guidance.follower import learning_step
 from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
 from vfguide.guidance.leader import LeaderTask, leader_step
 from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
 from vfguide.guidance.navigation import Sample, first_state, navigate
 from vfguide.guidance.pid import PidMemory, first_memory, pid_step
 from vfguide.guidance.settings import GuidanceSettings, PidGains
+from vfguide.guidance.slot_integral import no_offset
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.setpoint_stream import DIGITS
@@ -119,6 +120,7 @@ class Followers:
         self._conditions = conditions
         self._gains = start.pid
         self._memory: PidMemory[FloatArray] | None = None
+        self._offset = no_offset(start.north[1:])
 
     def step(
         self,
@@ -130,7 +132,10 @@ class Followers:
         conditions, slot = self._conditions, self._slot
         settings, airframe = conditions.settings, conditions.airframe
         if self._gains is None:
-            return follower_step(state, leader, slot, settings, airframe, period=period).setpoint
+            field, self._offset = learning_step(
+                state, leader, slot, settings, airframe, period=period, offset=self._offset
+            )
+            return field.setpoint
         if settings.predict_leader:
             leader = predict_leader(leader, state.time_s)
         motion = slot_motion(leader, slot)
@@ -150,7 +155,7 @@ class Followers:
 
     def reset(self) -> None:
         """Forget what was learnt."""
-        self._memory = None
+        self._memory, self._offset = None, no_offset(self._offset.ahead)
 
 
 def fly_formations(

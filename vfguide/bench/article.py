@@ -77,6 +77,7 @@ def article_mission(
             "type": "slot",
             "k_x": 0.25,
             "k_y": 0.25,
+            "integral_s": 1.2,
             "chi_inf_deg": 45,
             "v_inf_m_s": 8,
             "kappa": 3,

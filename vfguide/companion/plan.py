@@ -269,6 +269,8 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
             k_y=chosen.k_y,
             chi_inf=math.radians(chosen.chi_inf_deg),
             v_inf=chosen.v_inf_m_s,
+            # What keeps the article's field off its slot on a turn is no disturbance.
+            integral_s=0.0 if chosen.type == "article" else chosen.integral_s,
         ),
         sliding=SlidingGains(
             kappa=chosen.kappa,

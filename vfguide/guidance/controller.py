@@ -4,11 +4,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
 
-from vfguide.guidance.follower import FollowerGuidance, follower_step
+from vfguide.guidance.follower import FollowerGuidance, follower_step, learning_step
 from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
 from vfguide.guidance.pid import PidMemory, first_memory, pid_step
 from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.settings import GuidanceSettings, MpcWeights, PidGains
+from vfguide.guidance.slot_integral import no_offset
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 
@@ -30,12 +31,13 @@ class FormationController(Protocol):
 
 
 class FieldController:
-    """The dual field, which remembers nothing."""
+    """The dual field, which remembers what its integral has learned."""
 
     def __init__(self, settings: GuidanceSettings, slot: Slot[float], airframe: Airframe) -> None:
         self._settings = settings
         self._slot = slot
         self._airframe = airframe
+        self._offset = no_offset(0.0)
 
     def step(
         self,
@@ -46,7 +48,7 @@ class FieldController:
         obstacles: Sequence[Obstacle[float]] = (),
     ) -> FollowerGuidance[float]:
         """One step of the dual field."""
-        return follower_step(
+        guidance, self._offset = learning_step(
             state,
             leader,
             self._slot,
@@ -54,10 +56,13 @@ class FieldController:
             self._airframe,
             period=period,
             obstacles=obstacles,
+            offset=self._offset,
         )
+        return guidance
 
     def reset(self) -> None:
-        """There is nothing to forget."""
+        """The disturbance is to be learned anew."""
+        self._offset = no_offset(0.0)
 
 
 class BaselineController(ABC):
@@ -67,7 +72,6 @@ class BaselineController(ABC):
         self._settings = settings
         self._slot = slot
         self._airframe = airframe
-        self._field = FieldController(settings, slot, airframe)
 
     def step(
         self,
@@ -79,7 +83,15 @@ class BaselineController(ABC):
     ) -> FollowerGuidance[float]:
         """One step of the baseline, or of the dual field where it keeps clear of somebody."""
         if obstacles:
-            clear = self._field.step(state, leader, period=period, obstacles=obstacles)
+            clear = follower_step(
+                state,
+                leader,
+                self._slot,
+                self._settings,
+                self._airframe,
+                period=period,
+                obstacles=obstacles,
+            )
             if clear.avoiding:
                 self.reset()
                 return clear

@@ -22,6 +22,7 @@ from vfguide.guidance.formation import (
 from vfguide.guidance.separation import Obstacle, separated_velocity
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import GuidanceSettings
+from vfguide.guidance.slot_integral import Offset, aimed_error, learned
 from vfguide.guidance.speed_law import sliding_acceleration
 from vfguide.guidance.wind_triangle import compose
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
@@ -68,6 +69,7 @@ def follower_step(
     *,
     period: float,
     obstacles: Sequence[Obstacle[Number]] = (),
+    offset: Offset[Number] | None = None,
 ) -> FollowerGuidance[Number]:
     """Setpoint of a follower; it remembers nothing between steps.
 
@@ -79,6 +81,7 @@ def follower_step(
         airframe: response and limits.
         period: since the step before, s.
         obstacles: the other vehicles, now.
+        offset: b, what the field's integral has learned; nothing if absent.
     """
     if settings.predict_leader:
         leader = predict_leader(leader, state.time_s)
@@ -89,7 +92,8 @@ def follower_step(
         still = like(0.0, motion.speed)
         motion = replace(motion, turn_rate=still, acceleration=still)
     gains, sliding = settings.field, settings.sliding
-    desired = field_motion(motion, error, gains)
+    aimed = error if offset is None else aimed_error(error, offset, gains)
+    desired = field_motion(motion, aimed, gains)
     clear, avoiding = separated_motion(desired, motion, state, obstacles)
     course_error = wrap_angle(state.course - clear.course)
     speed_error = state.ground_speed - clear.speed
@@ -100,7 +104,7 @@ def follower_step(
     acceleration = sliding_acceleration(
         speed_error,
         # Whoever keeps clear of somebody is not drawn to the slot as well.
-        where(avoiding, like(0.0, error.along_track), error.along_track),
+        where(avoiding, like(0.0, aimed.along_track), aimed.along_track),
         clear.acceleration,
         gain=sliding.kappa,
         layer=layer,
@@ -121,6 +125,38 @@ def follower_step(
         lyapunov=lyapunov(error, course_error, speed_error, sliding.rho),
         avoiding=avoiding,
     )
+
+
+def learning_step(
+    state: VehicleState[Number],
+    leader: LeaderState[Number],
+    slot: Slot[Number],
+    settings: GuidanceSettings,
+    airframe: Airframe,
+    *,
+    period: float,
+    obstacles: Sequence[Obstacle[Number]] = (),
+    offset: Offset[Number],
+) -> tuple[FollowerGuidance[Number], Offset[Number]]:
+    """(guidance, offset for the next step) of a follower whose field learns; the rest as `follower_step`."""
+    guidance = follower_step(
+        state,
+        leader,
+        slot,
+        settings,
+        airframe,
+        period=period,
+        obstacles=obstacles,
+        offset=offset,
+    )
+    after = learned(
+        offset,
+        guidance.error,
+        settings.field,
+        period=period,
+        held=guidance.avoiding | guidance.setpoint.limited,
+    )
+    return guidance, after
 
 
 def field_motion(

@@ -43,6 +43,8 @@ class FieldGains:
     """Greatest course correction, rad."""
     v_inf: float
     """Greatest speed correction, m/s."""
+    integral_s: float = 0.0
+    """T: time in which a lasting error is learned, s; 0 learns nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,6 +180,16 @@ def arc_tangent_field(
     scaled = gain * error
     share = greatest * (2.0 / math.pi)
     return share * atan(scaled), share * gain / (1.0 + scaled * scaled) * error_rate
+
+
+def field_slope(gain: float, greatest: float) -> float:
+    """Slope of a field on its slot, c (2/pi) k: correction (rad or m/s) for each metre of error.
+
+    Args:
+        gain: k, 1/m.
+        greatest: c, rad or m/s.
+    """
+    return greatest * (2.0 / math.pi) * gain
 
 
 def lyapunov(

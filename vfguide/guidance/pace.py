@@ -8,16 +8,13 @@ that is not of first order (ArduPlane's answers at once by pitch, seconds later 
 For a vehicle that slips the speed law is made just so fast that the measured speed drops out.
 """
 
-import math
 from dataclasses import replace
 
+from vfguide.guidance.formation import FieldGains, field_slope
 from vfguide.guidance.settings import LEAST_PERIOD, GuidanceSettings
 
 DELAY_SHARE = 0.2
 """Of a delay that is predicted, what the sliding laws still count as one."""
-
-SLOPE_SHARE = 2.0 / math.pi
-"""Slope of the arc-tangent field at its middle, in parts of its gain and greatest value."""
 
 NESTING = 2.0
 """How many times slower than the law inside it a field is."""
@@ -48,12 +45,21 @@ def paced(
     return replace(
         settings,
         sliding=sliding,
-        field=replace(
+        field=with_gains(
             field,
-            k_x=min(field.k_x, fastest / (SLOPE_SHARE * field.v_inf)),
-            k_y=min(field.k_y, fastest / (SLOPE_SHARE * field.chi_inf * speed)),
+            k_x=min(field.k_x, fastest / field_slope(1.0, field.v_inf)),
+            k_y=min(field.k_y, fastest / (field_slope(1.0, field.chi_inf) * speed)),
         ),
     )
+
+
+def with_gains(field: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
+    """A slower field (gains in 1/m), its integral as much slower as the axis that was slowed most.
+
+    The integral's damping is sqrt(s T) / 2, with the field's slope s in proportion to its gain.
+    """
+    slower = max(field.k_x / k_x, field.k_y / k_y)
+    return replace(field, k_x=k_x, k_y=k_y, integral_s=field.integral_s * slower)
 
 
 def without_swing(
@@ -87,14 +93,14 @@ def without_own_speed(
     field = settings.field
     if settings.sliding.boundary_layer_factor <= 0.0:
         return slow
-    slope = SLOPE_SHARE * field.v_inf
+    slope = field_slope(1.0, field.v_inf)
     k_x = min(field.k_x, beta / (1.0 + NESTING) / slope)
     loop_delay_s = max(loop_delay_for(beta - slope * k_x, settings, period), 0.0)
     return replace(
         slow,
         answers_course_error=False,
         sliding=replace(slow.sliding, loop_delay_s=loop_delay_s),
-        field=replace(slow.field, k_x=k_x),
+        field=with_gains(slow.field, k_x=k_x, k_y=slow.field.k_y),
     )
 
 

@@ -97,6 +97,9 @@ class Controller(Section):
     v_inf_m_s: Annotated[Number, Field(ge=0.1, le=100.0)] = 8.0
     """V_inf of the article: largest speed correction of a follower, m/s."""
 
+    integral_s: Duration = 0.0
+    """Time in which the field of type `slot` learns what keeps a follower off its slot, s; 0: never."""
+
     kappa: Annotated[Gain, Field(le=100.0)] = 3.0
     """kappa of the article: rate at which course and speed errors are driven out, per hold bandwidth."""
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from vfguide.mission.conditions import Conditions, conditions_of
+from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 from vfguide.mission.finding import Finding, Report, worst_first
 from vfguide.mission.location import MissionSource
 from vfguide.mission.loop_limits import (
@@ -21,7 +22,6 @@ from vfguide.mission.start_limits import (
 )
 from vfguide.mission.turn_limits import (
     field_beyond_bank,
-    fields_beyond_the_loop,
     followers_field_beyond_bank,
     turns_beyond_bank,
 )
@@ -44,6 +44,7 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     field_beyond_bank,
     followers_field_beyond_bank,
     fields_beyond_the_loop,
+    integral_too_fast,
     precision,
 )
 """Checks that ask what happens along the path; each needs a leader that can fly it."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.formation import Slot
+from vfguide.guidance.formation import Slot, field_slope
 from vfguide.mission.conditions import ARTICLE_WIND_PERIOD_S, Conditions, article_wind
 from vfguide.mission.controller import Controller
 from vfguide.mission.finding import Finding
@@ -79,13 +79,28 @@ def article_wind_rates() -> tuple[float, float]:
     return float(np.hypot(*rates).mean()), float(np.hypot(*jerks).mean())
 
 
+def integral_share(slope: float, integral_s: float, frequency: float) -> float:
+    """What the field's integral leaves of an error that swings: |jw (jw + s) / (s/T + s jw - w²)|, at most 1.
+
+    Args:
+        slope: s of the field, 1/s.
+        integral_s: T, s; 0 learns nothing.
+        frequency: w of the disturbance, rad/s.
+    """
+    if integral_s == 0.0:
+        return 1.0
+    left = frequency * math.hypot(frequency, slope)
+    return min(left / math.hypot(slope / integral_s - frequency**2, slope * frequency), 1.0)
+
+
 def wind_error(controller: Controller, acceleration: float, *, speed: float, layer: float) -> float:
     """Formation error (m) under an acceleration that nothing compensates.
 
     Inside the boundary layer the laws answer an error chi~ or V~ with kappa / epsilon of it, so the
     disturbance leaves chi~ = (a / V) epsilon / kappa and V~ = a epsilon / kappa, and the dual field turns
     those into distances: |y_E| <= tan(pi chi~ / (2 chi_inf)) / k_y. An equal share of the acceleration is
-    taken to lie along and across the track.
+    taken to lie along and across the track. The integral learns some of it, at the frequency at which the
+    wind's rate changes.
 
     Args:
         controller: the gains.
@@ -99,6 +114,12 @@ def wind_error(controller: Controller, acceleration: float, *, speed: float, lay
         speed_error / speed, math.radians(controller.chi_inf_deg), controller.k_y
     )
     ahead = error_for_correction(speed_error, controller.v_inf_m_s, controller.k_x)
+    if controller.type == "slot":
+        rate, jerk = article_wind_rates()
+        across = field_slope(controller.k_y, math.radians(controller.chi_inf_deg)) * speed
+        along = field_slope(controller.k_x, controller.v_inf_m_s)
+        lateral = lateral * integral_share(across, controller.integral_s, jerk / rate)
+        ahead = ahead * integral_share(along, controller.integral_s, jerk / rate)
     return float(np.hypot(lateral, ahead))
 
 

@@ -14,7 +14,6 @@ from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import LinePath
 from vfguide.mission.location import Location
-from vfguide.mission.loop_limits import effective_layer
 from vfguide.mission.model import Mission
 
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
@@ -133,31 +132,3 @@ def followers_field_beyond_bank(mission: Mission, conditions: Conditions) -> Ite
             )
             yield Finding("note", ("controller", "k_y"), message)
             return
-
-
-def fields_beyond_the_loop(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Followers' fields that pull faster than the laws beneath them follow: the two then swing."""
-    if not mission.followers:
-        return
-    controller = mission.controller
-    layer = effective_layer(controller, 1.0 / mission.rehearsal.rate_hz)
-    followed = controller.kappa / layer
-    speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).max())
-    across = field_pull(controller.k_y, math.radians(controller.chi_inf_deg)) * speed
-    along = field_pull(controller.k_x, controller.v_inf_m_s)
-    for name, gain, pull in (("k_y", controller.k_y, across), ("k_x", controller.k_x, along)):
-        if pull <= followed:
-            continue
-        message = (
-            f"near its slot the field pulls at {pull:.1f} 1/s, "
-            f"faster than the {followed:.1f} 1/s at which the law follows: the formation swings"
-        )
-        most = math.floor(1000.0 * gain * followed / pull) / 1000.0
-        yield Finding(
-            "warning", ("controller", name), message, f"lower {name} to {most:g} 1/m or less"
-        )
-
-
-def field_pull(gain: float, greatest: float) -> float:
-    """Slope of a field on its slot: c (2/pi) k, per metre of error; c in rad or m/s, k in 1/m."""
-    return greatest * (2.0 / math.pi) * gain

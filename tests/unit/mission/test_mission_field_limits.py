@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from vfguide.guidance.formation import field_slope
 from vfguide.mission import Finding, check_mission, parse_mission, report_on
-from vfguide.mission.turn_limits import course_field_turn_rate, field_pull
+from vfguide.mission.turn_limits import course_field_turn_rate
 
 FOLDER = Path(__file__).parents[3] / "missions"
 
@@ -78,7 +79,7 @@ def test_a_fast_loop_is_judged_by_the_layer_that_it_keeps() -> None:
 
 def test_the_slope_of_a_field_on_its_slot() -> None:
     # (2/pi) . 8 . 0.2
-    assert field_pull(0.2, 8.0) == pytest.approx(1.0185916)
+    assert field_slope(0.2, 8.0) == pytest.approx(1.0185916)
 
 
 def test_for_a_quarter_turn_a_course_field_turns_as_fast_as_a_lines() -> None:
@@ -136,3 +137,37 @@ def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well() -> None:
     assert "turns at up to 0.52 rad/s at 20.0 m/s over ground" in warning.message
     assert warning.remedy == "lower gain to 0.046 1/m or less"
     assert findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.046")) == []
+
+
+@pytest.mark.parametrize(
+    ("learns_s", "severity", "words"),
+    [
+        # the law answers in 0.525/3 = 0.175 s
+        ("0.17", "error", "swing ever wider"),
+        # 8 (2/pi) 0.25 = 1.27324 1/s; sqrt(1.27324 . 0.7)/2 = 0.47
+        ("0.7", "warning", "a damping of 0.47"),
+    ],
+)
+def test_an_integral_that_learns_faster_than_the_field_moves_is_found(
+    learns_s: str, severity: str, words: str
+) -> None:
+    change = ("integral_s: 1.2", f"integral_s: {learns_s}")
+    (found,) = findings_of("circle-wind", "controller.integral_s", change)
+    assert found.severity == severity
+    assert words in found.message
+    # 1/1.27324 = 0.7854 s has a damping of one half
+    assert found.remedy == "set it to 0.8 s or more, or to 0"
+
+
+@pytest.mark.parametrize(
+    "change", [("integral_s: 1.2", "integral_s: 0.8"), ("integral_s: 1.2", "integral_s: 0")]
+)
+def test_the_integral_of_the_remedy_and_none_at_all_are_no_findings(
+    change: tuple[str, str],
+) -> None:
+    assert not findings_of("circle-wind", "controller.integral_s", change)
+
+
+def test_an_integral_that_no_law_uses_is_no_finding() -> None:
+    changes = (("integral_s: 1.2", "integral_s: 0.1"), ("type: slot", "type: pid"))
+    assert not findings_of("circle-wind", "controller.integral_s", *changes)
