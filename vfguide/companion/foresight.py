@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
+from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -35,17 +36,20 @@ WATCH_S = 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Memory:
-    """Time constants with which a vehicle's departures from its model are learned."""
+    """Time constants with which a vehicle's departures from its model are learned, and it is answered."""
 
     turn_rate_s: float = 0.6
     """Of its turn rate, s."""
     acceleration_s: float = 0.6
     """Of its acceleration, s."""
+    answer_s: float = 0.0
+    """Low-pass on the turn rate asked of it, s; 0 lets everything through."""
 
 
-SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0)
+SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
 """Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz), and
-pitch and lift with it: what a swing adds to turn rate and acceleration would feed it, taken off at once."""
+pitch and lift with it: what a swing adds to turn rate and acceleration would feed it, taken off at once. Nor
+may what it adds to the course come back as roll: the low-pass on the answer leaves a third of it."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
 """What a model may be off by; more is no bias but a vehicle that does something else."""
@@ -74,6 +78,7 @@ class Foresight:
         self._inner = Inner()
         self._bias = Bias()
         self._direction = self._speed = 0.0
+        self._asked: tuple[float, float] | None = None
 
     def note(self, setpoint: Setpoint[float], time_s: float) -> None:
         """A setpoint has gone out."""
@@ -86,6 +91,7 @@ class Foresight:
     def forget(self) -> None:
         """The vehicle is not steered: nothing is on its way."""
         self._told.clear()
+        self._asked = None
 
     def observe(self, state: VehicleState[float]) -> None:
         """Take a navigated state: how far is the vehicle from what its model does?"""
@@ -164,9 +170,18 @@ class Foresight:
         airframe = self._airframe
         at, after = self._ahead(airframe.course_dead_time, airframe.course_lag)
         wanted = law(after)
-        turn_rate = airframe.alpha * (wanted.course - after.course) - self._bias.turn_rate
+        turn_rate = self._answered(airframe.alpha * (wanted.course - after.course), after.time_s)
+        turn_rate -= self._bias.turn_rate
         error = course_error_for(turn_rate, turning_speed(at, airframe), airframe)
         return replace(wanted, course=at.course + error)
+
+    def _answered(self, turn_rate: float, time_s: float) -> float:
+        """The turn rate asked for at a time, through the low-pass; rad/s, s."""
+        if self._asked is not None and 0.0 < time_s - self._asked[0] <= GAP_S:
+            before_s, before = self._asked
+            turn_rate = low_pass(before, turn_rate, time_s - before_s, self._memory.answer_s)
+        self._asked = time_s, turn_rate
+        return turn_rate
 
     def _ahead(
         self, dead_time: float, lag: float

@@ -181,6 +181,32 @@ def test_a_long_memory_hardly_answers_to_a_swing() -> None:
     assert spreads[1] < 0.6 * spreads[0]
 
 
+def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
+    """Course errors (rad) sent to a vehicle that flies straight on, for turn rates (rad/s) asked of it."""
+    foresight, airframe = Foresight(Airframe(), memory=memory), Airframe()
+    sent = []
+    for step, turn_rate in enumerate(asked):
+        foresight.observe(state(time_s=step * PERIOD))
+        wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0, limited=False)
+        sent.append(foresight.course_setpoint(lambda _, wanted=wanted: wanted).course)
+    return sent
+
+
+def test_a_swing_in_what_is_asked_of_a_vehicle_that_slips_is_answered_by_a_third() -> None:
+    # A low-pass of 0.5 s at 0.9 Hz: 1 / sqrt(1 + (2 pi 0.9 0.5)²) = 0.333, of a small angle in still air.
+    swing = [0.01 * math.sin(math.tau * 0.9 * step * PERIOD) for step in range(400)]
+    usual, slipping = (max(sent_errors(memory, swing)[200:]) for memory in (Memory(), SLIPPING))
+    assert slipping / usual == pytest.approx(0.333, abs=0.02)
+
+
+def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full() -> None:
+    # What is left after 0.5 s is 1/e of the step, after 5 s nothing.
+    asked = [0.0] + [0.01] * 100
+    usual, slipping = sent_errors(Memory(), asked), sent_errors(SLIPPING, asked)
+    assert slipping[10] / usual[10] == pytest.approx(1.0 - math.exp(-1.0), abs=0.03)
+    assert slipping[-1] == pytest.approx(usual[-1], rel=1e-3)
+
+
 @pytest.mark.parametrize(("k_x", "expected_k_x"), [(0.05, 0.05), (10.0, 0.4 / (12.0 / math.pi))])
 def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
     k_x: float, expected_k_x: float
