@@ -23,7 +23,7 @@ from vfguide.rehearsal.lockstep import fly_lockstep
 
 COUNTS = (4, 10, 30, 100)
 FLOWN_S, QUICK_S = 20.0, 4.0
-JOINED_S = 10.0
+JOINED_S = 20.0
 """Until everybody is in place: what is measured is a formation, not a muster."""
 
 ROW = 10

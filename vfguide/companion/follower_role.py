@@ -34,6 +34,13 @@ MOST_STEPS = 240
 TELL_S = 0.2
 """Between states for the other followers: they move little relative to each other in that time."""
 
+TELL_IN_SLOT_S = 0.4
+"""The same from a slot, where everybody knows how one flies on. One state may get lost before the others
+take the silence for that of somebody without a companion."""
+
+IN_SLOT_M = 2.0
+"""From the slot: nearer a follower is in it."""
+
 
 class FollowerRole:
     """Holds a slot."""
@@ -138,24 +145,30 @@ class FollowerRole:
         motion = self._report.note(fix)
         now = fix.state.time_s
         time_s = self._clock.from_own(now)
+        in_slot = self._distance < IN_SLOT_M and not self._avoiding
+        interval = TELL_IN_SLOT_S if in_slot else TELL_S
         # Half a period early is nearer to the time than half a period late.
-        due = now - self._told_time >= TELL_S - 0.5 * fix.period
+        due = now - self._told_time >= interval - 0.5 * fix.period
         if not (due and self._task.spacing and math.isfinite(time_s)):
             return None
         self._told_time = now
         return self._report.message(motion, fix, time_s)
 
     def _obstacles(self, fix: Fix, leader: LeaderState[float]) -> list[Obstacle[float]]:
-        """Everybody else, now."""
+        """Whoever may be in the way, now."""
         now = fix.state.time_s
         linked = self.leader_age(now) <= self._plan.patience.leader_s
         slot = self._task.slot
         keep = kept_distance(math.hypot(slot.forward, slot.right), self._distance)
         leading = predict_leader(leader, now)
         here = standpoint_of(
-            fix.state, slot_motion(leading, slot), self._distance, avoiding=self._avoiding
+            fix.state,
+            slot_motion(leading, slot),
+            self._distance,
+            aims_off=max(one.aims_off for one in (self._controller, *self._late_controllers)),
+            avoiding=self._avoiding,
         )
-        return [obstacle_of(leading, keep), *self._traffic.obstacles(here, linked=linked)]
+        return self._traffic.obstacles(here, linked=linked, leading=[obstacle_of(leading, keep)])
 
     def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path."""

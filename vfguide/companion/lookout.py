@@ -5,7 +5,9 @@ A barrier binds where the closing speed c that is asked for exceeds gamma (d - k
     reach = keep + c / gamma        c <= |wish| + |v_slot - v_other|
 
 with the wish for the velocity relative to the slot's, which the field bounds by the distance from the slot.
-Whoever is farther away cannot come within that reach, whatever both do, before some time has passed.
+Whoever is farther away cannot come within that reach, whatever both do, before some time has passed. Where
+nobody is within it, no barrier takes anything off; where somebody is, what is taken off may turn the wish
+toward another, and all who are within a longer reach are looked at.
 """
 
 import math
@@ -16,19 +18,17 @@ from vfguide.guidance.separation import CLOSING_RATE, Obstacle
 from vfguide.guidance.wind_triangle import compose
 from vfguide.state import VehicleState
 
-UNSURE_M_S = 3.0
-"""On top of what is known of closing speeds: what one barrier takes off may turn a wish toward the next."""
+TURNED_M_S = 3.0
+"""By how much a wish for a closing speed may grow, turned by what another barrier takes off."""
 
-HURRY_M_S = 75.0
-"""How fast at most distance and reach may meet, besides the speeds that are known now: two that turn and
-brake as hard as they can, together at 15 m/s², let the reach grow by 15 / gamma = 38 m/s, and come nearer by
-half of 15 m/s² t², which is 15 m/s over two seconds; as much again for what nobody thought of."""
+HARDEST_M_S2 = 21.0
+"""Of two that turn at 45 degrees of bank and brake, one away from the other."""
 
 LONGEST_S = 2.0
 """Nobody is left unlooked at for longer."""
 
-ROOM_M = 1.0
-"""Farther than twice its distance from the slot and this no follower comes without looking round again."""
+ROOM_M = 0.5
+"""Farther than twice what it foresees and this no follower comes without looking round again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,19 +49,26 @@ class Standpoint:
     """Speed relative to the slot's, m/s."""
     distance: float
     """From its slot, m."""
+    aims_off: float = 0.0
+    """How far beside its slot it aims, m."""
     avoiding: bool
     """Whether it keeps clear of somebody already, and may wish for anything."""
 
     @property
     def foreseen(self) -> float:
-        """Distance from the slot (m) that bounds what it wishes for now."""
-        return math.inf if self.avoiding else self.distance
+        """Distance (m) from where it aims, which bounds what it wishes for now."""
+        return math.inf if self.avoiding else self.distance + self.aims_off
 
 
 def standpoint_of(
-    state: VehicleState[float], motion: SlotMotion[float], distance: float, *, avoiding: bool
+    state: VehicleState[float],
+    motion: SlotMotion[float],
+    distance: float,
+    *,
+    aims_off: float,
+    avoiding: bool,
 ) -> Standpoint:
-    """Of a follower whose slot moves like this, at this distance (m) from it."""
+    """Of a follower whose slot moves like this, at a distance (m) from it, aiming somewhat (m) beside it."""
     slot_north, slot_east = compose(motion.speed, 0.0, motion.course)
     north, east = compose(state.ground_speed, 0.0, state.course)
     return Standpoint(
@@ -72,6 +79,7 @@ def standpoint_of(
         slot_east=slot_east,
         off_slot=math.hypot(north - slot_north, east - slot_east),
         distance=distance,
+        aims_off=aims_off,
         avoiding=avoiding,
     )
 
@@ -87,6 +95,9 @@ def greatest_wish(distance: float, slot_speed: float, gains: FieldGains) -> floa
 def calm_for(here: Standpoint, obstacle: Obstacle[float], wish: float) -> float:
     """For how long (s) the barrier of an obstacle cannot bind; 0 where it may now.
 
+    In a time t the two come nearer by (|v_slot - v_other| + |v - v_slot|) t + a t² / 2 at most, and the reach
+    grows by a t / gamma, a being the hardest that they can do: what is left of the distance is a quadratic.
+
     Args:
         here: the follower.
         obstacle: somebody else, at the same time.
@@ -96,6 +107,10 @@ def calm_for(here: Standpoint, obstacle: Obstacle[float], wish: float) -> float:
     between = math.hypot(
         obstacle.velocity_north - here.slot_north, obstacle.velocity_east - here.slot_east
     )
-    reach = obstacle.keep + (wish + between + UNSURE_M_S) / CLOSING_RATE
-    closing = HURRY_M_S + between + here.off_slot
-    return min(max(distance - reach, 0.0) / closing, LONGEST_S)
+    room = distance - obstacle.keep - (wish + between) / CLOSING_RATE
+    if room <= 0.0:
+        return 0.0
+    closing = HARDEST_M_S2 / CLOSING_RATE + between + here.off_slot
+    # The root of a t² / 2 + closing t = room, in the form that does not cancel.
+    calm = 2.0 * room / (closing + math.sqrt(closing * closing + 2.0 * HARDEST_M_S2 * room))
+    return min(calm, LONGEST_S)

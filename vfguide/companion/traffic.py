@@ -2,11 +2,17 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vfguide.companion.hearing import Hearing
-from vfguide.companion.lookout import ROOM_M, Standpoint, calm_for, greatest_wish
+from vfguide.companion.lookout import (
+    ROOM_M,
+    TURNED_M_S,
+    Standpoint,
+    calm_for,
+    greatest_wish,
+)
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.elementwise import clip
 from vfguide.frames import LocalFrame
@@ -53,7 +59,11 @@ class Neighbour:
     spacing: float
     """From its slot to one's own, m."""
     calm_until: float = -math.inf
-    """Before this it cannot come into the way, s; infinitely long ago: it may be there now."""
+    """Before this its barrier cannot bind, s; infinitely long ago: it may now."""
+    aside_until: float = -math.inf
+    """The same, should somebody else's turn the wish."""
+    places: Sequence[Obstacle[float]] = ()
+    """Where it may be, when it was looked at last."""
     unread: tuple[bytes, float] | None = None
     """What came in the meantime, and when."""
     arrived: float = -math.inf
@@ -65,6 +75,10 @@ class Neighbour:
             data, arrived = self.unread
             self.unread = None
             self.hearing.take(data, arrived)
+
+    def disturb(self) -> None:
+        """What calmed is not so any more."""
+        self.calm_until = self.aside_until = -math.inf
 
 
 class Traffic:
@@ -118,46 +132,61 @@ class Traffic:
         neighbour.unread, neighbour.arrived = (data, now), now
         # Reading costs more than all else: who cannot come into the way is read when it may.
         if fell_silent or neighbour.calm_until <= now:
-            neighbour.calm_until = -math.inf
+            neighbour.disturb()
             neighbour.read()
 
-    def obstacles(self, here: Standpoint, *, linked: bool) -> list[Obstacle[float]]:
-        """Those of the other followers that may be in the way now.
+    def obstacles(
+        self, here: Standpoint, *, linked: bool, leading: Sequence[Obstacle[float]] = ()
+    ) -> list[Obstacle[float]]:
+        """Those who may be in the way now: nobody, or everybody who is near enough then.
 
         Args:
             here: the follower itself.
             linked: whether the link is known to work, so that silence means something.
+            leading: the leader, of whom the link tells more often.
         """
         now = here.time_s
         ahead = 2.0 * here.foreseen + ROOM_M
         if here.foreseen > self._foreseen:
             for neighbour in self._neighbours.values():
-                neighbour.calm_until = -math.inf
+                neighbour.disturb()
             self._foreseen = ahead
         self._foreseen = min(self._foreseen, ahead)
         slot_speed = math.hypot(here.slot_north, here.slot_east)
         wish = greatest_wish(self._foreseen, slot_speed, self._gains)
-        found = []
+        due = [one for one in self._neighbours.values() if one.calm_until <= now]
+        for neighbour in due:
+            look(neighbour, here, wish, linked=linked)
+        binding = [one for one in due if one.calm_until <= now and one.places]
+        if not binding and all(calm_for(here, place, wish) > 0.0 for place in leading):
+            return []
+        found = list(leading)
         for neighbour in self._neighbours.values():
-            if neighbour.calm_until <= now:
-                found += self._look(neighbour, here, wish, linked=linked)
+            if neighbour.aside_until <= now:
+                if neighbour.calm_until > now:
+                    look(neighbour, here, wish, linked=linked)
+                found += neighbour.places if neighbour.aside_until <= now else ()
         return found
 
-    @staticmethod
-    def _look(
-        neighbour: Neighbour, here: Standpoint, wish: float, *, linked: bool
-    ) -> list[Obstacle[float]]:
-        """Where one of them may be, unless it is nowhere near."""
-        neighbour.read()
-        heard = neighbour.hearing.newest
-        if heard is None:
-            return []
-        now = here.time_s
-        keep = kept_distance(neighbour.spacing, here.distance)
-        places = possible_obstacles(heard, now, keep, linked=linked)
-        calm_s = min((calm_for(here, place, wish) for place in places), default=0.0)
-        neighbour.calm_until = now + calm_s if calm_s > 0.0 else -math.inf
-        return places if calm_s == 0.0 else []
+
+def look(neighbour: Neighbour, here: Standpoint, wish: float, *, linked: bool) -> None:
+    """Find out where one of the others may be, and for how long that is nowhere near."""
+    neighbour.read()
+    heard = neighbour.hearing.newest
+    if heard is None:
+        return
+    now = here.time_s
+    keep = kept_distance(neighbour.spacing, here.distance)
+    places = possible_obstacles(heard, now, keep, linked=linked)
+    neighbour.places = places
+    neighbour.calm_until = calm_until(here, places, wish)
+    neighbour.aside_until = calm_until(here, places, wish + TURNED_M_S)
+
+
+def calm_until(here: Standpoint, places: Sequence[Obstacle[float]], wish: float) -> float:
+    """Until when (s) no barrier of these can bind; infinitely long ago where one may now, or nobody knows."""
+    calm_s = min((calm_for(here, place, wish) for place in places), default=0.0)
+    return here.time_s + calm_s if calm_s > 0.0 else -math.inf
 
 
 def possible_obstacles(

@@ -1,5 +1,6 @@
 """What keeps a follower on its slot, with whatever it has to remember: one of these for each follower."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
@@ -15,6 +16,10 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 
 class FormationController(Protocol):
     """A law that keeps a slot."""
+
+    @property
+    def aims_off(self) -> float:
+        """How far from the slot the law aims, m."""
 
     def step(
         self,
@@ -38,6 +43,11 @@ class FieldController:
         self._slot = slot
         self._airframe = airframe
         self._offset = no_offset(0.0)
+
+    @property
+    def aims_off(self) -> float:
+        """Length of the offset that was learned, m."""
+        return math.hypot(self._offset.ahead, self._offset.right)
 
     def step(
         self,
@@ -67,6 +77,8 @@ class FieldController:
 
 class BaselineController(ABC):
     """A baseline, which leaves it to the dual field to keep clear of others."""
+
+    aims_off = 0.0
 
     def __init__(self, settings: GuidanceSettings, slot: Slot[float], airframe: Airframe) -> None:
         self._settings = settings

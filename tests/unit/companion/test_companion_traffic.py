@@ -140,13 +140,12 @@ def test_in_its_slot_a_follower_wishes_for_nothing_and_far_out_for_a_sharp_turn(
 
 def test_only_who_is_near_enough_for_what_may_be_asked_for_is_in_the_way() -> None:
     here = beside(10.0, east=0.0)
-    # Nothing wished for: 7 m and 3 / 0.4 = 7.5 m.
-    assert calm_for(here, abreast(14.0), 0.0) == 0.0
-    # 7.5 m farther, at 75 m/s.
-    assert calm_for(here, abreast(22.0), 0.0) == pytest.approx(0.1)
-    # 10 m/s wished for, the other 8 m/s faster: 7 + 21 / 0.4 = 59.5 m; then 41.5 m at 83 m/s.
-    assert calm_for(here, abreast(59.0, 28.0), 10.0) == 0.0
-    assert calm_for(here, abreast(101.0, 28.0), 10.0) == pytest.approx(0.5)
+    # Nothing wished for: 7 m; then 21 / 0.4 = 52.5 m/s and half of 21 m/s², 5.25 m and 0.105 m in 0.1 s.
+    assert calm_for(here, abreast(7.0), 0.0) == 0.0
+    assert calm_for(here, abreast(12.355), 0.0) == pytest.approx(0.1)
+    # 10 m/s wished for, the other 8 m/s faster: 7 + 18 / 0.4 = 52 m; then 30.25 m and 2.625 m in 0.5 s.
+    assert calm_for(here, abreast(52.0, 28.0), 10.0) == 0.0
+    assert calm_for(here, abreast(84.875, 28.0), 10.0) == pytest.approx(0.5)
     assert calm_for(here, abreast(5000.0), 0.0) == 2.0
 
 
@@ -183,6 +182,28 @@ def test_whoever_keeps_clear_of_somebody_looks_at_all_who_may_be_next(
     assert len(traffic.obstacles(avoiding, linked=True)) == 1
 
 
+def test_somebody_else_matters_only_where_a_barrier_may_turn_the_wish_toward_it(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic({"f2": 40.0, "f3": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    traffic.receive("f3", leader_bytes(10.0), 10.0)
+    # With 0.5 m foreseen 1.9 m/s may be wished for: a reach of 12 m, of 19 m once somebody is within that.
+    assert traffic.obstacles(beside(10.0, east=15.0), linked=True) == []
+    leader_beside = replace(abreast(15.0 + 11.0), north=200.0)
+    found = traffic.obstacles(beside(10.0, east=15.0), linked=True, leading=[leader_beside])
+    assert [one.east for one in found] == pytest.approx([26.0, 0.0, 0.0], abs=1e-3)
+
+
+def test_whoever_aims_beside_its_slot_wishes_for_more(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    aiming = replace(beside(10.0, east=25.0), aims_off=3.0)
+    assert len(traffic.obstacles(aiming, linked=True)) == 1
+    assert traffic.obstacles(beside(14.0, east=25.0), linked=False) == []
+
+
 def test_what_is_older_than_the_last_is_counted_and_takes_nobodys_place(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
@@ -192,8 +213,8 @@ def test_what_is_older_than_the_last_is_counted_and_takes_nobodys_place(
     traffic.receive("f2", leader_bytes(10.2), 10.5)
     traffic.receive("f2", b"rubbish", 10.5)
     assert dict(traffic.counters) == {"not newer": 1, "malformed": 1}
-    (one,) = traffic.obstacles(beside(11.3), linked=True)
-    assert one.north == pytest.approx(226.0, abs=1e-3)
+    (one,) = traffic.obstacles(beside(11.4), linked=True)
+    assert one.north == pytest.approx(228.0, abs=1e-3)
 
 
 def test_a_turn_that_is_rolled_into_does_not_go_on_tightening(
