@@ -38,6 +38,9 @@ WHOLE_NUMBERS = {
 
 COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
+OUR_COMPONENTS = frozenset({mavlink.MAV_COMP_ID_ALL, COMPANION_COMPONENT})
+"""Targets within its own system that a companion is meant by."""
+
 
 def position_report(message: MAVLink_message) -> PositionReport | None:
     """GLOBAL_POSITION_INT, or None where it is no place on earth."""
@@ -139,6 +142,8 @@ class Codec:
                 self.counters["not MAVLink"] += 1
             elif self._signing is not None and not self._signing.accepts(frame):
                 self.counters["not signed"] += 1
+            elif not self._is_addressed(message):
+                self.counters["for somebody else"] += 1
             elif (report := reader(message)) is None:
                 self.counters["out of range"] += 1
             else:
@@ -159,6 +164,16 @@ class Codec:
             return self._parser.decode(bytearray(frame))
         except MAVError:
             return None
+
+    def _is_addressed(self, message: MAVLink_message) -> bool:
+        """Whether a message is for this companion, or for all: then its target is 0 or left out.
+
+        An autopilot answers a ground station's commands within hearing of everyone.
+        """
+        system_id: int = getattr(message, "target_system", 0)
+        if system_id == 0:
+            return True
+        return system_id == self._source[0] and message.target_component in OUR_COMPONENTS
 
     def _pack(self, message: MAVLink_message) -> bytes:
         packed: bytes = message.pack(self._parser)

@@ -75,6 +75,8 @@ class Plugins:
     """Velocities, and the offboard mode."""
     action: Any
     """Hold."""
+    own: tuple[int, int]
+    """System and component that MAVSDK speaks as, whatever the vehicle's are."""
 
 
 class MavsdkChannel:
@@ -116,13 +118,13 @@ class MavsdkChannel:
 
     async def run(self) -> None:
         """Find the autopilot, and listen until cancelled."""
-        with instance(self._url) as mavsdk:
+        with instance(self._url) as (mavsdk, own):
             system = None
             while system is None:
                 system = await self._loop.run_in_executor(None, mavsdk.first_autopilot, SEARCH_S)
                 if system is None:
                     self._status.down("no autopilot heard yet")
-            plugins = plugins_of(system)
+            plugins = plugins_of(system, own)
             handle = plugins.direct.subscribe_message("", self._hear)
             self._plugins = plugins
             self._status.up("by way of MAVSDK")
@@ -150,12 +152,15 @@ class MavsdkChannel:
             self._loop.call_soon_threadsafe(self._deliver, heard)
 
     def _deliver(self, heard: Heard) -> None:
-        message = message_of(heard.message_name, heard.fields_json)
-        if message is None or self._plugins is None:
+        message, plugins = message_of(heard.message_name, heard.fields_json), self._plugins
+        if message is None or plugins is None:
             self._status.counters["not understood"] += 1
             return
         if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
             self._offboard = message.custom_mode >> 16 & 0xFF == MAIN_MODE_OFFBOARD
+        if target_of(message) == plugins.own:
+            # What MAVSDK is answered the companion is answered, whose commands it has passed on.
+            message.target_system = message.target_component = 0
         self._packer.srcSystem, self._packer.srcComponent = heard.system_id, heard.component_id
         try:
             frame = message.pack(self._packer)
@@ -191,8 +196,8 @@ class MavsdkChannel:
 
 
 @contextmanager
-def instance(url: str) -> Iterator[Any]:
-    """MAVSDK, connected to an address for as long as the context lasts.
+def instance(url: str) -> Iterator[tuple[Any, tuple[int, int]]]:
+    """MAVSDK, connected to an address for as long as the context lasts; system and component that it is.
 
     Raises:
         InputError: it cannot use the address.
@@ -206,17 +211,18 @@ def instance(url: str) -> Iterator[Any]:
         result = mavsdk.add_any_connection(url)
         if result != api.ConnectionResult.SUCCESS:
             raise InputError(f"MAVLink address {url}: MAVSDK says {result.name}")
-        yield mavsdk
+        yield mavsdk, (configuration.system_id, configuration.component_id)
     finally:
         mavsdk.destroy()
 
 
-def plugins_of(system: object) -> Plugins:
-    """The parts of MAVSDK that are used here."""
+def plugins_of(system: object, own: tuple[int, int]) -> Plugins:
+    """The parts of MAVSDK that are used here, which speaks as this system and component."""
     return Plugins(
         direct=import_module("mavsdk.plugins.mavlink_direct").MavlinkDirect(system),
         offboard=import_module("mavsdk.plugins.offboard").Offboard(system),
         action=import_module("mavsdk.plugins.action").Action(system),
+        own=own,
     )
 
 
@@ -238,6 +244,13 @@ def message_of(name: str, fields_json: str) -> MAVLink_message | None:
         return kind(**values)
     except (ValueError, TypeError, KeyError):
         return None
+
+
+def target_of(message: MAVLink_message) -> tuple[int, int] | None:
+    """System and component that a message is for, or None where it does not say."""
+    if "target_system" not in message.fieldnames:
+        return None
+    return message.target_system, message.target_component
 
 
 def direct_message(message: MAVLink_message) -> object:

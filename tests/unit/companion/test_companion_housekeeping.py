@@ -158,6 +158,11 @@ def test_each_kind_of_refusal_is_an_event(companion: Companion, spoken: Make) ->
     assert len(companion.receive_mavlink(data, 0.0).events) == 3
 
 
+def test_what_a_ground_station_was_refused_is_no_event(companion: Companion, spoken: Make) -> None:
+    data = spoken(mavlink.MAVLink_command_ack_message(43_000, 4, 0, 0, 255, 190))
+    assert companion.receive_mavlink(data, 0.0).events == []
+
+
 @pytest.mark.parametrize("result", [0, 5])
 def test_an_accepted_command_is_no_event(companion: Companion, spoken: Make, result: int) -> None:
     data = spoken(mavlink.MAVLink_command_ack_message(43_000, result))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.announcements import status_text
@@ -100,6 +101,22 @@ def test_last_words_are_repeated_until_the_autopilot_answers(flight: Make, kind:
     assert flown.companion.receive_mavlink(answer, 20.2).to_autopilot == b""
     assert flown.companion.released
     assert flown.companion.stop(20.25).to_autopilot == b""
+
+
+def test_the_answer_to_a_ground_station_is_no_answer_to_the_last_words(
+    flight: Make, spoken: Make
+) -> None:
+    flown = flight()
+    flown.run(20.0)
+    assert flown.companion.stop(20.05).to_autopilot  # and nobody hears it
+    # MAV_CMD_DO_SET_MODE, accepted: a ground station has selected some mode, perhaps GUIDED again.
+    for_station = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, 255, 190)
+    flown.companion.receive_mavlink(spoken(for_station), 20.1)
+    assert not flown.companion.released
+    assert flown.companion.stop(20.15).to_autopilot
+    for_companion = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, 2, 191)
+    flown.companion.receive_mavlink(spoken(for_companion), 20.2)
+    assert flown.companion.released
 
 
 def test_a_heartbeat_shows_that_the_vehicle_flies_by_itself(flight: Make) -> None:

@@ -129,6 +129,36 @@ def test_an_acknowledgement_is_delivered(codec: Codec, frame: Make) -> None:
     assert codec.decode(frame(message)) == [CommandReport(command=43_002, result=2)]
 
 
+@pytest.mark.parametrize(
+    ("target", "ours"),
+    [
+        ((7, 191), True),  # this companion
+        ((7, 0), True),  # every part of its system
+        ((0, 0), True),  # everyone, and whoever does not name a target
+        ((0, 190), True),
+        ((255, 190), False),  # a ground station
+        ((7, 192), False),  # another computer on board
+        ((8, 191), False),  # another vehicle's companion
+        ((8, 0), False),
+    ],
+)
+def test_an_acknowledgement_counts_for_whom_it_is_addressed_to(
+    codec: Codec, frame: Make, target: tuple[int, int], *, ours: bool
+) -> None:
+    message = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, *target)
+    assert codec.decode(frame(message)) == [CommandReport(command=176, result=0)] * ours
+    assert dict(codec.counters) == ({} if ours else {"for somebody else": 1})
+
+
+def test_an_acknowledgement_of_mavlink_1_has_no_target_and_counts(codec: Codec) -> None:
+    # Command 176 and result 4 alone; the target is an extension. System 7, component 1, message 77.
+    content = b"\x03\x00\x07\x01\x4d" + b"\xb0\x00\x04"
+    extra = mavlink.MAVLink_command_ack_message.crc_extra
+    checksum = mavlink.x25crc(content + bytes([extra])).crc
+    data = b"\xfe" + content + checksum.to_bytes(2, "little")
+    assert codec.decode(data) == [CommandReport(command=176, result=4)]
+
+
 def test_a_status_text_loses_its_control_characters(codec: Codec, frame: Make) -> None:
     message = mavlink.MAVLink_statustext_message(4, b"low\x1b[31m \x07battery\r\n\t\x7f!")
     assert codec.decode(frame(message)) == [TextReport(severity=4, text="low[31m battery!")]
