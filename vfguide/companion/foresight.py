@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
 from vfguide.guidance.leader_motion import low_pass
+from vfguide.guidance.limits import speed_range
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -160,10 +161,11 @@ class Foresight:
         wanted = speed_law(after)
         rate = airframe.beta * (wanted.speed - held_speed(after, airframe))
         speed = held_speed(at, airframe) + (rate - self._bias.acceleration) / airframe.beta
-        if airframe.hold != "course-hold":
-            speed = min(max(speed, airframe.airspeed_min), airframe.airspeed_max)
+        slowest, fastest = speed_range(at, airframe)
         limited = bool(course.limited) or bool(wanted.limited)
-        return Setpoint(course=course.course, speed=speed, limited=limited)
+        return Setpoint(
+            course=course.course, speed=min(max(speed, slowest), fastest), limited=limited
+        )
 
     def course_setpoint(self, law: Law) -> Setpoint[float]:
         """The same for the course alone; the speed is what the law says without any lead."""

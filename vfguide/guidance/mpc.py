@@ -28,10 +28,10 @@ from vfguide.angles import wrap_angle
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.follower import FollowerGuidance
 from vfguide.guidance.formation import FormationError, Slot, SlotMotion, lyapunov, slot_motion
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.limits import GRAVITY, ground_speed_range
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import MpcWeights
-from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
+from vfguide.guidance.wind_triangle import resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 ComplexArray = NDArray[np.complex128]
@@ -308,9 +308,7 @@ class Predictive:
             np.full_like(horizon.speed, state.wind_north),
             np.full_like(horizon.speed, state.wind_east),
         )
-        still = np.zeros_like(horizon.speed)
-        slowest = ground_speed_on_course(still + airframe.airspeed_min, horizon.course, *wind)
-        fastest = ground_speed_on_course(still + airframe.airspeed_max, horizon.course, *wind)
+        slowest, fastest = ground_speed_range(horizon.course, *wind, airframe)
         # V_s + v + (a + dV_s/dt) / beta is what the hold is told; v now is no variable.
         known = horizon.speed + horizon.acceleration / airframe.beta + velocity.real
         least = _summed(highest_along, interval) + highest_along / airframe.beta

@@ -2,7 +2,7 @@
 
 from vfguide.elementwise import Number, clip, greater_of
 from vfguide.guidance.course_law import course_command
-from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
 from vfguide.guidance.speed_law import acceleration_toward, speed_command
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
@@ -108,7 +108,7 @@ def heading_hold(
     turn = clip(heading_rate, -turn_limit, turn_limit)
     rate = clip(airspeed_rate, -airframe.max_acceleration, airframe.max_acceleration)
     wanted = speed_command(state.airspeed, rate, airframe.beta, hold)
-    airspeed = clip(wanted, airframe.airspeed_min, airframe.airspeed_max)
+    airspeed = clip(wanted, *speed_range(state, airframe))
     return Setpoint(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=airspeed,
@@ -123,21 +123,14 @@ def _course_hold(
     airframe: Airframe,
     hold: float,
 ) -> Setpoint[Number]:
-    """Setpoint for course and ground-speed holds: the article's equations.
-
-    The airspeed range bounds the ground speed through the wind triangle on the present course.
-    """
+    """Setpoint for course and ground-speed holds: the article's equations."""
     turn_limit = bank_limited_turn_rate(
         airframe.max_bank, greater_of(state.ground_speed, LEAST_GROUND_SPEED)
     )
     turn = clip(course_rate, -turn_limit, turn_limit)
     rate = clip(acceleration, -airframe.max_acceleration, airframe.max_acceleration)
     wanted = speed_command(state.ground_speed, rate, airframe.beta, hold)
-    still = state.airspeed * 0.0
-    wind = (state.wind_north, state.wind_east)
-    slowest = ground_speed_on_course(still + airframe.airspeed_min, state.course, *wind)
-    fastest = ground_speed_on_course(still + airframe.airspeed_max, state.course, *wind)
-    speed = clip(wanted, slowest, fastest)
+    speed = clip(wanted, *speed_range(state, airframe))
     return Setpoint(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=speed,

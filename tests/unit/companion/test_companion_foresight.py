@@ -135,6 +135,45 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
     assert still.course < now.course + 0.1
 
 
+@pytest.mark.parametrize(
+    ("wind", "slowest", "fastest"),
+    [
+        ({}, 12.0, 32.0),
+        ({"wind_north": 5.0}, 17.0, 37.0),  # from behind
+        ({"wind_north": -4.0}, 8.0, 28.0),  # from ahead
+        ({"wind_east": 9.0}, math.sqrt(63.0), math.sqrt(943.0)),  # 12² - 9², 32² - 9²
+    ],
+)
+def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
+    wind: dict[str, float], slowest: float, fastest: float
+) -> None:
+    # Half a second late, nothing on its way: northbound, whatever the laws ask for.
+    foresight = Foresight(replace(LATE, hold="course-hold"))
+    foresight.observe(state(**wind))
+
+    def told(speed: float) -> float:
+        wanted = Setpoint(course=0.0, speed=speed, limited=False)
+        return foresight.setpoint(lambda _: wanted, lambda _: wanted).speed
+
+    assert told(3.0) == pytest.approx(slowest)
+    assert told(20.0) == pytest.approx(20.0)
+    assert told(60.0) == pytest.approx(fastest)
+
+
+def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect() -> None:
+    # It turns right by 0.2 rad/s, nobody steers it: after the dead time of 0.5 s by 0.1 rad.
+    airframe = replace(LATE, hold="course-hold")
+    foresight = Foresight(airframe)
+    for step in range(200):
+        course = 0.2 * PERIOD * step
+        foresight.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
+    wanted = Setpoint(course=0.0, speed=60.0, limited=False)
+    told = foresight.setpoint(lambda _: wanted, lambda _: wanted).speed
+    tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
+    # On the course of now it would be 0.4 m/s more.
+    assert told == pytest.approx(tail + math.sqrt(32.0**2 - cross**2), abs=0.01)
+
+
 def test_steps_make_up_their_span() -> None:
     assert list(steps(0.0)) == []
     assert sum(steps(0.52)) == pytest.approx(0.52)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -9,11 +10,12 @@ import pytest
 
 from vfguide.angles import wrap_angle
 from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
-from vfguide.guidance.limits import bank_limited_turn_rate, saturation
+from vfguide.guidance.limits import bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.path import Line
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.speed_law import acceleration_toward, sliding_acceleration, speed_command
+from vfguide.state import Airframe, VehicleState
 
 KAPPA, ALPHA, BETA, SPEED = 3.0, 1.2, 0.8, 20.0
 
@@ -39,6 +41,24 @@ def test_a_bank_of_45_degrees_turns_20_m_s_at_0_49_rad_s() -> None:
     assert bank_limited_turn_rate(math.pi / 4.0, 20.0) == pytest.approx(0.4903, abs=1e-4)
     # 9.80665 tan(30 degrees) / 30 = 5.66187/30
     assert bank_limited_turn_rate(math.pi / 6.0, 30.0) == pytest.approx(0.18873, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("course", "slowest", "fastest"),
+    [
+        (0.0, 15.0, 3.0 + math.sqrt(375.0)),  # 3 + sqrt(13² - 5²), 3 + sqrt(20² - 5²)
+        (math.pi / 2.0, 5.0 + math.sqrt(160.0), 5.0 + math.sqrt(391.0)),
+        (math.pi, 9.0, -3.0 + math.sqrt(375.0)),
+    ],
+)
+def test_a_ground_speed_hold_may_be_told_what_the_airspeed_range_comes_to_on_the_course(
+    vehicle: Callable[..., VehicleState[float]], course: float, slowest: float, fastest: float
+) -> None:
+    # 13 to 20 m/s through an air that moves north by 3 and east by 5 m/s.
+    airframe = Airframe(hold="course-hold", airspeed_min=13.0, airspeed_max=20.0)
+    state = vehicle(course=course, wind=(3.0, 5.0))
+    assert speed_range(state, airframe) == (pytest.approx(slowest), pytest.approx(fastest))
+    assert speed_range(state, replace(airframe, hold="heading-hold")) == (13.0, 20.0)
 
 
 def test_on_the_field_the_course_turns_with_it() -> None:
