@@ -65,6 +65,18 @@ class Heard(Protocol):
     """Of the sender."""
 
 
+class Finder(Protocol):
+    """What searches for an autopilot."""
+
+    def first_autopilot_async(
+        self, timeout_s: float, callback: Callable[[object | None], None]
+    ) -> object:
+        """Begin to search; the callback comes from another thread, with None when time is over."""
+
+    def cancel_first_autopilot(self, handle: object) -> None:
+        """End a search, or release one that has ended."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plugins:
     """MAVSDK's handles for one autopilot; it has no types."""
@@ -121,7 +133,7 @@ class MavsdkChannel:
         with instance(self._url) as (mavsdk, own):
             system = None
             while system is None:
-                system = await self._loop.run_in_executor(None, mavsdk.first_autopilot, SEARCH_S)
+                system = await self._search(mavsdk)
                 if system is None:
                     self._status.down("no autopilot heard yet")
             plugins = plugins_of(system, own)
@@ -135,6 +147,25 @@ class MavsdkChannel:
             finally:
                 self._plugins = None
                 plugins.direct.unsubscribe_message(handle)
+
+    async def _search(self, mavsdk: Finder) -> object | None:
+        """The autopilot, or None where none is heard for a while."""
+        found: asyncio.Future[object | None] = self._loop.create_future()
+
+        def settle(system: object | None) -> None:
+            if not found.done():
+                found.set_result(system)
+
+        def tell(system: object | None) -> None:
+            """From a thread of MAVSDK."""
+            self._loop.call_soon_threadsafe(settle, system)
+
+        search = mavsdk.first_autopilot_async(SEARCH_S, tell)
+        try:
+            return await found
+        finally:
+            # A search that outlives its MAVSDK brings the whole process down.
+            mavsdk.cancel_first_autopilot(search)
 
     def _watch(self, plugins: Plugins) -> None:
         """End the offboard mode when nobody steers any more."""

@@ -80,6 +80,12 @@ def free_port() -> int:
         return int(opened.getsockname()[1])
 
 
+@pytest.fixture
+def port() -> int:
+    """A UDP port of 127.0.0.1 that nobody uses."""
+    return free_port()
+
+
 Emulate = Callable[..., AbstractAsyncContextManager[Emulation]]
 
 

@@ -1,6 +1,8 @@
 """MAVSDK as the channel of a connection, between the emulator with PX4's manners and a companion's codec."""
 
 import asyncio
+import subprocess
+import sys
 from collections.abc import Callable
 from random import Random
 from typing import Any
@@ -49,3 +51,27 @@ def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
                 await until(lambda: answered(176))
 
     asyncio.run(test())
+
+
+STOPPED_WHILE_SEARCHING = """
+import asyncio, contextlib, sys
+from random import Random
+from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.connection import open_connection
+
+async def begin_and_stop(address):
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(0.1):
+            async with open_connection(address, print, random=Random(1), by_mavsdk=True):
+                await asyncio.Event().wait()
+
+for _ in range(20):
+    asyncio.run(begin_and_stop(parse_address(sys.argv[1])))
+"""
+
+
+def test_it_can_be_stopped_while_no_autopilot_is_found(port: int) -> None:
+    # In a process of its own: what could go wrong ends it by SIGABRT or SIGSEGV.
+    command = [sys.executable, "-c", STOPPED_WHILE_SEARCHING, f"udpin://127.0.0.1:{port}"]
+    ended = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S)
+    assert ended.returncode == 0, ended.stderr.decode()
