@@ -9,7 +9,7 @@ import errno
 import os
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from random import Random
 from typing import Protocol
 
@@ -118,7 +118,7 @@ def channel_of(
 ) -> AbstractAsyncContextManager[Channel]:
     """What opens and closes a channel of the kind that the address asks for."""
     if by_mavsdk:
-        return running(MavsdkChannel(address, receive, status), status)
+        return running(MavsdkChannel(address, receive, status, random), status)
     if isinstance(address, SerialAddress):
         dial = dial_serial(address)
         return running(ReconnectingStream(dial, receive, status, random), status)
@@ -135,16 +135,22 @@ def channel_of(
 
 @asynccontextmanager
 async def running(channel: RunningChannel, status: Status) -> AsyncIterator[Channel]:
-    """A channel that a task keeps up; its first try has usually ended when this is entered."""
+    """A channel that a task keeps up; its first try has usually ended when this is entered.
+
+    Raises:
+        InputError: the address will not do.
+    """
     task = asyncio.create_task(channel.run(), name="MAVLink connection")
+    settled = asyncio.create_task(status.settled.wait(), name="MAVLink connection: first try")
     try:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(FIRST_TRY):
-                await status.settled.wait()
+        await asyncio.wait([task, settled], timeout=FIRST_TRY, return_when=asyncio.FIRST_COMPLETED)
+        if task.done():
+            task.result()
         yield channel
     finally:
         task.cancel()
-        await asyncio.wait([task])
+        settled.cancel()
+        await asyncio.wait([task, settled])
     if not task.cancelled():
         task.result()
 

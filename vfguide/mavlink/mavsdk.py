@@ -6,6 +6,9 @@ goes by that call; the rest goes through as it is. What arrives is handed on as 
 MAVSDK repeats the last velocity every 50 ms from a thread of its own, also while this process hangs: the
 autopilot's fail-safe then sees a stream that is alive. A watchdog here ends the offboard mode when velocities
 stop coming, which helps against everything but a process that hangs. Prefer `autopilot: px4` for flight.
+
+Whatever ends a MAVSDK is followed by another one. MAVSDK opens a serial port that was unplugged never again
+and says nothing of it: one that hears nothing is ended here.
 """
 
 import asyncio
@@ -19,27 +22,35 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from random import Random
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
+from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD
-from vfguide.mavlink.status import Status
+from vfguide.mavlink.status import Status, reason_of
 
 logger = logging.getLogger(__name__)
 
-SEARCH_S = 2.0
-"""For each try of finding an autopilot."""
+SEARCH_S = 5.0
+"""For each try of finding an autopilot, whose heartbeats come once a second."""
+
+DEAF_S = 15.0
+"""A MAVSDK that hears nothing for longer is done with; by then companions have asked for a hand back."""
 
 WATCH_S = 0.25
 """Between looks of the watchdog."""
 
 SILENCE_S = 1.0
 """Velocities that stop for longer than this end the offboard mode."""
+
+MISTAKES = frozenset({"BIND_ERROR", "CONNECTION_URL_INVALID", "BAUDRATE_UNKNOWN"})
+"""What MAVSDK says of an address that will not do. Anything else, such as a missing device, may pass."""
 
 HEARD: dict[str, type[MAVLink_message]] = {
     "GLOBAL_POSITION_INT": mavlink.MAVLink_global_position_int_message,
@@ -94,13 +105,20 @@ class Plugins:
 class MavsdkChannel:
     """MAVSDK as the channel of a connection."""
 
-    def __init__(self, address: Address, receive: Callable[[bytes], None], status: Status) -> None:
+    def __init__(
+        self,
+        address: Address,
+        receive: Callable[[bytes], None],
+        status: Status,
+        random: Random,
+    ) -> None:
         """Make a channel that is not connected yet.
 
         Args:
             address: as MAVSDK writes them too.
             receive: called from the event loop with whole frames.
             status: of the connection.
+            random: keeps companions that lost the same peer from coming back in step.
 
         Raises:
             InputError: MAVSDK is not installed.
@@ -110,12 +128,14 @@ class MavsdkChannel:
         self._url = str(address)
         self._receive = receive
         self._status = status
+        self._random = random
         self._loop = asyncio.get_running_loop()
         self._packer = MAVLink(None)
         self._parser = MAVLink(None)
         self._plugins: Plugins | None = None
         self._velocity_time = math.inf
-        self._offboard = False
+        self._heard_time = -math.inf
+        self._offboard = self._opened = False
 
     def send(self, datagram: bytes) -> None:
         """Pass on what MAVSDK does not say by itself."""
@@ -129,24 +149,50 @@ class MavsdkChannel:
                 self._say(plugins, message)
 
     async def run(self) -> None:
-        """Find the autopilot, and listen until cancelled."""
-        with instance(self._url) as (mavsdk, own):
-            system = None
-            while system is None:
+        """Find the autopilot and listen, again for ever, until cancelled.
+
+        Raises:
+            InputError: MAVSDK cannot use the address.
+        """
+        failures = 0
+        while True:
+            self._status.counters["tries"] += 1
+            began = time.monotonic()
+            reason = await self._visit()
+            failures = 1 if self._heard_time >= began else failures + 1
+            self._status.down(reason)
+            await asyncio.sleep(retry_delay(failures, self._random.random()))
+
+    async def _visit(self) -> str:
+        """One MAVSDK, from its making to its end; why it ended."""
+        try:
+            with instance(self._url) as (mavsdk, own):
+                self._opened = True
                 system = await self._search(mavsdk)
                 if system is None:
-                    self._status.down("no autopilot heard yet")
-            plugins = plugins_of(system, own)
-            handle = plugins.direct.subscribe_message("", self._hear)
-            self._plugins = plugins
-            self._status.up("by way of MAVSDK")
-            try:
-                while True:
-                    await asyncio.sleep(WATCH_S)
-                    self._watch(plugins)
-            finally:
-                self._plugins = None
-                plugins.direct.unsubscribe_message(handle)
+                    return "no autopilot heard yet"
+                return await self._listen(plugins_of(system, own))
+        except InputError as error:
+            # An address that was good before is no mistake: something is in its way.
+            if not self._opened:
+                raise
+            return reason_of(error)
+        except (import_module("mavsdk").MavsdkError, OSError, RuntimeError, ValueError) as error:
+            return reason_of(error)
+
+    async def _listen(self, plugins: Plugins) -> str:
+        """Hand on what is heard, until nothing is any more; why it ended."""
+        handle = plugins.direct.subscribe_message("", self._hear)
+        self._plugins, self._heard_time = plugins, time.monotonic()
+        self._status.up("by way of MAVSDK")
+        try:
+            while time.monotonic() - self._heard_time <= DEAF_S:
+                await asyncio.sleep(WATCH_S)
+                self._watch(plugins)
+        finally:
+            self._plugins = None
+            plugins.direct.unsubscribe_message(handle)
+        return "nothing is heard any more"
 
     async def _search(self, mavsdk: Finder) -> object | None:
         """The autopilot, or None where none is heard for a while."""
@@ -187,6 +233,7 @@ class MavsdkChannel:
         if message is None or plugins is None:
             self._status.counters["not understood"] += 1
             return
+        self._heard_time = time.monotonic()
         if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
             self._offboard = message.custom_mode >> 16 & 0xFF == MAIN_MODE_OFFBOARD
         if target_of(message) == plugins.own:
@@ -232,6 +279,7 @@ def instance(url: str) -> Iterator[tuple[Any, tuple[int, int]]]:
 
     Raises:
         InputError: it cannot use the address.
+        MavsdkError: it cannot connect for the moment.
     """
     api = import_module("mavsdk")
     configuration = api.Configuration.create_with_component_type(
@@ -240,8 +288,10 @@ def instance(url: str) -> Iterator[tuple[Any, tuple[int, int]]]:
     mavsdk = api.Mavsdk(configuration)
     try:
         result = mavsdk.add_any_connection(url)
-        if result != api.ConnectionResult.SUCCESS:
+        if result.name in MISTAKES:
             raise InputError(f"MAVLink address {url}: MAVSDK says {result.name}")
+        if result != api.ConnectionResult.SUCCESS:
+            raise api.MavsdkError(f"MAVSDK says {result.name}")
         yield mavsdk, (configuration.system_id, configuration.component_id)
     finally:
         mavsdk.destroy()

@@ -1,12 +1,22 @@
 """MAVSDK as the channel of a connection, between the emulator with PX4's manners and a companion's codec."""
 
 import asyncio
+import os
+import socket
 import subprocess
 import sys
-from collections.abc import Callable
+import tty
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
 from random import Random
 from typing import Any
 
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+import vfguide.mavlink.mavsdk
+from vfguide.errors import InputError
 from vfguide.mavlink.adapter import Vehicle
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.codec import Codec
@@ -51,6 +61,69 @@ def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
                 await until(lambda: answered(176))
 
     asyncio.run(test())
+
+
+class SerialPort:
+    """A serial port that can be unplugged, and an autopilot at its other end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._sender = mavlink.MAVLink(None, srcSystem=3, srcComponent=1)
+
+    @asynccontextmanager
+    async def plugged_in(self) -> AsyncIterator[None]:
+        """There, for as long as the context lasts, with a heartbeat ten times a second."""
+        ours, theirs = os.openpty()
+        tty.setraw(theirs)
+        self.path.symlink_to(os.ttyname(theirs))
+        beating = asyncio.create_task(self._beat(ours))
+        try:
+            yield
+        finally:
+            beating.cancel()
+            await asyncio.wait([beating])
+            self.path.unlink()
+            os.close(theirs)
+            os.close(ours)
+
+    async def _beat(self, ours: int) -> None:
+        while True:
+            beat = mavlink.MAVLink_heartbeat_message(1, 12, 129, 0, 4, 3)
+            os.write(ours, beat.pack(self._sender))
+            await asyncio.sleep(0.1)
+
+
+def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 1.0)
+    heard: list[bytes] = []
+
+    async def test() -> None:
+        port = SerialPort(tmp_path / "tty")
+        address = parse_address(f"serial://{port.path}:57600")
+        async with open_connection(address, heard.append, random=Random(1), by_mavsdk=True) as made:
+            assert not made.connected
+            await until(lambda: made.counters["tries"] >= 3)
+            for _ in range(2):
+                heard.clear()
+                async with port.plugged_in():
+                    await until(lambda: made.connected and heard)
+                await until(lambda: not made.connected)
+
+    asyncio.run(test())
+
+
+def test_a_port_that_another_program_has_is_told_before_anything_flies(port: int) -> None:
+    async def test() -> None:
+        address = parse_address(f"udpin://127.0.0.1:{port}")
+        with pytest.raises(InputError, match="BIND_ERROR"):
+            async with open_connection(address, print, random=Random(1), by_mavsdk=True):
+                pytest.fail("it was opened")
+
+    with socket.socket(type=socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", port))
+        asyncio.run(test())
 
 
 STOPPED_WHILE_SEARCHING = """

@@ -1,0 +1,243 @@
+"""A connection that MAVSDK keeps, with a MAVSDK that goes wrong where it is told to."""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from random import Random
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from mavsdk import MavsdkError
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+import vfguide.mavlink.mavsdk
+from vfguide.errors import InputError
+from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mavlink.mavsdk import DEAF_S, Plugins
+from vfguide.mavlink.px4 import Px4
+
+PATIENCE_S = 20.0
+
+OFFBOARD = 6 << 16
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.002)
+
+
+@dataclass(slots=True)
+class Life:
+    """One MAVSDK from its making to its end."""
+
+    fails_at: str = ""
+    error: Exception = field(default_factory=MavsdkError)
+    hear: Callable[[Any, None], None] | None = None
+    """Takes what the autopilot says."""
+
+    def step(self, name: str) -> None:
+        if name == self.fails_at:
+            raise self.error
+
+    def first_autopilot_async(self, _timeout_s: float, callback: Callable[[object], None]) -> int:
+        self.step("search")
+        callback(self)
+        return 1
+
+    def cancel_first_autopilot(self, _handle: int) -> None:
+        pass
+
+    def subscribe_message(self, _name: str, hear: Callable[[Any, None], None]) -> int:
+        self.step("subscribe")
+        self.hear = hear
+        return 2
+
+    def unsubscribe_message(self, _handle: int) -> None:
+        self.hear = None
+
+    def set_velocity_ned(self, _velocity: object) -> None:
+        pass
+
+    def is_active(self) -> bool:
+        self.step("watch")
+        return False
+
+    def beat(self, custom_mode: int = OFFBOARD) -> None:
+        """The autopilot's heartbeat."""
+        fields = dict.fromkeys(mavlink.MAVLink_heartbeat_message.fieldnames, 0)
+        said = json.dumps(fields | {"autopilot": 12, "custom_mode": custom_mode})
+        assert self.hear is not None
+        heard = SimpleNamespace(
+            message_name="HEARTBEAT", fields_json=said, system_id=7, component_id=1
+        )
+        self.hear(heard, None)
+
+
+Lives = Callable[..., list[Life]]
+
+
+@pytest.fixture
+def lives(monkeypatch: pytest.MonkeyPatch) -> Lives:
+    """Lets MAVSDK live these lives, one after the other, then good ones; returns those begun."""
+
+    def set_out(*planned: Life) -> list[Life]:
+        begun: list[Life] = []
+
+        @contextmanager
+        def instance(_url: str) -> Iterator[tuple[Life, tuple[int, int]]]:
+            life = planned[len(begun)] if len(begun) < len(planned) else Life()
+            begun.append(life)
+            life.step("open")
+            yield life, (1, 195)
+
+        def plugins_of(life: Life, own: tuple[int, int]) -> Plugins:
+            life.step("plugins")
+            return Plugins(direct=life, offboard=life, action=life, own=own)
+
+        monkeypatch.setattr(vfguide.mavlink.mavsdk, "instance", instance)
+        monkeypatch.setattr(vfguide.mavlink.mavsdk, "plugins_of", plugins_of)
+        monkeypatch.setattr(vfguide.mavlink.mavsdk, "WATCH_S", 0.002)
+        return begun
+
+    return set_out
+
+
+@pytest.fixture
+def failures(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Failures in a row, as they are given to the backoff; nobody waits for it."""
+    given: list[int] = []
+
+    def retry_delay(failures: int, _share: float) -> float:
+        given.append(failures)
+        return 0.0
+
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "retry_delay", retry_delay)
+    return given
+
+
+def during(
+    test: Callable[[Connection], Any], receive: Callable[[bytes], None] = lambda _: None
+) -> None:
+    """Run a test with a connection."""
+
+    async def run() -> None:
+        address = parse_address("udpin://127.0.0.1:14540")
+        async with open_connection(address, receive, random=Random(1), by_mavsdk=True) as made:
+            await test(made)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("fails_at", ["open", "search", "plugins", "subscribe"])
+@pytest.mark.parametrize("error", [MavsdkError("x"), RuntimeError("x"), OSError(5, "x")])
+def test_a_mavsdk_that_fails_is_followed_by_another(
+    lives: Lives, fails_at: str, error: Exception
+) -> None:
+    begun = lives(Life(fails_at, error), Life())
+    heard: list[bytes] = []
+
+    async def test(made: Connection) -> None:
+        await until(lambda: made.connected)
+        assert len(begun) == made.counters["tries"] == 2
+        begun[1].beat()
+        await until(lambda: heard)
+
+    during(test, heard.append)
+    assert len(Codec(7, 1).decode(heard[0])) == 1
+
+
+def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(
+    lives: Lives, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "SILENCE_S", 0.0)
+    begun = lives(Life("watch", RuntimeError("has been destroyed")), Life())
+    vehicle = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
+    velocity = Codec(7, 1).encode(Px4(vehicle).stay_ready(1.0, 20.0))
+
+    async def test(made: Connection) -> None:
+        await until(lambda: made.connected)
+        begun[0].beat(OFFBOARD)
+        await asyncio.sleep(0)
+        made.send(velocity)
+        await until(lambda: len(begun) == 2 and made.connected)
+        assert (made.counters["connected"], made.counters["disconnected"]) == (2, 1)
+        begun[1].beat()
+
+    during(test)
+
+
+def test_it_waits_as_every_connection_does_and_anew_after_each_success(
+    lives: Lives, failures: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
+    # The third hears an autopilot for a moment.
+    lives(Life("open"), Life("search"), Life(), Life("open"), Life("subscribe"))
+
+    async def test(_made: Connection) -> None:
+        await until(lambda: len(failures) >= 5)
+
+    during(test)
+    assert failures[:5] == [1, 2, 1, 2, 3]
+
+
+def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(
+    lives: Lives, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, now = [0], [100.0]
+
+    def monotonic() -> float:
+        looks[0] += 1
+        return now[0]
+
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "time", SimpleNamespace(monotonic=monotonic))
+    begun = lives(Life(), Life())
+
+    async def look() -> None:
+        seen = looks[0]
+        await until(lambda: looks[0] >= seen + 10)
+
+    async def test(made: Connection) -> None:
+        await until(lambda: made.connected)
+        now[0] += DEAF_S - 0.1
+        begun[0].beat()
+        await look()
+        now[0] += DEAF_S - 0.1
+        await look()
+        assert len(begun) == 1
+        assert made.connected
+        now[0] += 0.2
+        await until(lambda: len(begun) == 2)
+        await until(lambda: made.connected)
+
+    during(test)
+
+
+def test_an_address_that_will_not_do_is_told_before_anything_flies(lives: Lives) -> None:
+    lives(Life("open", InputError("MAVLink address x: MAVSDK says CONNECTION_URL_INVALID")))
+
+    async def test(_made: Connection) -> None:
+        pytest.fail("it was opened")
+
+    with pytest.raises(InputError, match="CONNECTION_URL_INVALID"):
+        during(test)
+
+
+def test_an_address_that_was_good_is_tried_again(
+    lives: Lives, failures: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
+    taken = Life("open", InputError("MAVLink address x: MAVSDK says BIND_ERROR"))
+    begun = lives(Life(), taken)
+
+    async def test(_made: Connection) -> None:
+        await until(lambda: len(begun) >= 3)
+
+    during(test)
+    assert failures[:2] == [1, 2]
