@@ -1,6 +1,5 @@
 """Companions in containers, and autopilots that are not: the profile `sitl`."""
 
-import json
 import math
 import subprocess
 import sys
@@ -9,16 +8,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vfguide.mission import Mission, load_mission
+from vfguide.rehearsal.judge import Judge
+from vfguide.report.geometry import slot_error
+
 if TYPE_CHECKING:
     from tests.docker.conftest import Flights, Flown, Formation
 
-SLOTS_M = {"f1": math.hypot(20.0, 20.0), "f2": math.hypot(20.0, 20.0), "f3": 40.0}
-"""From the leader."""
+FOLLOWERS = ("f1", "f2", "f3")
 
-COMPANIONS = ("sitl-leader", *(f"sitl-{name}" for name in SLOTS_M))
+COMPANIONS = ("sitl-leader", *(f"sitl-{name}" for name in FOLLOWERS))
 
-IN_SLOT_M = 5.0
-"""That all fly together is shown here, not how closely: one follower was seen to stay 2 to 3 m off."""
+IN_SLOT_M = 1.0
 
 TRIES = 180
 """A second each."""
@@ -26,40 +27,40 @@ TRIES = 180
 STUB = (
     *(sys.executable, "-m", "sitl_stub", "--system-id", "1", "--count", "4", "--airborne"),
     *("--mavlink", "udpout://127.0.0.1:14540", "--start", "47.397742,8.545594,588,270"),
+    *("--truth-rate", "20"),
 )
 """Four autopilots on this computer, who call the ports that the companions are published at."""
 
-LEAST_RECENT = 80
-"""Lines of true states that tell where all are by now."""
+RECENT = 5 * 20 * 4
+"""Lines of true states: five seconds of all four."""
 
 
-def distances(truth: Path) -> dict[str, float]:
-    """How far each follower is from its leader, m, by what the autopilots themselves know."""
-    places = {}
-    for line in truth.read_text().splitlines()[-LEAST_RECENT:]:
-        state = json.loads(line)
-        east_scale = math.cos(math.radians(state["latitude_deg"]))
-        places[state["system_id"]] = (
-            state["latitude_deg"] * 111_194.9,
-            state["longitude_deg"] * 111_194.9 * east_scale,
-        )
-    if len(places) < 1 + len(SLOTS_M):
-        return dict.fromkeys(SLOTS_M, math.inf)
-    return {name: math.dist(places[1], places[2 + n]) for n, name in enumerate(SLOTS_M)}
+def slot_errors(mission: Mission, truth: Path) -> dict[str, float]:
+    """How far each follower was from its slot at most, lately, m, by what the autopilots themselves know."""
+    judge = Judge(mission)
+    for line in truth.read_bytes().splitlines()[-RECENT:]:
+        judge.datagram_received(line, None)
+    if not judge.common_samples():
+        return dict.fromkeys(FOLLOWERS, math.inf)
+    record = judge.record(wall_s=0.0)
+    return {
+        one.name: float(slot_error(record.leader, one).distance_m.max()) for one in record.followers
+    }
 
 
 def own_autopilots(formation: "Formation") -> "Flown":
     """Fly until all are where they belong, for a while; how far they were from that at last."""
     formation.compose("up", "--detach")
+    mission = load_mission(formation.directory / "mission.yaml")
     truth = formation.directory / "truth.jsonl"
-    astray = dict.fromkeys(SLOTS_M, math.inf)
+    astray = dict.fromkeys(FOLLOWERS, math.inf)
     with subprocess.Popen([*STUB, "--truth", str(truth)]) as stub:
         try:
             for _ in range(TRIES):
                 time.sleep(1.0)
                 assert stub.poll() is None, "the autopilots have ended"
-                now = distances(truth) if truth.exists() else astray
-                astray = {name: abs(now[name] - SLOTS_M[name]) for name in SLOTS_M}
+                if truth.exists():
+                    astray = slot_errors(mission, truth)
                 if max(astray.values()) < IN_SLOT_M:
                     break
         finally:
