@@ -3,12 +3,24 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from pydantic import ValidationError
+
+from vfguide.errors import InputError
+from vfguide.mission.explain import explain
+from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
 ControllerName = Literal["slot", "article", "pid", "mpc"]
 PlantName = Literal["course-hold", "heading-hold", "bank"]
 SpeedResponseName = Literal["first-order", "tecs"]
 WindName = Literal["calm", "article"]
+
+OPTIONS: dict[Location, str] = {
+    ("rehearsal", "duration_s"): "--duration",
+    ("rehearsal", "rate_hz"): "--rate",
+    ("rehearsal", "seed"): "--seed",
+}
+"""Fields that an option overrides, and that may be out of range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +41,22 @@ class Overrides:
     """Instead of `rehearsal.rate_hz`."""
     seed: int | None = None
     """Instead of `rehearsal.seed`."""
+
+
+def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
+    """The mission with the command line's word in it.
+
+    Raises:
+        InputError: an option is out of its range.
+    """
+    try:
+        return overridden(mission, overrides)
+    except ValidationError as error:
+        lines = (
+            f"{OPTIONS.get(one.location, 'command line')}: {one.message}; {one.remedy}"
+            for one in explain(error)
+        )
+        raise InputError("\n".join(lines)) from error
 
 
 def overridden(mission: Mission, overrides: Overrides) -> Mission:

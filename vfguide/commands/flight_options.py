@@ -1,0 +1,170 @@
+"""The options of `vfguide fly`, and of `judge` and `emulate`, which fly in parts."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vfguide.commands.check import WRONG
+from vfguide.commands.overrides import (
+    ControllerName,
+    Overrides,
+    PlantName,
+    SpeedResponseName,
+    WindName,
+    apply_overrides,
+)
+from vfguide.commands.shared_options import (
+    AsJson,
+    Duration,
+    LinkUrl,
+    MissionFile,
+    MissionOption,
+    Speedup,
+    VehicleName,
+)
+from vfguide.commands.terminal import Terminal
+from vfguide.mission import read_mission
+from vfguide.mission.feasibility import check_mission
+
+# What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
+
+
+def fly(
+    mission: MissionFile,
+    *,
+    controller: Annotated[
+        ControllerName | None, typer.Option(help="Instead of the file's controller.type.")
+    ] = None,
+    plant: Annotated[
+        PlantName | None, typer.Option(help="Instead of every vehicle's plant.")
+    ] = None,
+    speed_response: Annotated[
+        SpeedResponseName | None, typer.Option(help="Instead of the emulators' own.")
+    ] = None,
+    wind: Annotated[WindName | None, typer.Option(help="Instead of the file's wind.")] = None,
+    duration: Duration = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Guidance steps per second.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Of everything random.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where summary, report, record and .tlog files go."),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Real time, real sockets, a process for each program.")
+    ] = False,
+    speedup: Annotated[
+        float, typer.Option(metavar="X", help="With --live: times as fast as real time.")
+    ] = 1.0,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="With --live: a broker; an embedded one if absent."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fly a whole formation on this computer.
+
+    One emulator and one companion for each vehicle, in virtual time: as fast as it goes, and repeatable;
+    or with --live in real time, joined by UDP and an MQTT broker.
+
+    Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
+    """
+    loaded = read_mission(mission)
+    overrides = Overrides(
+        controller=controller,
+        plant=plant,
+        speed_response=speed_response,
+        wind=wind,
+        duration_s=duration,
+        rate_hz=rate,
+        seed=seed,
+    )
+    changed = apply_overrides(loaded.mission, overrides)
+    findings = check_mission(changed, loaded.source)
+    errors = Terminal(stderr=True)
+    for finding in findings:
+        if finding.severity != "note":
+            errors.tell(str(finding))
+    if any(finding.severity == "error" for finding in findings):
+        raise typer.Exit(WRONG)
+    from vfguide.commands.fly import fly as fly_mission
+
+    if not live:
+        raise typer.Exit(fly_mission(changed, out=out, as_json=as_json))
+    from vfguide.commands.fly_live import fly_live as fly_mission_live
+
+    status = fly_mission_live(changed, link=link, speedup=speedup, out=out, as_json=as_json)
+    raise typer.Exit(status)
+
+
+def judge(
+    mission: MissionFile,
+    *,
+    truth: Annotated[
+        str,
+        typer.Option(metavar="URL", help="Where emulators send true states: udpin://HOST:PORT."),
+    ],
+    link: LinkUrl,
+    start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where summary, report and record go.")],
+    duration: Duration = None,
+    speedup: Speedup = 1.0,
+    patience: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Real seconds to wait for companions.")
+    ] = 60.0,
+    as_json: AsJson = False,
+) -> None:
+    """Start, watch and judge a flight whose emulators and companions somebody else runs.
+
+    Waits until every companion is online, lets the emulators begin, and judges by their true states. Exit
+    status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
+    """
+    from vfguide.commands.judge import judge_flight
+
+    changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
+    verdict = judge_flight(
+        changed,
+        truth=truth,
+        link=link,
+        start=start,
+        speedup=speedup,
+        patience_s=patience,
+        out=out,
+        as_json=as_json,
+    )
+    raise typer.Exit(verdict)
+
+
+def emulate(
+    vehicle: VehicleName,
+    *,
+    mission: MissionOption,
+    mavlink: Annotated[
+        str, typer.Option(metavar="URL", help="Its companion, such as udpin://0.0.0.0:14540.")
+    ],
+    truth: Annotated[
+        str, typer.Option(metavar="URL", help="The judge of true states: udpout://HOST:PORT.")
+    ],
+    start: Annotated[
+        Path, typer.Option(metavar="FILE", help="Where the judge writes when to begin.")
+    ],
+    speedup: Speedup = 1.0,
+) -> None:
+    """Emulate one aircraft of a mission, in its place and wind, when `vfguide judge` says so.
+
+    Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
+    """
+    from vfguide.commands.emulate import emulate as emulate_vehicle
+
+    emulate_vehicle(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        truth=truth,
+        start=start,
+        speedup=speedup,
+    )

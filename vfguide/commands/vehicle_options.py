@@ -1,0 +1,90 @@
+"""The options of `vfguide companion` and `identify`, which steer one real vehicle."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vfguide.commands.shared_options import AutopilotUrl, LinkUrl, MissionOption, VehicleName
+from vfguide.mission import read_mission
+
+# What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
+
+
+def companion(
+    vehicle: VehicleName,
+    *,
+    mission: MissionOption,
+    mavlink: AutopilotUrl,
+    link: LinkUrl,
+    engage: Annotated[
+        bool,
+        typer.Option(
+            "--engage", help="Put the autopilot into its guided mode, the first time, by itself."
+        ),
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep the vehicle's .tlog there.")
+    ] = None,
+    signing_key_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."
+        ),
+    ] = None,
+    clock: Annotated[str | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Run the companion of one vehicle, until SIGTERM.
+
+    It never arms, and unless --engage says so it never changes the autopilot's mode: it steers while
+    the pilot has selected the guided mode. Exit status: 0 stopped cleanly, 2 the input is wrong, 3 broken.
+    """
+    from vfguide.commands.companion import run_companion
+
+    run_companion(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        link=link,
+        engage=engage,
+        record=record,
+        clock=clock,
+        signing_key_file=signing_key_file,
+    )
+
+
+def identify(
+    vehicle: VehicleName,
+    *,
+    mission: MissionOption,
+    mavlink: AutopilotUrl,
+    engage: Annotated[
+        bool, typer.Option("--engage", help="Put the autopilot into its guided mode, by itself.")
+    ] = False,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=10, help="How often each group of steps is flown.")
+    ] = 2,
+    speedup: Annotated[
+        float, typer.Option(metavar="X", help="The emulator's time in parts of real time.")
+    ] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep profile and picture there.")
+    ] = None,
+) -> None:
+    """Fly small steps of course and speed, and find how the autopilot answers.
+
+    Prints alpha, beta, dead times and lags with their intervals, as lines for the mission file. Exit status:
+    0 they are known well, 1 they are not or the flight ended early, 2 the input is wrong, 3 broken.
+    """
+    from vfguide.commands.identify import identify as identify_vehicle
+
+    status = identify_vehicle(
+        read_mission(mission).mission,
+        vehicle,
+        mavlink=mavlink,
+        engage=engage,
+        repeats=repeats,
+        speedup=speedup,
+        out=out,
+    )
+    raise typer.Exit(status)
