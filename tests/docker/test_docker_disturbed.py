@@ -5,12 +5,12 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tests.docker.flights import Flights
+from tests.docker.flown import Flown
+from tests.docker.formation import Formation
 from vfguide.link.codec import decode, encode
-
-if TYPE_CHECKING:
-    from tests.docker.conftest import Flights, Flown, Formation
 
 Tell = Callable[[str], None]
 
@@ -51,15 +51,13 @@ PATIENCE_S = 25.0
 """Real time for the companions that are let in to start, where one is not and cannot be waited for."""
 
 
-def client(
-    formation: "Formation", user: str, program: str, *options: str, check: bool = True
-) -> str:
+def client(formation: Formation, user: str, program: str, *options: str, check: bool = True) -> str:
     """Run a program of mosquitto's, with the rights of the container whose user it is."""
     command = 'exec "$0" -u "$VEHICLE" -P "$(cat /var/lib/vfguide/password/password)" "$@"'
     return str(formation.inside(user, "sh", "-c", command, program, *LINK, *options, check=check))
 
 
-def forge(formation: "Formation") -> dict[str, Any]:
+def forge(formation: Formation) -> dict[str, Any]:
     """As f3, tell the formation that the leader is a kilometre away; then tell it something of one's own."""
     heard = client(
         formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "15", "-F", "%x"
@@ -89,7 +87,7 @@ def forge(formation: "Formation") -> dict[str, Any]:
     }
 
 
-def troubled(formation: "Formation") -> "Flown":
+def troubled(formation: Formation) -> Flown:
     """One trouble after the other, with time to recover in between."""
     formation.start()
     seen = {"forged": forge(formation)}
@@ -111,7 +109,7 @@ def troubled(formation: "Formation") -> "Flown":
     return formation.finish(seen)
 
 
-def abandoned(formation: "Formation") -> "Flown":
+def abandoned(formation: Formation) -> Flown:
     """One companion that is not let in, a bad link for all, and one that loses it for good."""
     formation.overrule({"services": {"f3": {"environment": {"VFGUIDE_LINK_PASSWORD": "wrong"}}}})
     formation.start()
@@ -136,7 +134,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: "Flights") -> None:
+def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: Flights) -> None:
     flown = flights["troubled"]
     assert flown.seen["forged"]["lies heard"] == 0
     assert flown.seen["forged"]["own words heard"] >= 1
@@ -145,7 +143,7 @@ def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: "Flights") -> N
 
 
 def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
-    flights: "Flights", tell: Tell
+    flights: Flights, tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(*CUT_S, "f2")
@@ -157,7 +155,7 @@ def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
     assert flown.greatest(RESTARTED_S - 3.0, RESTARTED_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_formation_flies_on_while_its_broker_starts_again(flights: "Flights", tell: Tell) -> None:
+def test_a_formation_flies_on_while_its_broker_starts_again(flights: Flights, tell: Tell) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(RESTARTED_S, PAUSED_S[0], "f1", "f2", "f3")
     tell(f"broker started again: at most {off_m:.2f} m off")
@@ -166,7 +164,7 @@ def test_a_formation_flies_on_while_its_broker_starts_again(flights: "Flights", 
 
 
 def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
-    flights: "Flights", tell: Tell
+    flights: Flights, tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(PAUSED_S[0], KILLED_S, "f1")
@@ -177,7 +175,7 @@ def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
 
 
 def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
-    flights: "Flights", tell: Tell
+    flights: Flights, tell: Tell
 ) -> None:
     flown = flights["troubled"]
     off_m = flown.greatest(KILLED_S, ENDS_S, "f1", "f2", "f3")
@@ -187,14 +185,14 @@ def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
     assert flown.greatest(ENDS_S - 3.0, ENDS_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_aircraft_stay_apart_through_all_troubles(flights: "Flights", tell: Tell) -> None:
+def test_aircraft_stay_apart_through_all_troubles(flights: Flights, tell: Tell) -> None:
     least_m = flights["troubled"].least_separation_m("leader", "f1", "f2", "f3")
     tell(f"least separation through all troubles: {least_m:.1f} m")
     assert least_m > REJOINING_APART_M
 
 
 def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(
-    flights: "Flights",
+    flights: Flights,
 ) -> None:
     flown = flights["abandoned"]
     assert "refused: wrong user name or password" in flown.logs["f3"]
@@ -203,12 +201,12 @@ def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(
     assert flown.status == 1
 
 
-def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights: "Flights") -> None:
+def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights: Flights) -> None:
     flown = flights["abandoned"]
     assert flown.greatest(SETTLED_S, IMPAIRED_S[0], "f1", "f2") < IN_SLOT_M
 
 
-def test_a_slow_and_lossy_link_costs_little(flights: "Flights", tell: Tell) -> None:
+def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> None:
     flown = flights["abandoned"]
     errors = [flown.errors(name, *IMPAIRED_S) for name in ("f1", "f2")]
     mean_m = sum(float(one.mean()) for one in errors) / len(errors)
@@ -221,7 +219,7 @@ def test_a_slow_and_lossy_link_costs_little(flights: "Flights", tell: Tell) -> N
     assert flown.greatest(LOST_S - 3.0, LOST_S, "f1", "f2") < IN_SLOT_M
 
 
-def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: "Flights") -> None:
+def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights) -> None:
     flown = flights["abandoned"]
     assert flown.modes("f2")[-1] != "tracking"
     assert flown.greatest(LOST_S, LOST_S + PREDICTION_S - 1.0, "f2") < 5.0
@@ -229,9 +227,7 @@ def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: "Flights")
     assert flown.least_separation_m("leader", "f1", "f2") > APART_M
 
 
-def test_the_others_fly_on_without_a_follower_that_broke_away(
-    flights: "Flights", tell: Tell
-) -> None:
+def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights, tell: Tell) -> None:
     flown = flights["abandoned"]
     off_m = flown.greatest(LOST_S, LOST_ENDS_S, "f1")
     tell(f"a follower lost for good: another gave way by {off_m:.1f} m")

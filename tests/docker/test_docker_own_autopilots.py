@@ -6,14 +6,14 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tests.docker.flights import Flights
+from tests.docker.flown import Flown
+from tests.docker.formation import Formation
 from vfguide.mission import Mission, load_mission
 from vfguide.rehearsal.judge import Judge
 from vfguide.report.geometry import slot_error
-
-if TYPE_CHECKING:
-    from tests.docker.conftest import Flights, Flown, Formation
 
 FOLLOWERS = ("f1", "f2", "f3")
 
@@ -48,7 +48,7 @@ def slot_errors(mission: Mission, truth: Path) -> dict[str, float]:
     }
 
 
-def own_autopilots(formation: "Formation") -> "Flown":
+def own_autopilots(formation: Formation) -> Flown:
     """Fly until all are where they belong, for a while; how far they were from that at last."""
     formation.compose("up", "--detach")
     mission = load_mission(formation.directory / "mission.yaml")
@@ -74,7 +74,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     return {"own": (own_autopilots, {"mission": missions("circle-calm"), **settings})}
 
 
-def test_companions_in_containers_lead_autopilots_of_ones_own(flights: "Flights") -> None:
+def test_companions_in_containers_lead_autopilots_of_ones_own(flights: Flights) -> None:
     flown = flights["own"]
     assert max(flown.seen.values()) < IN_SLOT_M, (flown.seen, flown.logs)
     for name in COMPANIONS:

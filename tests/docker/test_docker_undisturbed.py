@@ -5,12 +5,13 @@ import re
 import time
 from collections.abc import Callable
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-if TYPE_CHECKING:
-    from tests.docker.conftest import Flights, Flown, Formation
+from tests.docker.flights import Flights
+from tests.docker.flown import Flown
+from tests.docker.formation import Formation
 
 Tell = Callable[[str], None]
 
@@ -59,7 +60,7 @@ for host in sys.argv[1:]:
 """
 
 
-def usage(formation: "Formation") -> dict[str, tuple[float, float]]:
+def usage(formation: Formation) -> dict[str, tuple[float, float]]:
     """Cores and megabytes that each container takes, by service."""
     identifiers = {name: formation.container(name) for name in formation.services}
     text = formation.docker("stats", "--no-stream", "--format", USAGE, *identifiers.values())
@@ -71,7 +72,7 @@ def usage(formation: "Formation") -> dict[str, tuple[float, float]]:
     return found
 
 
-def measured(formation: "Formation") -> "Flown":
+def measured(formation: Formation) -> Flown:
     """Fly as a user does, and look at the containers meanwhile."""
     formation.begin_in_foreground()
     seen: dict[str, Any] = {"inspected": {}, "users": {}}
@@ -105,7 +106,7 @@ def measured(formation: "Formation") -> "Flown":
     return formation.finish_in_foreground(seen)
 
 
-def plain(formation: "Formation") -> "Flown":
+def plain(formation: Formation) -> Flown:
     """Fly and wait."""
     formation.start()
     return formation.finish(formation.began_s)
@@ -122,7 +123,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["calm", "windy"])
 def test_a_formation_in_containers_keeps_the_missions_figures(
-    flights: "Flights", tell: Tell, name: str
+    flights: Flights, tell: Tell, name: str
 ) -> None:
     flown = flights[name]
     tell(f"{name}: {json.dumps(flown.summary['formation'])}")
@@ -133,12 +134,12 @@ def test_a_formation_in_containers_keeps_the_missions_figures(
     assert flown.summary["latency"]
 
 
-def test_the_judge_leaves_a_report(flights: "Flights") -> None:
+def test_the_judge_leaves_a_report(flights: Flights) -> None:
     names = {path.name for path in flights["windy"].directory.iterdir()}
     assert {"summary.json", "flight.npz", "report.html"} <= names
 
 
-def test_all_containers_together_stay_within_their_budget(flights: "Flights", tell: Tell) -> None:
+def test_all_containers_together_stay_within_their_budget(flights: Flights, tell: Tell) -> None:
     samples = flights["windy"].seen["usage"]
     tell(f"{'container':16} {'core':>6} {'MB':>6}   mean of {len(samples)} samples")
     mean = {
@@ -152,7 +153,7 @@ def test_all_containers_together_stay_within_their_budget(flights: "Flights", te
     assert total_mb < MOST_MB
 
 
-def test_setpoints_begin_soon_after_the_containers(flights: "Flights", tell: Tell) -> None:
+def test_setpoints_begin_soon_after_the_containers(flights: Flights, tell: Tell) -> None:
     flown = flights["calm"]
     for vehicle in ("leader", "f1", "f2", "f3"):
         line = next(line for line in flown.logs[vehicle].splitlines() if "waiting -> " in line)
@@ -160,13 +161,13 @@ def test_setpoints_begin_soon_after_the_containers(flights: "Flights", tell: Tel
         tell(f"{vehicle}: first setpoint {first - flown.seen:.1f} s after `up`")
 
 
-def test_every_container_is_healthy(flights: "Flights") -> None:
+def test_every_container_is_healthy(flights: Flights) -> None:
     inspected = flights["windy"].seen["inspected"]
     health = {name: one["State"]["Health"]["Status"] for name, one in inspected.items()}
     assert health == dict.fromkeys(inspected, "healthy")
 
 
-def test_no_container_runs_as_root_or_may_become_it(flights: "Flights") -> None:
+def test_no_container_runs_as_root_or_may_become_it(flights: Flights) -> None:
     for service, text in flights["windy"].seen["users"].items():
         fields = [line.split() for line in text.splitlines()]
         users = {user for name, *rest in fields if name == "Uid:" for user in rest}
@@ -177,14 +178,14 @@ def test_no_container_runs_as_root_or_may_become_it(flights: "Flights") -> None:
         assert privileges == {"1"}, service
 
 
-def test_no_container_can_write_into_its_system(flights: "Flights") -> None:
+def test_no_container_can_write_into_its_system(flights: Flights) -> None:
     seen = flights["windy"].seen
     assert seen["written"] == ""
     read_only = {one["HostConfig"]["ReadonlyRootfs"] for one in seen["inspected"].values()}
     assert read_only == {True}
 
 
-def test_no_companion_reaches_the_autopilot_of_another(flights: "Flights") -> None:
+def test_no_companion_reaches_the_autopilot_of_another(flights: Flights) -> None:
     seen = flights["windy"].seen
     found = dict(line.split() for line in seen["f1 finds"].splitlines())
     assert found.pop("broker") != "unknown"
