@@ -63,4 +63,5 @@ def flight_needs(plan: FlightPlan) -> FlightNeeds:
         max_bank=airframe.max_bank,
         alpha=airframe.alpha,
         rate_hz=plan.rate_hz,
+        slips=plan.slips,
     )

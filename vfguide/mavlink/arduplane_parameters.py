@@ -25,6 +25,9 @@ MOST_TECS_TIME_CONST = 3.0
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what GUIDED_P gives."""
 
+LEAST_TURN_SHARE = 0.5
+"""A vehicle that slips turns at least this much of what its bank says; the simulated plane does 0.745."""
+
 
 def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
     """One line for each parameter that does not fit."""
@@ -59,7 +62,7 @@ def failsafe_warning(parameters: Mapping[str, float]) -> list[str]:
 
 
 def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """GUIDED_P decides how fast a course is taken up: alpha = GUIDED_P g / V for small errors."""
+    """GUIDED_P decides how fast a course is taken up: alpha = GUIDED_P g / V, or less where it slips."""
     gain = parameters.get("GUIDED_P")
     if gain is None:
         return []
@@ -70,7 +73,9 @@ def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list
             f"GUIDED_P is {gain:g}: courses are taken up slowly, and a follower swings about its slot;"
             f" {LEAST_GUIDED_P:g} to 15000 is what flies well"
         )
-    if abs(alpha - needs.alpha) > ALPHA_SHARE * needs.alpha:
+    slowest = LEAST_TURN_SHARE * alpha if needs.slips else alpha
+    # Too little for what the mission counts on, or too much.
+    if alpha < (1.0 - ALPHA_SHARE) * needs.alpha or slowest > (1.0 + ALPHA_SHARE) * needs.alpha:
         warnings.append(
             f"GUIDED_P is {gain:g}, which gives alpha {alpha:.2f} 1/s at {needs.airspeed:g} m/s, and the"
             f" mission says {needs.alpha:g}: fly `vfguide identify` and take over what it finds"

@@ -24,6 +24,8 @@ class FlightNeeds:
     """Course response that the laws count on, 1/s."""
     rate_hz: float
     """Position reports that will be asked for, per second."""
+    slips: bool = False
+    """Whether it turns less than its bank says."""
 
 
 def request_parameters(

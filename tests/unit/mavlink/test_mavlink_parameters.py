@@ -1,6 +1,7 @@
 import math
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -44,6 +45,18 @@ FITTING_PX4 = {
     "FW_AIRSPD_MAX": 28.0,
     "FW_R_LIM": 50.0,
 }
+
+
+@pytest.mark.parametrize(
+    ("alpha", "warned"), [(0.3, True), (0.45, False), (1.4, False), (1.5, True)]
+)
+def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(
+    alpha: float, *, warned: bool
+) -> None:
+    # 12000 cdeg/rad at 20 m/s are 1.027 1/s, half of it 0.514: 0.395 and 1.467 are the bounds.
+    needs = replace(NEEDS, alpha=alpha, slips=True)
+    warnings = arduplane_warnings(FITTING_ARDUPLANE, needs)
+    assert any("gives alpha 1.03" in warning for warning in warnings) is warned
 
 
 def test_parameters_that_fit_bring_no_warning() -> None:
