@@ -27,19 +27,21 @@ COPY pyproject.toml ./
 RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" \
       > requirements.txt
 
+# Left out: tests of packages, all of MAVLink's dialects but the one that is spoken, 80 MB of them, and what installs
+# packages. Compiled is what stays.
 FROM python AS build
 COPY --from=requirements /source/requirements.txt ./
 COPY constraints.txt ./
-RUN pip install --quiet --only-binary :all: --constraint constraints.txt --requirement requirements.txt
-COPY . ./
-RUN pip install --quiet --no-deps .
-# Left out: what installs packages, their tests, and all of MAVLink's dialects but the one that is spoken, 80 MB of them.
-RUN pip uninstall --quiet --yes pip setuptools \
+RUN pip install --quiet --no-compile --only-binary :all: --constraint constraints.txt --requirement requirements.txt \
  && find /opt/vfguide -type d -name tests -prune -exec rm -rf {} + \
  && cd /opt/vfguide/lib/python3*/site-packages/pymavlink/dialects \
  && rm -rf v09 v10 \
  && find v20 -type f ! -name '__init__*' ! -name 'ardupilotmega.*' -delete \
  && find v20 -name '*.xml' -delete
+COPY . ./
+RUN pip install --quiet --no-compile --no-deps . \
+ && pip uninstall --quiet --yes pip setuptools \
+ && python3 -m compileall -q /opt/vfguide/lib
 
 FROM system
 RUN groupadd --gid 10001 vfguide \

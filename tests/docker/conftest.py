@@ -3,20 +3,19 @@
 import json
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import pytest
 
-from tests.docker.flights import Flights, Scenario, Settings, fly
-from tests.docker.programs import COMPOSE_FILE, PROJECT, run
+from tests.docker.flights import AllFlights, Flights, Scenario, Settings, fly
+from tests.docker.flown import Flown
+from tests.docker.programs import PROJECT, run
 from vfguide.mission import load_mission
 
-AT_ONCE = 3 if os.getloadavg()[0] < 2.0 * (os.cpu_count() or 1) else 1
-"""Formations: Docker has addresses for thirty networks, and each takes seven. One, where others wait for
-the cores already."""
+AT_ONCE = 3
+"""Formations: Docker has addresses for thirty networks, and each takes seven."""
 
 
 TOLD = pytest.StashKey[list[str]]()
@@ -60,20 +59,10 @@ def compose() -> tuple[str, ...]:
 @pytest.fixture(scope="session")
 def image(compose: tuple[str, ...], tell: Callable[[str], None]) -> dict[str, Any]:
     """The image as Docker describes it, built from the Dockerfile on the base that there is."""
-    base = next(
-        line.removeprefix("ARG BASE_IMAGE=")
-        for line in (PROJECT / "Dockerfile").read_text().splitlines()
-        if line.startswith("ARG BASE_IMAGE=")
-    )
-    if not run("docker", "image", "ls", "--quiet", base) and not run(
-        "docker", "pull", "--quiet", base, check=False
-    ):
-        run(str(PROJECT / "tests/docker/make-base-image"), base)
-    began = time.monotonic()
-    run(*compose, "--file", str(COMPOSE_FILE), "build", "broker")
+    assert compose
+    run(str(PROJECT / "tests/docker/make-image"))
     described: dict[str, Any] = json.loads(run("docker", "image", "inspect", "vfguide:local"))[0]
-    size_mb = described["Size"] / 1e6
-    tell(f"image of {size_mb:.0f} MB, built within {time.monotonic() - began:.0f} s")
+    tell(f"image of {described['Size'] / 1e6:.0f} MB")
     return described
 
 
@@ -94,13 +83,13 @@ def missions() -> Callable[..., dict[str, Any]]:
 
 
 @pytest.fixture(scope="session")
-def flights(
+def all_flights(
     request: pytest.FixtureRequest,
     compose: tuple[str, ...],
     image: dict[str, Any],
     missions: Callable[..., dict[str, Any]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[Flights]:
+) -> Iterator[AllFlights]:
     """All that the collected modules have to be flown, side by side: real time passes once."""
     assert image
     items = (item for item in request.session.items if isinstance(item, pytest.Function))
@@ -111,13 +100,16 @@ def flights(
     # The longest first, so that the last ones do not wait for each other.
     names = sorted(scenarios, key=lambda name: -float(scenarios[name][1].get("DURATION", 0.0)))
     with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
-        yield Flights(
-            {
-                name: pool.submit(
-                    fly, compose, name, tmp_path_factory.mktemp(name), scenarios[name]
-                )
-                for name in names
-            }
-        )
+
+        def begin(name: str) -> Future[Flown]:
+            return pool.submit(fly, compose, name, tmp_path_factory.mktemp(name), scenarios[name])
+
+        yield AllFlights(names, begin)
         # After the first failure with --exitfirst, or Ctrl-C, no more of them begin.
         pool.shutdown(cancel_futures=True)
+
+
+@pytest.fixture
+def flights(request: pytest.FixtureRequest, all_flights: AllFlights) -> Flights:
+    """Looks at flights; a test that has failed, and is run again, at newer ones."""
+    return Flights(all_flights, getattr(request.node, "execution_count", 1))

@@ -117,7 +117,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     duration = {"DURATION": str(FLIGHT_S)}
     return {
         "windy": (measured, {"mission": missions("circle-wind"), **duration}),
-        "calm": (plain, {"mission": missions("circle-calm"), "SPEEDUP": "2", **duration}),
+        "calm": (plain, {"mission": missions("circle-calm"), **duration}),
     }
 
 

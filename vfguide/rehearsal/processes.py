@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-PATIENCE_S = 5.0
+PATIENCE_S = 10.0
 """Real time that a process gets to end cleanly before it is killed."""
 
 

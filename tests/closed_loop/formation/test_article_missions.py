@@ -15,6 +15,9 @@ REQUIRED = {"line-calm": 0.05, "line-wind": 0.15, "circle-calm": 0.05, "circle-w
 
 EVERY_MISSION = pytest.mark.parametrize("name", REQUIRED)
 
+HALF_AS_LONG = {"duration_s": 150.0}
+"""For what is not required of 300 s: all are in place after 20 s, and mean errors are the same to 10 mm."""
+
 
 @EVERY_MISSION
 def test_formation_is_kept_as_closely_as_required(name: str, mission_with: MissionWith) -> None:
@@ -30,7 +33,7 @@ def test_formation_is_kept_as_closely_as_required(name: str, mission_with: Missi
 
 @pytest.mark.parametrize("name", ["line-calm", "circle-calm"])
 def test_setpoints_are_smooth_in_calm_air(name: str, mission_with: MissionWith) -> None:
-    summary = summarise(fly_lockstep(mission_with(name)).record)
+    summary = summarise(fly_lockstep(mission_with(name, rehearsal=HALF_AS_LONG)).record)
     for vehicle in summary.vehicles.values():
         # What is left of the total variation once the turning that the circle itself asks for is off.
         assert vehicle.course_setpoint_excess_variation_rad_s < 0.1
@@ -49,7 +52,8 @@ def test_setpoints_are_smooth_in_a_fast_loop_too(mission_with: MissionWith) -> N
 def test_a_leader_without_measured_ground_speed_costs_at_most_twice_the_error(
     name: str, mission_with: MissionWith
 ) -> None:
-    mission = mission_with(name, controller={"leader_speed_source": "observer"})
+    observer = {"leader_speed_source": "observer"}
+    mission = mission_with(name, controller=observer, rehearsal=HALF_AS_LONG)
     formation = summarise(fly_lockstep(mission).record).formation
     assert formation.mean_error_m <= 2.0 * REQUIRED[name]
     assert formation.settle_10m_s <= 30.0
@@ -61,6 +65,7 @@ def test_a_slow_lossy_link_and_noisy_positions_are_borne(
     name: str, mission_with: MissionWith
 ) -> None:
     bad = {
+        **HALF_AS_LONG,
         "link_delay_s": 0.2,
         "link_jitter_s": 0.05,
         "link_loss": 0.2,
@@ -79,14 +84,16 @@ def test_the_articles_own_plant_is_flown_as_well(name: str, mission_with: Missio
         vehicle: {**fields.model_dump(exclude_unset=True), "plant": "course-hold"}
         for vehicle, fields in content.vehicles.items()
     }
-    formation = summarise(fly_lockstep(mission_with(name, vehicles=vehicles)).record).formation
+    mission = mission_with(name, vehicles=vehicles, rehearsal=HALF_AS_LONG)
+    formation = summarise(fly_lockstep(mission).record).formation
     assert formation.mean_error_m <= REQUIRED[name]
 
 
 def test_the_articles_field_keeps_a_steady_error_on_every_turn(mission_with: MissionWith) -> None:
     # Slots 20 m aside and 40 m behind on a 150 m circle ask for a course up to 14.9 degrees and a speed
     # up to 2.7 m/s off the leader's; the article's field gives them only to an error of metres.
-    mission = mission_with("circle-calm", controller={"type": "article"})
+    controller = {"type": "article"}
+    mission = mission_with("circle-calm", controller=controller, rehearsal=HALF_AS_LONG)
     formation = summarise(fly_lockstep(mission).record).formation
     assert formation.mean_error_m > 2.0
     assert formation.max_error_m - formation.mean_error_m < 0.5

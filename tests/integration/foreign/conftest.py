@@ -6,11 +6,11 @@ import os
 import socket
 import subprocess
 import sys
-import venv
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -18,30 +18,42 @@ import pytest
 PATIENCE_S = 60.0
 """Real time for anything; nothing here measures how long it takes."""
 
-MAVPROXY = "MAVProxy==1.8.75"
+MAVPROXY = "1.8.75"
 
 
-def mavproxy_home() -> Path:
-    """Where MAVProxy has its virtual environment: it brings too much for this project's own."""
-    given = os.environ.get("VFGUIDE_MAVPROXY_VENV")
-    return Path(given) if given else Path(__file__).parents[3] / ".venv-mavproxy"
+HOME = Path(__file__).parents[3] / f".mavproxy-{MAVPROXY}"
 
 
 @pytest.fixture(scope="session")
 def mavproxy() -> Path:
-    """The MAVProxy program, installed on first use."""
-    home = mavproxy_home()
-    program = home / "bin" / "mavproxy.py"
+    """The MAVProxy program, installed on first use, without 200 MB for maps that nobody looks at here."""
+    program = HOME / "bin" / "mavproxy.py"
     if not program.exists():
-        venv.create(home, with_pip=True)
-        install = [str(home / "bin" / "pip"), "install", "--quiet", MAVPROXY]
-        finished = subprocess.run(install, capture_output=True, text=True, check=False)
-        if finished.returncode != 0:
-            said = finished.stderr.strip().splitlines()[-1:]
-            # Without a package registry there is no MAVProxy; where tests are judged, there has to be.
-            if os.environ.get("CI"):
-                pytest.fail(f"MAVProxy cannot be installed: {said}")
-            pytest.skip(f"MAVProxy cannot be installed: {said}")
+        # Another process may be at it too: whoever is the first to have it whole puts it there.
+        with TemporaryDirectory(dir=HOME.parent, prefix=HOME.name) as made:
+            install = (
+                sys.executable,
+                "-m",
+                "pip",
+                "install",
+                "--quiet",
+                "--no-deps",
+                "--no-compile",
+            )
+            finished = subprocess.run(
+                (*install, "--target", f"{made}/home", f"MAVProxy=={MAVPROXY}"),
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if finished.returncode != 0:
+                said = finished.stderr.strip().splitlines()[-1:]
+                # Without a package registry there is no MAVProxy; where tests are judged, there has to be.
+                if os.environ.get("CI"):
+                    pytest.fail(f"MAVProxy cannot be installed: {said}")
+                pytest.skip(f"MAVProxy cannot be installed: {said}")
+            with suppress(OSError):
+                Path(made, "home").rename(HOME)
     return program
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -46,7 +47,7 @@ async def console(
 ) -> AsyncIterator[Console]:
     state.mkdir()
     process = await asyncio.create_subprocess_exec(
-        *(str(program.parent / "python"), str(program)),
+        *(sys.executable, str(program)),
         f"--master=udpin:127.0.0.1:{port}",
         f"--default-modules={modules}",
         f"--state-basedir={state}",
@@ -54,7 +55,13 @@ async def console(
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
         cwd=state,
-        env={**os.environ, "PYTHONUNBUFFERED": "1", "HOME": str(state), "MPLBACKEND": "agg"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(program.parents[1]),
+            "PYTHONUNBUFFERED": "1",
+            "HOME": str(state),
+            "MPLBACKEND": "agg",
+        },
     )
     try:
         yield Console(process)

@@ -31,9 +31,10 @@ persistence false
 user root
 """
 
-SPEEDUP = 5.0
+SPEEDUP = 3.0
+"""At which two flights beside each other take little more than one of two cores."""
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 """Real time; nothing that is waited for takes half of it, unless the machine is very busy."""
 
 IN_SLOT_M = 1.0

@@ -21,7 +21,7 @@ vehicles:
   f1: {system_id: 2, autopilot: px4}
   f2: {system_id: 3, autopilot: mavsdk}
 wind: {type: steady, speed_m_s: 3, toward_deg: 90}
-rehearsal: {duration_s: 140, rate_hz: 20}
+rehearsal: {duration_s: 100, rate_hz: 20}
 acceptance: {min_separation_m: 10}
 """
 
@@ -38,7 +38,7 @@ def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
-                *("--speedup", "2", "--link", broker.url),
+                *("--speedup", "1.5", "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

@@ -18,7 +18,10 @@ MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 ALLOWANCE_M = 0.1
 """By which a live flight may be worse than one in virtual time."""
 
-PATIENCE_S = 120.0
+DURATION_S = 64.0
+"""Everyone has to be in the slots within 60 s; the errors that count are those of the second half."""
+
+PATIENCE_S = 300.0
 
 
 def test_live_flight_is_as_good_as_the_mission_asks(
@@ -28,7 +31,7 @@ def test_live_flight_is_as_good_as_the_mission_asks(
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
-                *("--speedup", "3", "--duration", "100", "--link", broker.url),
+                *("--speedup", "2", "--duration", str(DURATION_S), "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )
@@ -42,7 +45,7 @@ def test_live_flight_is_as_good_as_the_mission_asks(
     assert status == 0, summary["rejections"]
     assert summary["mode"] == "live"
     assert summary["accepted"] is True
-    assert summary["duration_s"] == 100.0
+    assert summary["duration_s"] == DURATION_S
     asked = yaml.safe_load(MISSION.read_text())["acceptance"]
     assert summary["formation"]["window_s"][0] == summary["duration_s"] / 2.0
     assert summary["formation"]["mean_error_m"] <= asked["mean_error_m"] + ALLOWANCE_M
@@ -67,7 +70,7 @@ def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
     async def fly() -> None:
         async with (
             broker_in(tmp_path) as broker,
-            live_flight(mission, directory=tmp_path, link=broker.url, speedup=5.0) as flight,
+            live_flight(mission, directory=tmp_path, link=broker.url, speedup=3.0) as flight,
         ):
             await until(lambda: modes(flight) == ["GUIDED"] * 4)
             await flight.stop_companions()

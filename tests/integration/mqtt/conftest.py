@@ -22,8 +22,8 @@ from vfguide.link.mqtt import Link, open_link
 
 Make = Callable[..., Any]
 
-PATIENCE_S = 20.0
-"""Nothing here takes a quarter of this, unless the machine is very busy."""
+PATIENCE_S = 60.0
+"""Nothing here takes a tenth of this, unless the machine is very busy."""
 
 BASIS = """\
 allow_anonymous true

@@ -103,7 +103,7 @@ def test_a_certificate_that_is_not_trusted_is_one_clear_line(
 ) -> None:
     async def scenario() -> None:
         async with opened(certified(options), "f1", "lead") as (link, _):
-            async with asyncio.timeout(20.0):
+            async with asyncio.timeout(60.0):
                 # Where the broker hangs up before its alert is read, the reason comes with a later try.
                 while complaint not in link.detail:
                     await asyncio.sleep(0.01)

@@ -16,7 +16,7 @@ Make = Callable[..., Any]
 
 async def retained(port: int, topic: str) -> aiomqtt.Message:
     """The message that a broker keeps."""
-    async with asyncio.timeout(20.0), aiomqtt.Client("127.0.0.1", port) as client:
+    async with asyncio.timeout(60.0), aiomqtt.Client("127.0.0.1", port) as client:
         await client.subscribe(topic, qos=1)
         return await anext(client.messages)
 
@@ -239,4 +239,4 @@ def test_a_slow_consumer_gets_new_states_and_not_a_backlog(any_broker: Make, ope
 
     asyncio.run(scenario())
     assert len(ages) > 10
-    assert sorted(ages)[int(0.9 * len(ages))] < 0.5
+    assert sorted(ages)[int(0.9 * len(ages))] < 1.0

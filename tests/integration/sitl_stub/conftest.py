@@ -13,7 +13,7 @@ from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from sitl_stub.address import Address
 from sitl_stub.server import serve
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """Nothing here takes a second; a machine may be busy."""
 
 

@@ -10,12 +10,11 @@ from typing import Any
 
 import pytest
 
-from sitl_stub import cli
 from sitl_stub.address import parse_address
 
 Factory = Callable[..., Any]
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 @asynccontextmanager
@@ -146,62 +145,3 @@ def test_a_port_in_use_is_one_line_and_status_3() -> None:
         assert errors.decode() == f"sitl-stub: {url}: cannot listen (address already in use)\n"
 
     asyncio.run(test())
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--mavlink", "udpin://nowhere"], "write one like udpin://127.0.0.1:14540"),
-        (["--system-id", "300"], "system_id must be 1 to 255"),
-        (["--wind", "gale"], "--wind: 'gale' is not calm, article or steady:"),
-        (["--wind", "steady:5"], "--wind: '5' is not SPEED,TOWARD_DEG"),
-        (["--wind", "steady:-1,0"], "--wind: -1 m/s"),
-        (["--start", "47,8,nan,0"], "--start: '47,8,nan,0' is not LAT,LON,ALT,COURSE"),
-        (["--start", "95,8,500,0"], "latitude_deg"),
-        (["--airspeed", "50"], "airspeed_m_s 50.0 is outside"),
-        (["--airspeed-range", "20"], "--airspeed-range"),
-        (["--max-bank", "95"], "--max-bank: 95"),
-        (["--alpha", "-1"], "alpha_1_s must be"),
-        (["--speedup", "0"], "--speedup: 0"),
-        (["--speedup", "nan"], "--speedup: nan"),
-        (["--duration", "-1"], "duration_s must be"),
-        (["--epoch", "0"], "--epoch: 0 is more than"),
-        (["--seed", "-1"], "--seed: -1"),
-        (["--position-noise", "-1"], "position_noise_m must be"),
-        (["--truth", "udpin://127.0.0.1:1"], "true states go to"),
-        (["--truth", "/nowhere/truth.jsonl"], "cannot be written to"),
-        (["--count", "0"], "--count: 0 is not 1 to 100"),
-        (["--system-id", "200", "--count", "60"], "system_id must be 1 to 255"),
-        (["--mavlink", "udpin://127.0.0.1:65530", "--count", "10"], "no 10 ports"),
-        (["--plant", "course-hold", "--speed-response", "tecs"], "tecs"),
-        (["--roll-time", "0"], "roll_time_s must be"),
-        (["--course-dead-time", "-1"], "course_dead_time_s must be"),
-        (["--loop-rate", "1"], "loop_rate_hz must be"),
-        (["--gps-glitch", "1,2,3"], "--gps-glitch: '1,2,3' is not AT,FOR,N,E"),
-        (["--gps-glitch", "-1,2,3,4"], "no glitch"),
-        (["--delay", "0.1", "--jitter", "0.2"], "jitter"),
-        (["--loss", "1"], "loss must be"),
-        (["--airspeed-calibration", "3"], "airspeed_calibration must be"),
-    ],
-)
-def test_a_wrong_option_is_one_line_and_status_2(
-    options: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    given = ["--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", *options]
-    with pytest.raises(SystemExit) as caught:
-        cli.app(given)
-    assert caught.value.code == 2
-    errors = capsys.readouterr().err
-    assert errors.count("\n") == 1
-    assert errors.startswith("sitl-stub: ")
-    assert said in errors
-
-
-@pytest.mark.parametrize("options", [[], ["--autopilot", "betaflight"], ["--no-such-option"]])
-def test_what_is_no_option_at_all_is_status_2_without_a_traceback(
-    options: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as caught:
-        cli.app(options)
-    assert caught.value.code == 2
-    assert "Traceback" not in capsys.readouterr().err

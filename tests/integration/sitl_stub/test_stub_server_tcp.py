@@ -89,7 +89,7 @@ def test_it_connects_once_there_is_a_server_and_again_after_a_loss(
             await ground.listen(reader)
             writer.close()
 
-        async with served(f"tcpout://127.0.0.1:{port}"), asyncio.timeout(30.0):
+        async with served(f"tcpout://127.0.0.1:{port}"), asyncio.timeout(60.0):
             await asyncio.sleep(0)  # the first attempt finds nobody
             server = await asyncio.start_server(accept, "127.0.0.1", port)
             async with server:

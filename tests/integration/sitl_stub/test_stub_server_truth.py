@@ -55,7 +55,7 @@ def test_true_states_also_go_out_as_datagrams(served: Factory, station: Factory)
     async def test() -> None:
         async with station() as judge:
             url = f"udpout://127.0.0.1:{judge.port}"
-            async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(20):
+            async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
                 while len(judge.datagrams) < 10:
                     await asyncio.sleep(0.01)
             samples = [json.loads(datagram) for datagram in judge.datagrams[:10]]

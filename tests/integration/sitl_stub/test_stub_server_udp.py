@@ -127,7 +127,7 @@ def test_time_since_boot_passes_as_fast_as_it_is_told(
             loop = asyncio.get_running_loop()
             first, started_s = await ground.message("GLOBAL_POSITION_INT"), loop.time()
             last = first
-            while loop.time() - started_s < 0.5:
+            while loop.time() - started_s < 1.5:
                 last = await ground.message("GLOBAL_POSITION_INT")
             passed_s = (last.time_boot_ms - first.time_boot_ms) * 1e-3
             assert passed_s / (loop.time() - started_s) == pytest.approx(speedup, rel=0.3)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.connection import Connection, open_connection
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """Nothing here takes a tenth of this, unless the machine is very busy."""
 
 

@@ -40,4 +40,4 @@ def test_opening_can_be_given_up_at_any_moment(
             assert staying.cancelled()
 
     with socket.socket() as somebody:
-        asyncio.run(asyncio.wait_for(scenario(), 20.0))
+        asyncio.run(asyncio.wait_for(scenario(), 60.0))

@@ -114,9 +114,9 @@ def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> Non
             for _ in range(20_000):
                 connection.send(bytes(100))
             assert connection.counters["dropped: slow peer"] > 10_000
-            assert time.monotonic() - began < 20.0
+            assert time.monotonic() - began < 60.0
 
-    asyncio.run(asyncio.wait_for(scenario(), 20.0))
+    asyncio.run(asyncio.wait_for(scenario(), 60.0))
 
 
 def test_a_port_belongs_to_one_program(opened: Make, plug: Plug) -> None:

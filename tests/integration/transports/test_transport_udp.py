@@ -14,7 +14,7 @@ Address = tuple[Any, ...]
 
 async def heard(peer: socket.socket) -> bytes:
     """The next datagram that reaches a peer."""
-    async with asyncio.timeout(20.0):
+    async with asyncio.timeout(60.0):
         return await asyncio.get_running_loop().sock_recv(peer, 65_536)
 
 

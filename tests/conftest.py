@@ -1,0 +1,92 @@
+"""Which tests fly in real time, and what that means for how they are run: docs/architecture.md, Tests."""
+
+import os
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+
+REAL_TIME = {
+    "docker": 1,
+    "integration/bench": 2,
+    "integration/command_line/test_command_entry.py": 2,
+    "integration/foreign": 2,
+    "integration/live": 2,
+    "integration/mqtt": 2,
+    "integration/sitl_stub": 2,
+    "integration/transports": 2,
+}
+"""Tests whose verdict depends on several programs getting the processor in time, and how often one that has
+failed is tried again: it may have been the machine. Whole formations in containers take too long for twice.
+"""
+
+LONGEST = (
+    "integration/live/test_live_mixed_autopilots.py",
+    "integration/live/test_live_undisturbed.py",
+    "integration/live/test_live_disturbances.py",
+    "closed_loop/formation/test_crews_missions.py",
+    "closed_loop/formation/test_article_missions.py",
+    "closed_loop",
+    "integration",
+)
+"""What comes first, so that no process is left with a long test when the others have no more."""
+
+PAUSE_S = 5.0
+"""What kept the processor may have ended by then."""
+
+
+def is_below(item: pytest.Item, place: str) -> bool:
+    """Whether a test stands in this file or directory."""
+    return item.path.is_relative_to(TESTS / place)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that fly in real time, and put the longest first."""
+    for item in items:
+        for place, reruns in REAL_TIME.items():
+            if is_below(item, place):
+                item.add_marker("real_time")
+                item.add_marker(pytest.mark.flaky(reruns=reruns, reruns_delay=PAUSE_S))
+    items.sort(key=rank)
+
+
+def rank(item: pytest.Item) -> int:
+    """The less, the earlier a test comes; those of equal rank stay in their order."""
+    places = (n for n, place in enumerate(LONGEST) if is_below(item, place))
+    return next(places, len(LONGEST))
+
+
+STARTED = pytest.StashKey[tuple[float, float, float]]()
+
+
+def processor_s() -> tuple[float, float, float]:
+    """Seconds by the clock, for which some task waited for the processor, and that another machine had it."""
+    pressure, stat = Path("/proc/pressure/cpu"), Path("/proc/stat")
+    waited = re.search(r"^some .*total=(\d+)", pressure.read_text()) if pressure.exists() else None
+    stolen = stat.read_text().split("\n", 1)[0].split()[8] if stat.exists() else 0
+    return (
+        time.monotonic(),
+        int(waited[1]) * 1e-6 if waited else 0.0,
+        int(stolen) / os.sysconf("SC_CLK_TCK"),
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Look at the clocks."""
+    config.stash[STARTED] = processor_s()
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Tell how much processor there was: what flies in real time needs it."""
+    passed, waited, stolen = (
+        now - then for now, then in zip(processor_s(), config.stash[STARTED], strict=True)
+    )
+    terminalreporter.write_line(
+        f"processor: waited for {waited / passed:.0%} of the time, {stolen:.0f} s of it had by other machines"
+    )
