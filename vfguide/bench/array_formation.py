@@ -7,155 +7,26 @@ with arrays. Row 0 of an array is the leaders, the rows below are their follower
 
 import math
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
-from vfguide.angles import TURN
 from vfguide.bench.array_calibration import Calibrations
-from vfguide.bench.array_ground import Ground, Report
-from vfguide.bench.array_plant import Fleet, Targets
-from vfguide.bench.array_wind import SwingingWind
+from vfguide.bench.array_case import Conditions, Start, Watcher, fleet_at
+from vfguide.bench.array_followers import followers_of
+from vfguide.bench.array_ground import Report
+from vfguide.bench.array_plant import Fleet
+from vfguide.bench.array_stream import Stream
 from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
 from vfguide.elementwise import FloatArray, clip
-from vfguide.guidance.follower import learning_step
-from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
-from vfguide.guidance.leader import LeaderTask, leader_step
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.leader import leader_step
 from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
 from vfguide.guidance.navigation import Sample, first_state, navigate
-from vfguide.guidance.pid import PidMemory, first_memory, pid_step
-from vfguide.guidance.settings import GuidanceSettings, PidGains
-from vfguide.guidance.slot_integral import no_offset
-from vfguide.guidance.wind_triangle import ground_speed_on_course
-from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.setpoint_stream import DIGITS
-from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    """What a batch of formations has in common."""
-
-    task: LeaderTask
-    """Of every leader."""
-    settings: GuidanceSettings
-    """Of every law."""
-    airframe: Airframe
-    """What the laws take the vehicles for."""
-    plant: Airframe
-    """What the vehicles are."""
-    ground: Ground
-    """What they fly over, and how positions are reported."""
-    rounded: bool
-    """Whether reports and setpoints are rounded as MAVLink rounds them."""
-    rate_hz: float
-    """Of the loop."""
-    duration_s: float
-    """Of the flights."""
-    link_delay_s: float
-    """Age of a leader state on arrival."""
-    calibrates: bool = True
-    """Whether everybody calibrates its airspeed, as companions do; here it is the true one already."""
-    position_noise_m: float = 0.0
-    """Standard deviation of the reported positions on each axis."""
-    engaged_after_s: float = 1.0
-    """The companion's first try to engage its autopilot; the setpoints begin one step later."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
-    """Where everybody begins, 1 + F rows by M columns, and in which wind."""
-
-    north: FloatArray
-    """m."""
-    east: FloatArray
-    """m."""
-    course: FloatArray
-    """rad."""
-    airspeed: float
-    """m/s."""
-    wind: SwingingWind
-    """Of each formation."""
-    slot: Slot[FloatArray]
-    """Offsets, F by 1 or F by M."""
-    pid: PidGains[FloatArray] | None = None
-    """For the law `pid`: gains that may differ between formations."""
-
-
-Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]
-"""Hears the time, the distances from the slots (F by M, m) and the followers' setpoints, at each step."""
-
-
-def fleet_at(start: Start, conditions: Conditions) -> Fleet:
-    """The vehicles in the air, loitering."""
-    wind_north, wind_east = start.wind.at(0.0)
-    airspeed = np.full_like(start.course, start.airspeed)
-    direction = start.course
-    if conditions.plant.hold == "heading-hold":
-        over_ground = ground_speed_on_course(airspeed, start.course, wind_north, wind_east)
-        direction = np.arctan2(
-            over_ground * np.sin(start.course) - wind_east,
-            over_ground * np.cos(start.course) - wind_north,
-        )
-    return Fleet(
-        airframe=conditions.plant,
-        ground=conditions.ground,
-        wind=start.wind,
-        direction=direction,
-        speed=airspeed,
-        place=conditions.ground.place(start.north, start.east),
-        targets=Targets(None, airspeed),
-    )
-
-
-class Followers:
-    """The followers' law, with its memory."""
-
-    def __init__(self, start: Start, conditions: Conditions) -> None:
-        self._slot = start.slot
-        self._conditions = conditions
-        self._gains = start.pid
-        self._memory: PidMemory[FloatArray] | None = None
-        self._offset = no_offset(start.north[1:])
-
-    def step(
-        self,
-        state: VehicleState[FloatArray],
-        leader: LeaderState[FloatArray],
-        period: float,
-    ) -> Setpoint[FloatArray]:
-        """Setpoints by a leader state that is as old as it is."""
-        conditions, slot = self._conditions, self._slot
-        settings, airframe = conditions.settings, conditions.airframe
-        if self._gains is None:
-            field, self._offset = learning_step(
-                state, leader, slot, settings, airframe, period=period, offset=self._offset
-            )
-            return field.setpoint
-        if settings.predict_leader:
-            leader = predict_leader(leader, state.time_s)
-        motion = slot_motion(leader, slot)
-        error = formation_error(motion, state)
-        guidance, self._memory = pid_step(
-            state,
-            motion,
-            error,
-            self._memory or first_memory(error),
-            gains=self._gains,
-            airframe=airframe,
-            period=period,
-            wind_feedforward=settings.wind_feedforward,
-            rho=settings.sliding.rho,
-        )
-        return guidance.setpoint
-
-    def reset(self) -> None:
-        """Forget what was learnt."""
-        self._memory, self._offset = None, no_offset(self._offset.ahead)
+from vfguide.state import LeaderState, VehicleState
 
 
 def fly_formations(
@@ -170,7 +41,7 @@ def fly_formations(
         random: for the noise, where there is any.
     """
     fleet = fleet_at(start, conditions)
-    followers = Followers(start, conditions)
+    followers = followers_of(start, conditions)
     clock, stream = Clock(conditions.rate_hz), Stream()
     calibrates = conditions.calibrates and conditions.airframe.hold == "heading-hold"
     calibrations = Calibrations() if calibrates else None
@@ -285,42 +156,6 @@ def reported(
         airspeed=airspeed,
     )
     return sample, said
-
-
-class Stream:
-    """Setpoints on their way to ArduPlane: rounded, and sent where they change or have not been for a while.
-
-    As `vfguide.mavlink.setpoint_stream` does it, for each vehicle and for course and speed apart.
-    """
-
-    def __init__(self) -> None:
-        self._content: FloatArray | None = None
-        self._sent: FloatArray | None = None
-        self._told: FloatArray | None = None
-
-    def told(
-        self, course: FloatArray, speed: FloatArray, now: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """(course, speed) that the autopilots hold from now on."""
-        degrees = np.round(np.degrees(course % TURN), 3) % 360.0
-        fresh = np.stack([degrees, speed])
-        content = decimals(fresh)
-        if self._content is None or self._sent is None or self._told is None:
-            self._content, self._told = content, fresh
-            self._sent = np.full_like(fresh, now)
-        else:
-            due = (content != self._content) | (now - self._sent >= ArduPlane.keep_alive_s)
-            self._content = np.where(due, content, self._content)
-            self._sent = np.where(due, now, self._sent)
-            self._told = np.where(due, fresh, self._told)
-        single = self._told.astype(np.float32).astype(np.float64)
-        return np.radians(single[0]), single[1]
-
-
-def decimals(values: FloatArray) -> FloatArray:
-    """Hundredths, to the nearest as Python rounds: a product in double precision would invent ties."""
-    hundredths: FloatArray = np.rint(values.astype(np.longdouble) * 10**DIGITS).astype(np.float64)
-    return hundredths
 
 
 def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vfguide.bench.array_formation import Conditions, Start
+from vfguide.bench.array_case import Conditions, Start
 from vfguide.bench.array_ground import Ground, ellipsoid_of
 from vfguide.bench.array_wind import SwingingWind, swinging_wind
 from vfguide.companion.plan import airframe_of, guidance_settings, leader_task

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 
-from vfguide.bench.array_formation import Start, fly_formations
+from vfguide.bench.array_case import Start
+from vfguide.bench.array_formation import fly_formations
 from vfguide.bench.array_ground import Plane
 from vfguide.bench.array_mission import conditions_of, start_of
 from vfguide.bench.array_outcome import Outcome, Watch

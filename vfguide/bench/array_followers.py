@@ -1,0 +1,100 @@
+"""The followers' laws on arrays, each with what it remembers."""
+
+from abc import ABC, abstractmethod
+
+from vfguide.bench.array_case import Conditions, Start
+from vfguide.elementwise import FloatArray
+from vfguide.guidance.follower import learning_step
+from vfguide.guidance.formation import formation_error, predict_leader, slot_motion
+from vfguide.guidance.pid import PidMemory, first_memory, pid_step
+from vfguide.guidance.settings import PidGains
+from vfguide.guidance.slot_integral import no_offset
+from vfguide.state import LeaderState, Setpoint, VehicleState
+
+
+class Followers(ABC):
+    """All followers of a batch, by one law."""
+
+    def __init__(self, start: Start, conditions: Conditions) -> None:
+        self._slot = start.slot
+        self._settings = conditions.settings
+        self._airframe = conditions.airframe
+
+    @abstractmethod
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """Setpoints by a leader state that is as old as it is."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget what was learnt."""
+
+
+class FieldFollowers(Followers):
+    """By the dual field, which remembers what its integral has learned."""
+
+    def __init__(self, start: Start, conditions: Conditions) -> None:
+        super().__init__(start, conditions)
+        self._offset = no_offset(start.north[1:])
+
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """One step of the dual field."""
+        guidance, self._offset = learning_step(
+            state,
+            leader,
+            self._slot,
+            self._settings,
+            self._airframe,
+            period=period,
+            offset=self._offset,
+        )
+        return guidance.setpoint
+
+    def reset(self) -> None:
+        """The disturbance is to be learned anew."""
+        self._offset = no_offset(self._offset.ahead)
+
+
+class PidFollowers(Followers):
+    """By two PID controllers, whose gains may differ between formations."""
+
+    def __init__(self, start: Start, conditions: Conditions, gains: PidGains[FloatArray]) -> None:
+        super().__init__(start, conditions)
+        self._gains = gains
+        self._memory: PidMemory[FloatArray] | None = None
+
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """One step of both controllers."""
+        settings = self._settings
+        if settings.predict_leader:
+            leader = predict_leader(leader, state.time_s)
+        motion = slot_motion(leader, self._slot)
+        error = formation_error(motion, state)
+        guidance, self._memory = pid_step(
+            state,
+            motion,
+            error,
+            self._memory or first_memory(error),
+            gains=self._gains,
+            airframe=self._airframe,
+            period=period,
+            wind_feedforward=settings.wind_feedforward,
+            rho=settings.sliding.rho,
+        )
+        return guidance.setpoint
+
+    def reset(self) -> None:
+        """Empty the integrals."""
+        self._memory = None
+
+
+def followers_of(start: Start, conditions: Conditions) -> Followers:
+    """The law of a batch."""
+    if start.pid is not None:
+        return PidFollowers(start, conditions, start.pid)
+    return FieldFollowers(start, conditions)
