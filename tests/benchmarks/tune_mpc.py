@@ -1,88 +1,113 @@
-"""The weights of the baseline `mpc`: a search on the calm missions, on the plant and limits they declare.
+"""The weights of the baseline `mpc`: a search on the calm missions, by the rule of `vfguide.bench.tuning`.
 
-Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; some minutes on two processors. One follower,
-that with the longest way, flies for each candidate: first over a grid, then over a finer one around the best
-of it. The best of what it prints last is the default in `vfguide/mission/controller.py`.
+Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; some minutes on two processors. One follower, that
+with the longest way, flies for each candidate: first over a grid, then up and down from the best, each weight
+and time alone. What it prints last are the defaults in `vfguide/mission/controller.py`.
 """
 
-import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from itertools import product
-from pathlib import Path
+from math import radians
 
-from vfguide.bench.tuning import cost_of
-from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.metrics import summarise
+from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked
+from vfguide.guidance.settings import MpcWeights
 
-MISSIONS = Path(__file__).parents[2] / "missions"
-CALM = ("line-calm", "circle-calm")
-DURATION_S = 60.0
-FOLLOWER = "f3"
+FOLLOWERS = ("f3",)
+MAX_COURSE = radians(45.0)
 
-Weights = tuple[float, float, float, int]
-"""Velocity weight, acceleration weight, horizon in s, intervals."""
+INTERVAL_S = 1.0 / 7.0
+"""Of constant acceleration."""
 
-VELOCITIES = (0.1, 0.5, 2.0, 5.0)
-ACCELERATIONS = (0.02, 0.1, 0.5, 2.0)
-HORIZONS = ((2.0, 14), (4.0, 27))
-"""s, and into how many intervals."""
-FINER = (0.6, 1.0, 1.7)
+VELOCITIES = (0.03, 0.3)
+ACCELERATIONS = (0.0005, 0.002, 0.008)
+INTEGRALS = (0.0, 0.5, 1.0)
+"""s; 0: none."""
+HORIZON_S = 2.0
 
-
-def mission_with(name: str, weights: Weights) -> Mission:
-    """A calm mission, flown by the predictive controller with these weights."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
-    content["rehearsal"]["duration_s"] = DURATION_S
-    content["followers"] = [one for one in content["followers"] if one["vehicle"] == FOLLOWER]
-    leader = content["leader"]["vehicle"]
-    for absent in content["vehicles"].keys() - {leader, FOLLOWER}:
-        del content["vehicles"][absent], content["rehearsal"]["start"][absent]
-    velocity, acceleration, horizon, intervals = weights
-    content["controller"] = {
-        "type": "mpc",
-        "mpc": {
-            "velocity_weight_s2": velocity,
-            "acceleration_weight_s4": acceleration,
-            "horizon_s": horizon,
-            "intervals": intervals,
-        },
-    }
-    return Mission.model_validate(content)
+NARROWER = (2.0, 1.5, 1.5, 1.25)
+"""Factors by which weights and times are varied around the best."""
 
 
-def cost(weights: Weights) -> float:
-    """Cost of these weights over both calm missions."""
-    return sum(
-        cost_of(summarise(fly_lockstep(mission_with(name, weights)).record)) for name in CALM
+def weights_of(velocity: float, acceleration: float, integral_s: float) -> MpcWeights:
+    """One candidate of the grid."""
+    return looking(
+        MpcWeights(
+            horizon_s=HORIZON_S,
+            intervals=1,
+            velocity=velocity,
+            acceleration=acceleration,
+            max_course=MAX_COURSE,
+            integral_s=integral_s,
+        ),
+        HORIZON_S,
     )
 
 
-def best_of(candidates: Iterable[Weights], pool: ProcessPoolExecutor) -> Weights:
-    """The cheapest, all of them printed."""
-    tried = list(candidates)
-    costs = list(pool.map(cost, tried))
-    for weights, value in sorted(zip(tried, costs, strict=True), key=lambda pair: pair[1]):
-        velocity, acceleration, horizon, intervals = weights
+def looking(weights: MpcWeights, horizon_s: float) -> MpcWeights:
+    """The same, looking this far ahead."""
+    intervals = round(horizon_s / INTERVAL_S)
+    return replace(weights, horizon_s=intervals * INTERVAL_S, intervals=intervals)
+
+
+def around(best: MpcWeights, factor: float) -> list[MpcWeights]:
+    """The best, and up and down from it."""
+    candidates = [best]
+    for one in (factor, 1.0 / factor):
+        candidates += [
+            replace(best, velocity=best.velocity * one),
+            replace(best, acceleration=best.acceleration * one),
+            looking(best, best.horizon_s * one),
+        ]
+        if best.integral_s > 0.0:
+            candidates.append(replace(best, integral_s=best.integral_s * one))
+    return candidates
+
+
+def flown(task: tuple[str, str, Sequence[MpcWeights] | None]) -> Trials:
+    """One mission, by the field or by some candidates."""
+    name, law, weights = task
+    return fly_trials(name, law, len(weights or (None,)), followers=FOLLOWERS, mpc=weights)
+
+
+def told(trials: list[Trials], index: int) -> str:
+    """What a candidate came to, mission by mission."""
+    return "; ".join(
+        f"{name} {one.error_m[index]:.4f} m, pushed {one.pushed_m[index]:.4f} m, "
+        f"{one.course_rad_s[index]:.4f} rad/s, {one.speed_m_s2[index]:.3f} m/s²"
+        for name, one in zip(CALM, trials, strict=True)
+    )
+
+
+def best_of(
+    candidates: list[MpcWeights], field: list[Trials], pool: ProcessPoolExecutor
+) -> MpcWeights:
+    """The best of them; those admitted printed."""
+    trials = list(pool.map(flown, [(name, "mpc", candidates) for name in CALM]))
+    order = ranked(trials, field)
+    sys.stdout.write(f"{len(candidates)} candidates, {len(order)} admitted\n")
+    for index in order:
+        one = candidates[index]
         sys.stdout.write(
-            f"{value:8.3f}  velocity {velocity:.3g}  acceleration {acceleration:.3g}  "
-            f"horizon {horizon:.3g} s  intervals {intervals}\n"
+            f"velocity {one.velocity:.3g}  acceleration {one.acceleration:.3g}  horizon "
+            f"{one.horizon_s:.3g} s, {one.intervals}  integral {one.integral_s:.3g} s\n"
+            f"  {told(trials, index)}\n"
         )
-    sys.stdout.write("\n")
     sys.stdout.flush()
-    return tried[costs.index(min(costs))]
+    return candidates[order[0]]
 
 
 def main() -> None:
     """Search and print."""
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        grid = product(VELOCITIES, ACCELERATIONS, HORIZONS)
-        best = best_of(((v, a, h, n) for v, a, (h, n) in grid), pool)
-        velocity, acceleration, horizon, intervals = best
-        finer = product(FINER, FINER)
-        best_of(((velocity * v, acceleration * a, horizon, intervals) for v, a in finer), pool)
+    with ProcessPoolExecutor(len(CALM)) as pool:
+        field = list(pool.map(flown, [(name, "slot", None) for name in CALM]))
+        sys.stdout.write(f"the field: {told(field, 0)}\n")
+        grid = product(VELOCITIES, ACCELERATIONS, INTEGRALS)
+        best = best_of([weights_of(*one) for one in grid], field, pool)
+        for factor in NARROWER:
+            best = best_of(around(best, factor), field, pool)
 
 
 if __name__ == "__main__":

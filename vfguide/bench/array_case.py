@@ -1,6 +1,6 @@
 """What is flown in the array form: a batch of formations, and what they have in common."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,21 @@ from vfguide.bench.array_wind import SwingingWind
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
-from vfguide.guidance.settings import GuidanceSettings, PidGains
+from vfguide.guidance.settings import GuidanceSettings, MpcWeights, PidGains
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import Airframe, Setpoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """A disturbance that nobody measures: the followers' holds hold something beside their setpoints."""
+
+    course: float
+    """rad, to the right."""
+    speed: float
+    """m/s, too fast."""
+    from_s: float
+    """When it begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +54,8 @@ class Conditions:
     """Whether everybody calibrates its airspeed, as companions do; here it is the true one already."""
     position_noise_m: float = 0.0
     """Standard deviation of the reported positions on each axis."""
+    push: Push | None = None
+    """What disturbs the followers."""
     engaged_after_s: float = 1.0
     """The companion's first try to engage its autopilot; the setpoints begin one step later."""
 
@@ -64,6 +78,8 @@ class Start:
     """Offsets, F by 1 or F by M."""
     pid: PidGains[FloatArray] | None = None
     """For the law `pid`: gains that may differ between formations."""
+    mpc: Sequence[MpcWeights] | None = None
+    """For the law `mpc`: weights of each formation."""
 
 
 Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from vfguide.bench.array_calibration import Calibrations
-from vfguide.bench.array_case import Conditions, Start, Watcher, fleet_at
+from vfguide.bench.array_case import Conditions, Push, Start, Watcher, fleet_at
 from vfguide.bench.array_followers import followers_of
 from vfguide.bench.array_ground import Report
 from vfguide.bench.array_plant import Fleet
@@ -99,8 +99,18 @@ def fly_formations(
                 speed = clip(shown, airframe.airspeed_min, airframe.airspeed_max)
             if conditions.rounded:
                 course, speed = stream.told(course, speed, now)
-            fleet.guide(course, speed, now)
+            fleet.guide(*pushed(course, speed, conditions.push, now), now)
         watch(now, slot_distances(fleet, now, start.slot), following if step >= engaged else None)
+
+
+def pushed(
+    course: FloatArray, speed: FloatArray, push: Push | None, now: float
+) -> tuple[FloatArray, FloatArray]:
+    """(course, speed) that the holds hold where they were told these."""
+    if push is None or now < push.from_s:
+        return course, speed
+    followers = np.arange(len(course))[:, None] > 0
+    return course + push.course * followers, speed + push.speed * followers
 
 
 class Clock:

@@ -1,5 +1,7 @@
 """A mission's own flight in the array form: one formation, or as many alike as wanted."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vfguide.bench.array_case import Conditions, Start
@@ -9,7 +11,7 @@ from vfguide.companion.plan import airframe_of, guidance_settings, leader_task
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.settings import AxisGains, PidGains
+from vfguide.guidance.settings import AxisGains, MpcWeights, PidGains
 from vfguide.mission.model import Mission
 from vfguide.mission.starts import follower_start, leader_start
 
@@ -26,7 +28,7 @@ def conditions_of(
 
     Raises:
         VfguideError: the mission has something that the array form does not: vehicles that differ, a lossy
-            or jittering link, a predictive controller, a leader without measured ground speed.
+            or jittering link, a leader without measured ground speed.
     """
     airframes = {airframe_of(vehicle) for vehicle in mission.vehicles.values()}
     rehearsal = mission.rehearsal
@@ -34,7 +36,6 @@ def conditions_of(
     for wrong, what in (
         (len(airframes) > 1, "vehicles that differ"),
         (rehearsal.link_loss > 0.0 or rehearsal.link_jitter_s > 0.0, "loss or jitter on the link"),
-        (settings.law == "mpc", "a predictive controller"),
         (settings.speed_source == "observer", "a leader without measured ground speed"),
     ):
         if wrong:
@@ -60,6 +61,7 @@ def start_of(
     *,
     wind: SwingingWind | None = None,
     pid: PidGains[FloatArray] | None = None,
+    mpc: Sequence[MpcWeights] | None = None,
 ) -> Start:
     """The mission's start for so many formations, in its wind and with its gains if none are given."""
     starts = [
@@ -68,9 +70,11 @@ def start_of(
     ]
     columns = np.ones(count)
     slots = [follower.slot for follower in mission.followers]
-    chosen = guidance_settings(mission).pid
-    if pid is None and mission.controller.type == "pid" and chosen is not None:
-        pid = in_columns(chosen, columns)
+    chosen = guidance_settings(mission)
+    if pid is None and chosen.law == "pid" and chosen.pid is not None:
+        pid = in_columns(chosen.pid, columns)
+    if mpc is None and chosen.law == "mpc" and chosen.mpc is not None:
+        mpc = [chosen.mpc] * count
     return Start(
         north=np.array([start.north_m for start in starts])[:, None] * columns,
         east=np.array([start.east_m for start in starts])[:, None] * columns,
@@ -82,6 +86,7 @@ def start_of(
             right=np.array([[slot.right_m] for slot in slots]) * columns,
         ),
         pid=pid,
+        mpc=mpc,
     )
 
 

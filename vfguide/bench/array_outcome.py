@@ -23,12 +23,14 @@ class Outcome:
     """The same for 1 m."""
     chatter_rad_s: FloatArray
     """Course setpoints' variation that is not net turning, per second; the worst follower's."""
+    speed_variation_m_s2: FloatArray
+    """Speed setpoints' variation per second; the worst follower's."""
     limited: FloatArray
     """Share of the followers' setpoints that a limit cut, in the window."""
 
 
 class Watch:
-    """Hears what happens, step by step."""
+    """Hears what happens, step by step; what comes after its time it leaves to others."""
 
     def __init__(self, duration_s: float) -> None:
         self._duration_s = duration_s
@@ -37,7 +39,8 @@ class Watch:
         self._greatest: FloatArray | float = 0.0
         self._out_10m: FloatArray | float = 0.0
         self._out_1m: FloatArray | float = 0.0
-        self._course: FloatArray | None = None
+        self._told: Setpoint[FloatArray] | None = None
+        self._speeding: FloatArray | float = 0.0
         self._variation: FloatArray | float = 0.0
         self._turned: FloatArray | float = 0.0
         self._limited: FloatArray | float = 0.0
@@ -46,6 +49,8 @@ class Watch:
         self, time_s: float, distances: FloatArray, setpoint: Setpoint[FloatArray] | None
     ) -> None:
         """One instant: distances from the slots, followers by formations, and their setpoints."""
+        if time_s > self._duration_s + 1e-6:
+            return
         farthest = distances.max(axis=0)
         self._out_10m = np.where(farthest < 10.0, self._out_10m, time_s)
         self._out_1m = np.where(farthest < 1.0, self._out_1m, time_s)
@@ -55,11 +60,12 @@ class Watch:
         self._total = self._total + distances.mean(axis=0)
         self._greatest = np.maximum(self._greatest, farthest)
         self._limited = self._limited + np.mean(setpoint.limited, axis=0)
-        if self._course is not None:
-            change = wrap_angle(setpoint.course - self._course)
+        if self._told is not None:
+            change = wrap_angle(setpoint.course - self._told.course)
+            self._speeding = self._speeding + np.abs(setpoint.speed - self._told.speed)
             self._variation = self._variation + np.abs(change)
             self._turned = self._turned + change
-        self._course = setpoint.course
+        self._told = setpoint
 
     def outcome(self) -> Outcome:
         """What it came to."""
@@ -73,5 +79,6 @@ class Watch:
             settle_10m_s=np.where(out_10m < end, out_10m, np.inf),
             settle_1m_s=np.where(out_1m < end, out_1m, np.inf),
             chatter_rad_s=np.maximum(excess, 0.0).max(axis=0) / window,
+            speed_variation_m_s2=np.asarray(self._speeding).max(axis=0) / window,
             limited=np.asarray(self._limited) / self._samples,
         )

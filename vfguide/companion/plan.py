@@ -297,6 +297,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
             velocity=chosen.mpc.velocity_weight_s2,
             acceleration=chosen.mpc.acceleration_weight_s4,
             max_course=math.radians(chosen.mpc.max_course_deg),
+            integral_s=chosen.mpc.integral_s,
         ),
     )
 

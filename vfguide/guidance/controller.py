@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from vfguide.guidance.follower import FollowerGuidance, follower_step, learning_step
@@ -10,7 +11,7 @@ from vfguide.guidance.formation import Slot, formation_error, predict_leader, sl
 from vfguide.guidance.pid import PidMemory, first_memory, pid_step
 from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.settings import GuidanceSettings, MpcWeights, PidGains
-from vfguide.guidance.slot_integral import no_offset
+from vfguide.guidance.slot_integral import aimed_error, learned, no_offset
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 
@@ -160,7 +161,10 @@ class PidController(BaselineController):
 
 
 class MpcController(BaselineController):
-    """Model predictive control; what it remembers is the solution that the next one starts from."""
+    """Model predictive control; its target lies beyond the slot by what an integral has learned.
+
+    Without a model of what disturbs it a predictive law keeps an offset, as any law without an integral.
+    """
 
     def __init__(
         self,
@@ -174,24 +178,33 @@ class MpcController(BaselineController):
 
         super().__init__(settings, slot, airframe)
         self._predictive = Predictive(weights, airframe)
+        self._learning = replace(settings.field, integral_s=weights.integral_s)
+        self._offset = no_offset(0.0)
 
     def reset(self) -> None:
-        """Nothing is learnt: any solution is as good to start from as any other."""
+        """The disturbance is to be learned anew; any solution is as good to start from as any other."""
+        self._offset = no_offset(0.0)
 
     def _keep(
         self, state: VehicleState[float], leader: LeaderState[float], period: float
     ) -> FollowerGuidance[float]:
         motion = slot_motion(leader, self._slot)
-        return self._predictive.step(
+        error = formation_error(motion, state)
+        guidance = self._predictive.step(
             state,
             leader,
             self._slot,
             motion,
-            formation_error(motion, state),
+            error,
+            aimed=aimed_error(error, self._offset, self._learning),
             wind_feedforward=self._settings.wind_feedforward,
             rho=self._settings.sliding.rho,
             period=period,
         )
+        self._offset = learned(
+            self._offset, error, self._learning, period=period, held=guidance.setpoint.limited
+        )
+        return guidance
 
 
 def formation_controller(

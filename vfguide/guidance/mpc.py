@@ -239,6 +239,7 @@ class Predictive:
         motion: SlotMotion[float],
         error: FormationError[float],
         *,
+        aimed: FormationError[float],
         wind_feedforward: bool,
         rho: float,
         period: float,
@@ -251,6 +252,7 @@ class Predictive:
             slot: in the formation.
             motion: of the slot, at the same time.
             error: where the slot is, at the same time.
+            aimed: where the target is: beyond the slot by what was learned.
             wind_feedforward: whether the wind's rate of change is taken off.
             rho: weight of the Lyapunov function that is reported, s².
             period: until the next step, s.
@@ -261,7 +263,7 @@ class Predictive:
         velocity = complex(state.ground_speed * ahead - motion.speed, state.ground_speed * aside)
         horizon = predicted_slot(leader, slot, interval=programme.interval, count=programme.count)
         wanted = programme.solve(
-            complex(error.along_track, error.cross_track),
+            complex(aimed.along_track, aimed.cross_track),
             velocity,
             horizon.turned,
             self._bounds(state, velocity, motion, horizon),

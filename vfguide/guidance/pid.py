@@ -4,8 +4,8 @@ Each holds its axis in the frame of the slot's motion and answers with a correct
 ground speed, on top of the slot's own: the slot's velocity and its rates are fed forward, so that nothing is
 left for the integrals but what nobody knows. The derivative is the error's rate by the measured velocities,
 low-passed. An integral stands still while its correction is at its limit and the error would push it
-further, and while the vehicle's own limits cut the setpoint of the step before (conditional integration:
-Astrom and Hagglund, Advanced PID Control, 2006, chapter 3).
+further, while the vehicle's own limits cut the setpoint of the step before, and far from the slot, as the
+field's does (conditional integration: Astrom and Hagglund, Advanced PID Control, 2006, chapter 3).
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from vfguide.guidance.formation import FormationError, SlotMotion, lyapunov
 from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import AxisGains, PidGains
+from vfguide.guidance.slot_integral import nearness
 from vfguide.state import Airframe, VehicleState
 
 
@@ -60,6 +61,7 @@ def axis_step(
     gains: AxisGains[Number],
     *,
     period: float,
+    share: Number,
     held: bool | BoolArray,
 ) -> tuple[Number, AxisMemory[Number]]:
     """(correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
@@ -70,10 +72,11 @@ def axis_step(
         memory: of the step before.
         gains: of this axis.
         period: since the step before, s.
+        share: of the error that is integrated, 0 to 1.
         held: whether the vehicle itself is at a limit, so that integrating would only wind up.
     """
     rate = low_pass(memory.rate, error_rate, period, gains.derivative_filter_s)
-    growth = gains.integral * error * period
+    growth = gains.integral * share * error * period
     wanted = gains.proportional * error + memory.integral + growth + gains.derivative * rate
     correction = clip(wanted, -gains.greatest, gains.greatest)
     pushes_on = (wanted != correction) & (wanted * growth > 0.0)
@@ -112,12 +115,14 @@ def pid_step(
         wind_feedforward: whether the wind's rate of change is taken off.
         rho: weight of the Lyapunov function that is reported, s².
     """
+    share = nearness(error)
     turn, lateral = axis_step(
         error.cross_track,
         error.cross_track_rate,
         memory.lateral,
         gains.lateral,
         period=period,
+        share=share,
         held=memory.limited,
     )
     push, longitudinal = axis_step(
@@ -126,6 +131,7 @@ def pid_step(
         memory.longitudinal,
         gains.longitudinal,
         period=period,
+        share=share,
         held=memory.limited,
     )
     course_error = wrap_angle(state.course - (motion.course + turn))

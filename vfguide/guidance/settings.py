@@ -97,6 +97,8 @@ class MpcWeights:
     """Of the acceleration relative to the slot, s⁴/m²."""
     max_course: float
     """Greatest course relative to the slot's that is planned, rad."""
+    integral_s: float = 0.0
+    """T, s: time in which it learns what keeps a follower off its slot; 0: never."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

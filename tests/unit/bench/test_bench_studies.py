@@ -14,7 +14,6 @@ from vfguide.bench.flown import Figures
 from vfguide.bench.monte_carlo import batches, drawn_slots, sampled, summary_of
 from vfguide.bench.scale import crowd, growth_exponent
 from vfguide.bench.spread import dask_executor
-from vfguide.bench.tuning import weighed
 from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 
@@ -81,11 +80,6 @@ def test_a_crowd_keeps_its_distances() -> None:
     assert len(set(slots)) == 100
 
 
-def test_a_cost_adds_error_settling_and_chatter() -> None:
-    assert weighed(0.02, 15.0, 0.025) == pytest.approx(2.0 + 1.5 + 0.5)
-    assert weighed(0.02, None, 0.0) == 1e3
-
-
 def test_figures_are_gathered_while_flying() -> None:
     watch = Watch(1.0)
     for step in range(11):
@@ -97,7 +91,7 @@ def test_figures_are_gathered_while_flying() -> None:
         watch(
             time_s,
             distances,
-            Setpoint(course=course, speed=course, limited=np.array([[False, True]] * 2)),
+            Setpoint(course=course, speed=2.0 * course, limited=np.array([[False, True]] * 2)),
         )
     outcome = watch.outcome()
     assert outcome.mean_error_m == pytest.approx([1.0, 0.4])
@@ -107,6 +101,10 @@ def test_figures_are_gathered_while_flying() -> None:
     assert outcome.limited == pytest.approx([0.0, 1.0])
     # Five steps of 0.1 rad there and back in half a second, one of them net; a steady turn has none.
     assert outcome.chatter_rad_s == pytest.approx([0.8, 0.0], abs=1e-12)
+    # Of the speeds both count: five steps of 0.2 m/s in half a second.
+    assert outcome.speed_variation_m_s2 == pytest.approx([2.0, 2.0])
+    watch(1.1, 50.0 * distances, None)
+    assert list(watch.outcome().settle_1m_s) == [math.inf, 0.0]
 
 
 def test_drawn_slots_are_apart() -> None:

@@ -105,6 +105,31 @@ def test_a_vehicle_outside_its_bounds_is_led_back_in(
     assert abs(controller.step(backwards, leader(), period=PERIOD).setpoint.course - 3.0) > 0.1
 
 
+def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot(
+    leader: Leader, vehicle: Vehicle, choices: Choices
+) -> None:
+    behind = vehicle(north=-40.5, east=10.0)
+
+    def asked(integral_s: float) -> list[float]:
+        weights = replace(WEIGHTS, integral_s=integral_s)
+        controller = MpcController(choices(), SLOT, Airframe(), weights)
+        speeds = [controller.step(behind, leader(), period=PERIOD).setpoint.speed for _ in range(5)]
+        controller.reset()
+        again = controller.step(behind, leader(), period=PERIOD).setpoint.speed
+        assert again == pytest.approx(speeds[0], abs=1e-3)
+        return speeds
+
+    alone, learning = asked(0.0), asked(1.0)
+    assert alone == pytest.approx([alone[0]] * 5, abs=1e-3)
+    # Each step moves the target by 0.5 m * 0.05 s / 1 s, less 1 / 256 for the nearness.
+    _, gain = regulator(
+        WEIGHTS.horizon_s / WEIGHTS.intervals, WEIGHTS.velocity, WEIGHTS.acceleration
+    )
+    share = -gain[0] * (1.0 / 0.8 + PERIOD / 2.0)
+    wanted = [learning[0] + share * step * 0.025 * (256.0 / 257.0) for step in range(5)]
+    assert learning == pytest.approx(wanted, abs=5e-3)
+
+
 def test_the_same_states_give_the_same_setpoints(
     leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:

@@ -20,11 +20,14 @@ GAINS = AxisGains(
     proportional=0.1, integral=0.02, derivative=0.5, derivative_filter_s=0.0, greatest=2.0
 )
 BOTH = PidGains(lateral=GAINS, longitudinal=GAINS)
+GENTLE = AxisGains(
+    proportional=0.01, integral=0.02, derivative=0.0, derivative_filter_s=0.0, greatest=2.0
+)
 EMPTY = AxisMemory(integral=0.0, rate=0.0)
 
 
 def test_the_correction_is_the_sum_of_three_parts() -> None:
-    correction, memory = axis_step(3.0, -0.4, EMPTY, GAINS, period=PERIOD, held=False)
+    correction, memory = axis_step(3.0, -0.4, EMPTY, GAINS, period=PERIOD, share=1.0, held=False)
     # 0.1 * 3 + 0.02 * 3 * 0.05 - 0.5 * 0.4
     assert correction == pytest.approx(0.103)
     assert memory.integral == pytest.approx(0.003)
@@ -34,7 +37,7 @@ def test_the_rate_is_low_passed() -> None:
     slow = AxisGains(
         proportional=0.0, integral=0.0, derivative=1.0, derivative_filter_s=0.15, greatest=2.0
     )
-    correction, memory = axis_step(0.0, 1.0, EMPTY, slow, period=PERIOD, held=False)
+    correction, memory = axis_step(0.0, 1.0, EMPTY, slow, period=PERIOD, share=1.0, held=False)
     # Backward Euler: 0.05 / (0.15 + 0.05).
     assert correction == memory.rate == pytest.approx(0.25)
 
@@ -42,19 +45,48 @@ def test_the_rate_is_low_passed() -> None:
 def test_an_integral_stands_still_while_its_correction_is_at_the_limit() -> None:
     memory = EMPTY
     for _ in range(100):
-        correction, memory = axis_step(80.0, 0.0, memory, GAINS, period=PERIOD, held=False)
+        correction, memory = axis_step(
+            80.0, 0.0, memory, GAINS, period=PERIOD, share=1.0, held=False
+        )
         assert correction == 2.0
     assert memory.integral == 0.0
 
 
+def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
+    leader: Leader, vehicle: Vehicle
+) -> None:
+    leading, slot = leader(), Slot(forward=-20.0, right=0.0)
+    motion = slot_motion(leading, slot)
+
+    def learned_at(east: float) -> float:
+        state = vehicle(north=-20.0, east=east, course=0.0, ground_speed=motion.speed)
+        error = formation_error(motion, state)
+        _, memory = pid_step(
+            state,
+            motion,
+            error,
+            first_memory(error),
+            gains=PidGains(lateral=GENTLE, longitudinal=GENTLE),
+            airframe=Airframe(),
+            period=PERIOD,
+            wind_feedforward=True,
+            rho=50.0,
+        )
+        return float(memory.lateral.integral)
+
+    # Half of it 2 m away, 1 / (1 + 5^4) of it 10 m away.
+    assert learned_at(-2.0) == pytest.approx(0.02 * 2.0 * 0.05 / 2.0)
+    assert learned_at(-10.0) == pytest.approx(0.02 * 10.0 * 0.05 / 626.0)
+
+
 def test_an_integral_at_the_limit_still_shrinks() -> None:
     wound_up = AxisMemory(integral=2.0, rate=0.0)
-    _, memory = axis_step(-1.0, 0.0, wound_up, GAINS, period=PERIOD, held=False)
+    _, memory = axis_step(-1.0, 0.0, wound_up, GAINS, period=PERIOD, share=1.0, held=False)
     assert memory.integral == pytest.approx(2.0 - 0.02 * 0.05)
 
 
 def test_an_integral_stands_still_while_the_vehicle_is_at_a_limit() -> None:
-    _, memory = axis_step(3.0, 0.0, EMPTY, GAINS, period=PERIOD, held=True)
+    _, memory = axis_step(3.0, 0.0, EMPTY, GAINS, period=PERIOD, share=1.0, held=True)
     assert memory.integral == 0.0
 
 
@@ -95,7 +127,9 @@ def test_on_arrays_it_is_what_it_is_on_floats() -> None:
         greatest=2.0 * columns,
     )
     held = np.array([False, True, False, True, False])
-    many, remembered = axis_step(errors, rates, memory, gains, period=PERIOD, held=held)
+    many, remembered = axis_step(
+        errors, rates, memory, gains, period=PERIOD, share=columns, held=held
+    )
     for index in range(5):
         one, kept = axis_step(
             float(errors[index]),
@@ -109,6 +143,7 @@ def test_on_arrays_it_is_what_it_is_on_floats() -> None:
                 greatest=2.0,
             ),
             period=PERIOD,
+            share=1.0,
             held=bool(held[index]),
         )
         assert many[index] == pytest.approx(one, abs=1e-15)
