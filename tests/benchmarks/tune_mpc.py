@@ -1,8 +1,8 @@
 """The weights of the baseline `mpc`: a search on the calm missions, by the rule of `vfguide.bench.tuning`.
 
-Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; some minutes on two processors. One follower, that
-with the longest way, flies for each candidate: first over a grid, then up and down from the best, each weight
-and time alone. What it prints last are the defaults in `vfguide/mission/controller.py`.
+Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; ten minutes on two processors. First over a grid,
+then up and down from the best, each weight and time alone. The first of the list that it prints last are the
+defaults in `vfguide/mission/controller.py`.
 """
 
 import sys
@@ -15,7 +15,6 @@ from math import radians
 from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked
 from vfguide.guidance.settings import MpcWeights
 
-FOLLOWERS = ("f3",)
 MAX_COURSE = radians(45.0)
 
 INTERVAL_S = 1.0 / 7.0
@@ -69,7 +68,7 @@ def around(best: MpcWeights, factor: float) -> list[MpcWeights]:
 def flown(task: tuple[str, str, Sequence[MpcWeights] | None]) -> Trials:
     """One mission, by the field or by some candidates."""
     name, law, weights = task
-    return fly_trials(name, law, len(weights or (None,)), followers=FOLLOWERS, mpc=weights)
+    return fly_trials(name, law, len(weights or (None,)), mpc=weights)
 
 
 def told(trials: list[Trials], index: int) -> str:

@@ -2,7 +2,7 @@
 
 Run with `.venv/bin/python tests/benchmarks/tune_pid.py`; some minutes. Thousands of gains fly both missions
 at once in the array form: first drawn at random over decades, then again and again around the best of them.
-What it prints last are the defaults in `vfguide/mission/controller.py`.
+The first of what it prints last are the defaults in `vfguide/mission/controller.py`.
 """
 
 import math

@@ -22,9 +22,9 @@ class Outcome:
     settle_1m_s: FloatArray
     """The same for 1 m."""
     chatter_rad_s: FloatArray
-    """Course setpoints' variation that is not net turning, per second; the worst follower's."""
+    """Course setpoints' variation that is not net turning, per second; mean over followers."""
     speed_variation_m_s2: FloatArray
-    """Speed setpoints' variation per second; the worst follower's."""
+    """Speed setpoints' variation per second; mean over followers."""
     limited: FloatArray
     """Share of the followers' setpoints that a limit cut, in the window."""
 
@@ -78,7 +78,7 @@ class Watch:
             max_error_m=np.asarray(self._greatest),
             settle_10m_s=np.where(out_10m < end, out_10m, np.inf),
             settle_1m_s=np.where(out_1m < end, out_1m, np.inf),
-            chatter_rad_s=np.maximum(excess, 0.0).max(axis=0) / window,
-            speed_variation_m_s2=np.asarray(self._speeding).max(axis=0) / window,
+            chatter_rad_s=np.maximum(excess, 0.0).mean(axis=0) / window,
+            speed_variation_m_s2=np.asarray(self._speeding).mean(axis=0) / window,
             limited=np.asarray(self._limited) / self._samples,
         )
