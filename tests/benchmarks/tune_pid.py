@@ -87,7 +87,7 @@ def main() -> None:
             gains = drawn(random, best, factor)
             trials = list(pool.map(flown, [(name, gains) for name in CALM]))
             order = ranked(trials, field)
-            settled = np.mean(np.all([one.settled for one in trials], axis=0))
+            settled = np.mean(np.all([np.isfinite(one.settle_1m_s) for one in trials], axis=0))
             sys.stdout.write(
                 f"within a factor of {factor}: {settled:.0%} settle, {len(order)} admitted\n"
             )

@@ -48,8 +48,8 @@ class Trials:
     """Back and forth of the course setpoints in calm air."""
     speed_m_s2: FloatArray
     """Variation of the speed setpoints in calm air."""
-    settled: BoolArray
-    """Whether everybody was within 1 m when errors began to count."""
+    settle_1m_s: FloatArray
+    """When everybody was within 1 m for good; infinite: not before the push."""
 
 
 def trials_of(calm: Outcome, pushed: Outcome) -> Trials:
@@ -59,7 +59,7 @@ def trials_of(calm: Outcome, pushed: Outcome) -> Trials:
         pushed_m=pushed.mean_error_m,
         course_rad_s=calm.chatter_rad_s,
         speed_m_s2=calm.speed_variation_m_s2,
-        settled=calm.settle_1m_s < CALM_S / 2.0,
+        settle_1m_s=calm.settle_1m_s,
     )
 
 
@@ -101,7 +101,7 @@ def mission_of(name: str, law: str, followers: Sequence[str]) -> Mission:
 def admitted(trials: Sequence[Trials], field: Sequence[Trials]) -> BoolArray:
     """Which candidates settle, and ask for no more than the field does; a mission each."""
     fine = [
-        one.settled
+        (one.settle_1m_s < CALM_S / 2.0)
         & (one.course_rad_s <= allowed.course_rad_s)
         & (one.speed_m_s2 <= allowed.speed_m_s2)
         for one, allowed in zip(trials, field, strict=True)
