@@ -24,7 +24,8 @@ def fly(
     mission = directory / "mission.yaml"
     mission.write_text(yaml.safe_dump(settings["mission"], sort_keys=False))
     mission.chmod(0o644)
-    formation = Formation(compose, name, directory, {**settings, "MISSION": str(mission)})
+    environment = {key: value for key, value in settings.items() if key != "mission"}
+    formation = Formation(compose, name, directory, {**environment, "MISSION": str(mission)})
     try:
         return scenario(formation)
     finally:
