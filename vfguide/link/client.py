@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import re
+import select
 import socket
 import ssl
 import threading
@@ -174,6 +175,17 @@ class BrokerClient(Client):
         if entering.exception() is not None:
             await self._hang_up()
         await entering
+
+    def has_more(self) -> bool:
+        """Whether something has arrived that the engine has not read yet."""
+        sock = self._client.socket()
+        if not isinstance(sock, socket.socket) or sock.fileno() < 0:
+            return False
+        if isinstance(sock, ssl.SSLSocket) and sock.pending():
+            return True
+        arrived = select.poll()
+        arrived.register(sock, select.POLLIN)
+        return bool(arrived.poll(0))
 
     async def close(self) -> None:
         """Disconnect, politely if that works at once."""

@@ -126,7 +126,7 @@ class Session:
 
     async def _read(self) -> None:
         while True:
-            await self._inbox.settle()
+            await self._inbox.settle(self._client.has_more)
             while (mail := self._inbox.mail.take()) is not None:
                 self._dispatch(*mail)
 

@@ -64,15 +64,28 @@ def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
 def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
     async def scenario() -> None:
         inbox = Inbox(Counter())
+        inbox.deliver(message("a", b""))
+        await asyncio.wait_for(inbox.settle(lambda: True), 5.0)
 
-        async def flood() -> None:
-            while True:
-                inbox.deliver(message("a", b""))
+    asyncio.run(scenario())
+
+
+def test_what_waits_in_the_socket_is_read_before_anything_is_used() -> None:
+    async def scenario() -> None:
+        inbox = Inbox(Counter())
+        waiting = [message("a", b"2"), message("b", b"3")]
+
+        async def read() -> None:
+            # As the client does: one message in a turn of the event loop.
+            while waiting:
                 await asyncio.sleep(0)
+                inbox.deliver(waiting.pop(0))
 
-        flooding = asyncio.create_task(flood())
-        await asyncio.wait_for(inbox.settle(), 5.0)
-        flooding.cancel()
+        inbox.deliver(message("a", b"1"))
+        reading = asyncio.create_task(read())
+        await inbox.settle(lambda: bool(waiting))
+        assert (inbox.mail.take(), inbox.mail.take()) == (("a", b"2"), ("b", b"3"))
+        await reading
 
     asyncio.run(scenario())
 
