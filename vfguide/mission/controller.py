@@ -63,16 +63,16 @@ class Mpc(Section):
     The defaults are what `tests/benchmarks/tune_mpc.py` finds on the calm missions.
     """
 
-    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 2.0
+    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 4.0
     """How far it looks, s."""
 
-    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 14
+    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 28
     """Into how many intervals of constant acceleration the horizon is cut."""
 
-    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.0225
+    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.02
     """Weight of the velocity relative to the slot, s²."""
 
-    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.0016
+    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.002
     """Weight of the acceleration relative to the slot, s⁴."""
 
     max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0

@@ -59,10 +59,11 @@ def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: st
 
 def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
     mission = mission_of_two("circle-wind", "mpc", "heading-hold")
-    far = distances_on_arrays(mission, 1)[:, 0] - distances_in_lockstep(mission)
-    # The last bits of a state may decide after how many iterations the solver is content.
-    assert np.max(np.abs(far)) < 0.02
-    assert np.mean(np.abs(far)) < 0.005
+    apart = np.abs(distances_on_arrays(mission, 1)[:, 0] - distances_in_lockstep(mission))
+    in_place = round(25.0 * mission.rehearsal.rate_hz)
+    # With bounds at work it may stop at its last iteration, on the way from another solution.
+    assert np.max(apart) < 0.3
+    assert np.max(apart[:, in_place:]) < 0.005
 
 
 @pytest.mark.parametrize(
