@@ -168,7 +168,16 @@ class FollowerRole:
             aims_off=max(one.aims_off for one in (self._controller, *self._late_controllers)),
             avoiding=self._avoiding,
         )
-        return self._traffic.obstacles(here, linked=linked, leading=[obstacle_of(leading, keep)])
+        airframe = self._plan.airframe
+        return self._traffic.obstacles(
+            here,
+            linked=linked,
+            leading=[obstacle_of(leading, keep)],
+            lead_s=max(
+                airframe.course_dead_time + airframe.course_lag,
+                airframe.speed_dead_time + airframe.speed_lag,
+            ),
+        )
 
     def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path."""

@@ -136,7 +136,12 @@ class Traffic:
             neighbour.read()
 
     def obstacles(
-        self, here: Standpoint, *, linked: bool, leading: Sequence[Obstacle[float]] = ()
+        self,
+        here: Standpoint,
+        *,
+        linked: bool,
+        leading: Sequence[Obstacle[float]] = (),
+        lead_s: float = 0.0,
     ) -> list[Obstacle[float]]:
         """Those who may be in the way now: nobody, or everybody who is near enough then.
 
@@ -144,6 +149,7 @@ class Traffic:
             here: the follower itself.
             linked: whether the link is known to work, so that silence means something.
             leading: the leader, of whom the link tells more often.
+            lead_s: how far ahead of now the laws look, s: by then somebody's barrier may bind.
         """
         now = here.time_s
         ahead = 2.0 * here.foreseen + ROOM_M
@@ -154,18 +160,19 @@ class Traffic:
         self._foreseen = min(self._foreseen, ahead)
         slot_speed = math.hypot(here.slot_north, here.slot_east)
         wish = greatest_wish(self._foreseen, slot_speed, self._gains)
-        due = [one for one in self._neighbours.values() if one.calm_until <= now]
+        until = now + lead_s
+        due = [one for one in self._neighbours.values() if one.calm_until <= until]
         for neighbour in due:
             look(neighbour, here, wish, linked=linked)
-        binding = [one for one in due if one.calm_until <= now and one.places]
-        if not binding and all(calm_for(here, place, wish) > 0.0 for place in leading):
+        binding = [one for one in due if one.calm_until <= until and one.places]
+        if not binding and all(calm_for(here, place, wish) > lead_s for place in leading):
             return []
         found = list(leading)
         for neighbour in self._neighbours.values():
-            if neighbour.aside_until <= now:
-                if neighbour.calm_until > now:
+            if neighbour.aside_until <= until:
+                if neighbour.calm_until > until:
                     look(neighbour, here, wish, linked=linked)
-                found += neighbour.places if neighbour.aside_until <= now else ()
+                found += neighbour.places if neighbour.aside_until <= until else ()
         return found
 
 

@@ -195,6 +195,15 @@ def test_somebody_else_matters_only_where_a_barrier_may_turn_the_wish_toward_it(
     assert [one.east for one in found] == pytest.approx([26.0, 0.0, 0.0], abs=1e-3)
 
 
+def test_whoever_answers_late_looks_at_those_who_may_be_in_the_way_by_then(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    # 25 m away; within 12 m of a reach it may be after some 0.2 s.
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=25.0), linked=True) == []
+    assert len(traffic.obstacles(beside(10.05, east=25.0), linked=True, lead_s=0.5)) == 1
+
+
 def test_whoever_aims_beside_its_slot_wishes_for_more(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
