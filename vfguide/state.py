@@ -35,6 +35,10 @@ class VehicleState(Generic[Number]):
     """m/s²."""
     wind_rate_east: Number
     """m/s²."""
+    wind_jerk_north: Number
+    """m/s³."""
+    wind_jerk_east: Number
+    """m/s³."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ from vfguide.companion.own_vehicle import PERIOD_SHARE
 from vfguide.elementwise import FloatArray, clip
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import leader_step
-from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
+from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.guidance.navigation import Sample, first_state, navigate
 from vfguide.state import LeaderState, VehicleState
 
@@ -50,7 +50,7 @@ def fly_formations(
     engaged = round(conditions.engaged_after_s * conditions.rate_hz) + 1
     steps = math.floor(conditions.duration_s * conditions.rate_hz + 1e-6)
     state: VehicleState[FloatArray] | None = None
-    motion: LeaderState[FloatArray] | None = None
+    motion: MotionEstimate[FloatArray] | None = None
     for step in range(steps + 1):
         now = step / conditions.rate_hz
         if step > 0:
@@ -67,18 +67,18 @@ def fly_formations(
             calibrations.learn(sample, reported_airspeed, state)
         leaders = rows(state, 0)
         motion = (
-            leader_at_rest(leaders)
+            motion_at_first(leaders)
             if motion is None
-            else estimate_leader(
+            else estimated_motion(
                 motion, leaders, conditions.airframe, conditions.settings.rate_filter_s
             )
         )
         north, east = conditions.ground.shifted(
             (said[0][0], said[1][0]),
-            motion.north - sample.north[0],
-            motion.east - sample.east[0],
+            motion.told.north - sample.north[0],
+            motion.told.east - sample.east[0],
         )
-        heard.append(replace(motion, north=north, east=east))
+        heard.append(replace(motion.told, north=north, east=east))
         if step < engaged:
             # As in a companion that waits: it is guided already, and has learnt nothing.
             followers.reset()

@@ -2,7 +2,7 @@
 
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan
-from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest
+from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.state import LeaderState
 
@@ -15,18 +15,18 @@ class MotionReport:
 
     def __init__(self, plan: FlightPlan) -> None:
         self._plan = plan
-        self._motion: LeaderState[float] | None = None
+        self._motion: MotionEstimate[float] | None = None
         self._sequence = 0
 
     def note(self, fix: Fix) -> LeaderState[float]:
         """Take a navigated state; the motion as it is now known."""
         state, before = fix.state, self._motion
-        if before is None or not 0.0 < state.time_s - before.time_s <= GAP_S:
-            self._motion = leader_at_rest(state)
+        if before is None or not 0.0 < state.time_s - before.told.time_s <= GAP_S:
+            self._motion = motion_at_first(state)
         else:
             time_constant = self._plan.settings.rate_filter_s
-            self._motion = estimate_leader(before, state, self._plan.airframe, time_constant)
-        return self._motion
+            self._motion = estimated_motion(before, state, self._plan.airframe, time_constant)
+        return self._motion.told
 
     def message(self, motion: LeaderState[float], fix: Fix, time_s: float) -> bytes:
         """The motion as bytes for the link.

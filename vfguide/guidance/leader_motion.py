@@ -1,23 +1,81 @@
-"""How the leader's motion changes, estimated by the leader itself for those who follow it."""
+"""How a vehicle's motion changes, estimated by itself for those who follow it.
+
+Followers feed dV_g/dt and omega forward, so a late estimate is an error of theirs. A filter that tracks
+a rate and how it changes itself is not late where the rate grows steadily, as it does in a wind that
+swings; a first-order one is late by its time constant. Fading-memory filters as in `navigation`.
+"""
+
+from dataclasses import dataclass
+from typing import Generic
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import Number, clip
 from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.navigation import fading_memory_2
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 
-def leader_at_rest(state: VehicleState[Number]) -> LeaderState[Number]:
-    """Leader state from one navigated state alone: nothing is known of its changes yet."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionEstimate(Generic[Number]):
+    """What is known of a vehicle's motion."""
+
+    told: LeaderState[Number]
+    """What the others are told of it."""
+    jerk: Number
+    """d²V_g/dt², m/s³: no follower needs it, the next estimate does."""
+
+
+def motion_at_first(state: VehicleState[Number]) -> MotionEstimate[Number]:
+    """From one navigated state alone: nothing is known of its changes yet."""
     still = state.course * 0.0
-    return LeaderState(
-        time_s=state.time_s,
-        north=state.north,
-        east=state.east,
-        course=state.course,
-        ground_speed=state.ground_speed,
-        acceleration=still,
-        turn_rate=still,
-        turn_acceleration=still,
+    return MotionEstimate(
+        told=_told(state, acceleration=still, turn_rate=still, turn_acceleration=still), jerk=still
+    )
+
+
+def estimated_motion(
+    previous: MotionEstimate[Number],
+    state: VehicleState[Number],
+    airframe: Airframe,
+    time_constant: float,
+) -> MotionEstimate[Number]:
+    """The motion with dV_g/dt, omega and its rate: differences of course and speed, filtered.
+
+    Rates are held within what the airframe can do: an outlier in omega turns the whole frame in which
+    followers see their slots.
+
+    Args:
+        previous: the estimate before.
+        state: navigated state of the vehicle, later than the estimate before.
+        airframe: limits of the vehicle.
+        time_constant: of the filters, s.
+    """
+    before = previous.told
+    period = state.time_s - before.time_s
+    turn_limit = bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min)
+    turn_rate, turn_acceleration = _tracked(
+        (before.turn_rate, before.turn_acceleration),
+        wrap_angle(state.course - before.course) / period,
+        turn_limit,
+        period,
+        time_constant,
+    )
+    acceleration, jerk = _tracked(
+        (before.acceleration, previous.jerk),
+        (state.ground_speed - before.ground_speed) / period,
+        # The wind accelerates a vehicle over ground as the engine does, so the bound is twice the engine's.
+        2.0 * airframe.max_acceleration,
+        period,
+        time_constant,
+    )
+    return MotionEstimate(
+        told=_told(
+            state,
+            acceleration=acceleration,
+            turn_rate=turn_rate,
+            turn_acceleration=turn_acceleration,
+        ),
+        jerk=jerk,
     )
 
 
@@ -26,46 +84,38 @@ def low_pass(previous: Number, target: Number, period: float, time_constant: flo
     return previous + (period / (time_constant + period)) * (target - previous)
 
 
-def estimate_leader(
-    previous: LeaderState[Number],
-    state: VehicleState[Number],
-    airframe: Airframe,
+def _tracked(
+    before: tuple[Number, Number],
+    raw: Number,
+    limit: float,
+    period: float,
     time_constant: float,
+) -> tuple[Number, Number]:
+    """(rate, its own rate) after a raw rate that may be an outlier, neither beyond +-limit."""
+    gain, rate_gain = fading_memory_2(period, time_constant)
+    expected = before[0] + before[1] * period
+    surprise = clip(raw, -limit, limit) - expected
+    return (
+        clip(expected + gain * surprise, -limit, limit),
+        before[1] + rate_gain / period * surprise,
+    )
+
+
+def _told(
+    state: VehicleState[Number],
+    *,
+    acceleration: Number,
+    turn_rate: Number,
+    turn_acceleration: Number,
 ) -> LeaderState[Number]:
-    """Leader state with dV/dt, omega and its rate, differentiated and low-passed.
-
-    The raw rates are held within what the airframe can do: an outlier in omega turns the whole frame in
-    which followers see their slots.
-
-    Args:
-        previous: the estimate before.
-        state: navigated state of the leader, later than the estimate before.
-        airframe: limits of the leader.
-        time_constant: of the low-pass filters, s.
-    """
-    period = state.time_s - previous.time_s
-    greatest_turn = bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min)
-    raw_turn_rate = clip(
-        wrap_angle(state.course - previous.course) / period, -greatest_turn, greatest_turn
-    )
-    # The wind accelerates a vehicle over ground as the engine does, so the bound is twice the engine's.
-    greatest_acceleration = 2.0 * airframe.max_acceleration
-    raw_acceleration = clip(
-        (state.ground_speed - previous.ground_speed) / period,
-        -greatest_acceleration,
-        greatest_acceleration,
-    )
-    turn_rate = low_pass(previous.turn_rate, raw_turn_rate, period, time_constant)
-    turn_acceleration = (turn_rate - previous.turn_rate) / period
+    """A navigated state, and how it changes."""
     return LeaderState(
         time_s=state.time_s,
         north=state.north,
         east=state.east,
         course=state.course,
         ground_speed=state.ground_speed,
-        acceleration=low_pass(previous.acceleration, raw_acceleration, period, time_constant),
+        acceleration=acceleration,
         turn_rate=turn_rate,
-        turn_acceleration=low_pass(
-            previous.turn_acceleration, turn_acceleration, period, time_constant
-        ),
+        turn_acceleration=turn_acceleration,
     )

@@ -127,10 +127,10 @@ class Controller(Section):
     position_filter_s: Duration = 2.0
     """Time constant of the follower's position filter, s; 0 switches it off."""
 
-    wind_filter_s: Duration = 0.2
+    wind_filter_s: Duration = 0.35
     """Time constant of the wind estimate, s; 0 switches the filter off."""
 
-    rate_filter_s: Duration = 0.4
+    rate_filter_s: Duration = 0.6
     """Time constant of the leader's turn rate and acceleration estimates, s; 0 switches it off."""
 
     predict_leader: Switch = True

@@ -55,28 +55,44 @@ def article_turn_error(mission: Mission, conditions: Conditions, slot: Slot[floa
 def wind_left_over(mission: Mission, vehicle: str) -> float:
     """Mean acceleration (m/s²) that changes of the declared wind cause and feed-forward does not remove.
 
-    They reach a follower twice. The leader's ground speed changes with dw/dt; its estimate is fed forward
-    and lags by its filter and one loop period. A heading-hold follower is moved by dw/dt itself, which is
-    fed forward with the lag of the wind filter, or not at all.
+    They reach a follower twice. The leader's ground speed changes with dw/dt; its estimate is fed forward, by
+    a filter that is tau² d³w/dt³ wrong, and a loop period late. A heading-hold follower is moved by dw/dt
+    itself, which is fed forward as late and 3 tau² d³w/dt³ wrong, or not at all.
     """
     if not isinstance(mission.wind, ArticleWind):
         return 0.0
     controller, period = mission.controller, 1.0 / mission.rehearsal.rate_hz
-    rate, jerk = article_wind_rates()
-    left = (controller.rate_filter_s + period) * jerk
+    rate, jerk, snap = article_wind_rates()
+    left = controller.rate_filter_s**2 * snap + period * jerk
     if mission.vehicles[vehicle].plant == "heading-hold":
-        lagging = (controller.wind_filter_s + period) * jerk
-        left += lagging if controller.wind_feedforward else rate
+        wrong = 3.0 * controller.wind_filter_s**2 * snap + period * jerk
+        left += wrong if controller.wind_feedforward else rate
     return left
 
 
-def article_wind_rates() -> tuple[float, float]:
-    """Mean |dw/dt| (m/s²) and mean |d²w/dt²| (m/s³) of the article's wind over its period."""
+def frame_error(mission: Mission, slot: Slot[float]) -> float:
+    """How far (m) a slot is beside its place since the leader does not know its own course.
+
+    The wind filter is tau³ d³w/dt³ wrong, the leader's ground velocity with it, and the slots turn with that;
+    an equal share is taken to lie along and across the course.
+    """
+    if not isinstance(mission.wind, ArticleWind):
+        return 0.0
+    _, _, snap = article_wind_rates()
+    wrong = mission.controller.wind_filter_s**3 * snap / math.sqrt(2.0)
+    return wrong / mission.leader.airspeed_m_s * math.hypot(slot.forward, slot.right)
+
+
+def article_wind_rates() -> tuple[float, float, float]:
+    """Means of |dw/dt| (m/s²), |d²w/dt²| (m/s³), |d³w/dt³| (m/s⁴) of the article's wind over its period."""
     time = np.linspace(0.0, ARTICLE_WIND_PERIOD_S, 1000)
     step = float(time[1])
-    rates = [np.gradient(component, step) for component in article_wind(time)]
-    jerks = [np.gradient(rate, step) for rate in rates]
-    return float(np.hypot(*rates).mean()), float(np.hypot(*jerks).mean())
+    means, derivatives = [], article_wind(time)
+    for _ in range(3):
+        north, east = (np.gradient(component, step, edge_order=2) for component in derivatives)
+        derivatives = (north, east)
+        means.append(float(np.hypot(north, east).mean()))
+    return means[0], means[1], means[2]
 
 
 def integral_share(slope: float, integral_s: float, frequency: float) -> float:
@@ -115,7 +131,7 @@ def wind_error(controller: Controller, acceleration: float, *, speed: float, lay
     )
     ahead = error_for_correction(speed_error, controller.v_inf_m_s, controller.k_x)
     if controller.type == "slot":
-        rate, jerk = article_wind_rates()
+        rate, jerk, _ = article_wind_rates()
         across = field_slope(controller.k_y, math.radians(controller.chi_inf_deg)) * speed
         along = field_slope(controller.k_x, controller.v_inf_m_s)
         lateral = lateral * integral_share(across, controller.integral_s, jerk / rate)
@@ -132,8 +148,9 @@ def predicted_mean_error(mission: Mission, conditions: Conditions) -> float:
     for follower in mission.followers:
         acceleration = wind_left_over(mission, follower.vehicle)
         error = wind_error(controller, acceleration, speed=airspeed, layer=layer)
+        slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
+        error += frame_error(mission, slot)
         if controller.type == "article":
-            slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
             error += article_turn_error(mission, conditions, slot)
         if not controller.predict_leader:
             error += airspeed * mean_leader_age(mission)

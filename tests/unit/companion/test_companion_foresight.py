@@ -43,6 +43,8 @@ def state(**values: float) -> VehicleState[float]:
         "wind_east": 0.0,
         "wind_rate_north": 0.0,
         "wind_rate_east": 0.0,
+        "wind_jerk_north": 0.0,
+        "wind_jerk_east": 0.0,
     }
     return VehicleState(**(fields | values))
 

@@ -20,6 +20,8 @@ def state(time_s: float, course: float) -> VehicleState[float]:
         wind_east=0.0,
         wind_rate_north=0.0,
         wind_rate_east=0.0,
+        wind_jerk_north=0.0,
+        wind_jerk_east=0.0,
     )
 
 

@@ -174,7 +174,8 @@ def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "wind_north"), [("leader", 0.0), ("f1", -20.0 * (1.0 - math.exp(-4.0)))]
+    ("vehicle", "wind_north"),
+    [("leader", 0.0), ("f1", -20.0 * (1.0 - math.exp(-3.0 * 0.4 / 0.35)))],
 )
 def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
     plan: MakePlan, report: MakeReport, vehicle: str, wind_north: float
@@ -183,7 +184,7 @@ def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
     own = OwnVehicle(replace(known, settings=replace(known.settings, speed_source="observer")))
     own.note_airspeed(20.0, 42.0)
     own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
-    # The position says 20 m/s, the velocity 0: who believes it sees a head wind, low-passed over 0.2 s.
+    # The position says 20 m/s, the velocity 0: who believes it sees a head wind, filtered over 0.35 s.
     fix = own.take(replace(report(5.4, north=8.0), velocity_north=0.0, velocity_east=0.0), 42.4)
     assert fix is not None
     assert fix.state.wind_north == pytest.approx(wind_north, abs=1e-3)

@@ -82,6 +82,8 @@ def vehicle() -> Callable[..., VehicleState[float]]:
             wind_east=wind[1],
             wind_rate_north=wind_rate[0],
             wind_rate_east=wind_rate[1],
+            wind_jerk_north=0.0,
+            wind_jerk_east=0.0,
         )
 
     return make

@@ -15,7 +15,7 @@ from vfguide.guidance.follower import FollowerGuidance, follower_step
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
-from vfguide.guidance.leader_motion import estimate_leader
+from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.path import Circle, Line, Path, Racetrack
 from vfguide.guidance.settings import GuidanceSettings, PathGains
@@ -79,6 +79,8 @@ def random_states(seed: int) -> VehicleState[Any]:
         wind_east=random.uniform(-15.0, 15.0, COUNT),
         wind_rate_north=random.uniform(-1.0, 1.0, COUNT),
         wind_rate_east=random.uniform(-1.0, 1.0, COUNT),
+        wind_jerk_north=random.uniform(-1.0, 1.0, COUNT),
+        wind_jerk_east=random.uniform(-1.0, 1.0, COUNT),
     )
 
 
@@ -170,12 +172,16 @@ def test_navigation_and_leader_motion_in_a_batch_are_those_alone(
 
     before, after = sample(0.0), sample(PERIOD)
     batch = step(first_state(before), after, times)
-    motion = estimate_leader(random_leaders(batch, 7), batch, AIRFRAMES[0], 0.4)
+    known = MotionEstimate(told=random_leaders(batch, 7), jerk=random.uniform(-1.0, 1.0, COUNT))
+    motion = estimated_motion(known, batch, AIRFRAMES[0], 0.4)
     for index in range(COUNT):
         single = step(first_state(element(before, index)), element(after, index), times)
         same(batch, index, single)
         leader = element(random_leaders(batch, 7), index)
-        same(motion, index, estimate_leader(leader, single, AIRFRAMES[0], 0.4))
+        alone = MotionEstimate(told=leader, jerk=float(known.jerk[index]))
+        estimated = estimated_motion(alone, single, AIRFRAMES[0], 0.4)
+        same(motion.told, index, estimated.told)
+        assert float(motion.jerk[index]) == pytest.approx(estimated.jerk, rel=1e-12)
 
 
 PLACE, ANGLE = st.floats(-1e6, 1e6), st.floats(-1e3, 1e3)
@@ -196,6 +202,8 @@ def anywhere(draw: st.DrawFn) -> VehicleState[float]:
         wind_east=draw(WIND),
         wind_rate_north=draw(WIND),
         wind_rate_east=draw(WIND),
+        wind_jerk_north=draw(WIND),
+        wind_jerk_east=draw(WIND),
     )
 
 

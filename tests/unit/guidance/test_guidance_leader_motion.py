@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vfguide.guidance.leader_motion import estimate_leader, leader_at_rest, low_pass
+from vfguide.guidance.leader_motion import estimated_motion, low_pass, motion_at_first
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Vehicles = Callable[..., VehicleState[float]]
@@ -18,10 +18,10 @@ AIRFRAME = Airframe()
 def estimates(
     states: list[VehicleState[float]], time_constant: float = FILTER
 ) -> LeaderState[float]:
-    motion = leader_at_rest(states[0])
+    motion = motion_at_first(states[0])
     for state in states[1:]:
-        motion = estimate_leader(motion, state, AIRFRAME, time_constant)
-    return motion
+        motion = estimated_motion(motion, state, AIRFRAME, time_constant)
+    return motion.told
 
 
 def moving(
@@ -41,7 +41,7 @@ def moving(
 
 
 def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
-    motion = leader_at_rest(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0))
+    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).told
     assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
     assert (motion.course, motion.ground_speed) == (0.5, 22.0)
     assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
@@ -52,22 +52,27 @@ def test_on_a_steady_turn_the_turn_rate_is_found_through_south(
     vehicle: Vehicles, turn_rate: float
 ) -> None:
     # 0.14 rad before south, the course jumps by 2 pi after 1 s, which is no turn the other way
-    states = moving(vehicle, 6.0, turn_rate=turn_rate)
-    motion = leader_at_rest(states[0])
-    for state in states[1:]:
-        before, motion = motion, estimate_leader(motion, state, AIRFRAME, FILTER)
-        assert before.turn_rate / turn_rate < motion.turn_rate / turn_rate + 1e-9 < 1.0 + 1e-8
-    # 6 s are 15 time constants
-    assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-4)
-    assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-4)
+    motion = estimates(moving(vehicle, 6.0, turn_rate=turn_rate))
+    # 6 s are 15 time constants: (1 - 120 (1 - m)) m^120 is missing, m = e^(-0.05/0.4), 4e-6 beyond
+    assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-5)
+    assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-5)
     assert motion.acceleration == 0.0
 
 
-def test_after_one_time_constant_most_of_the_turn_is_seen(vehicle: Vehicles) -> None:
-    # backward Euler over 8 samples: 1 - (0.4/0.45)^8 = 0.610
-    motion = estimates(moving(vehicle, FILTER, turn_rate=0.1))
-    assert motion.turn_rate == pytest.approx(0.0610, abs=1e-4)
-    assert motion.turn_acceleration > 0.0
+@pytest.mark.parametrize(
+    ("steps", "seen"),
+    [
+        # missing after n steps: (1 - n (1 - m)) m^n with m = e^(-1/8) = 0.882497
+        (4, 1.0 - 0.529988 * 0.606531),
+        (8, 1.0 - 0.059975 * 0.367879),
+        (17, 1.0 + 0.997553 * 0.119433),
+    ],
+)
+def test_a_turn_that_begins_is_seen_after_a_time_constant_and_for_a_while_overrated(
+    vehicle: Vehicles, steps: int, seen: float
+) -> None:
+    motion = estimates(moving(vehicle, steps * PERIOD, turn_rate=0.1))
+    assert motion.turn_rate == pytest.approx(0.1 * seen, abs=1e-6)
 
 
 def test_a_steady_acceleration_is_found(vehicle: Vehicles) -> None:
@@ -79,10 +84,17 @@ def test_a_steady_acceleration_is_found(vehicle: Vehicles) -> None:
 def test_a_turn_that_tightens_has_a_turn_acceleration(vehicle: Vehicles) -> None:
     times = [index * PERIOD for index in range(161)]
     states = [vehicle(course=0.01 * time * time, time_s=time) for time in times]
-    # omega = 0.02 t: 0.02 rad/s², and omega is about the filter's 0.4 s + half a sample late
+    # omega = 0.02 t: 0.02 rad/s², and a difference is half a sample late
     motion = estimates(states)
-    assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-3)
-    assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.425), rel=1e-3)
+    assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-5)
+    assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.025), rel=1e-5)
+
+
+def test_an_acceleration_that_grows_is_no_more_than_half_a_sample_late(vehicle: Vehicles) -> None:
+    times = [index * PERIOD for index in range(161)]
+    states = [vehicle(ground_speed=20.0 + 0.1 * time * time, time_s=time) for time in times]
+    # dV/dt = 0.2 t; a first-order filter of 0.4 s would be 0.425 s late
+    assert estimates(states).acceleration == pytest.approx(0.2 * (8.0 - 0.025), rel=1e-5)
 
 
 def test_without_a_filter_the_differences_come_through(vehicle: Vehicles) -> None:
@@ -98,41 +110,41 @@ def test_an_outlier_of_the_course_turns_the_slot_frame_a_little_only(
     vehicle: Vehicles, outlier: float
 ) -> None:
     states = [vehicle(), vehicle(course=outlier, time_s=PERIOD)]
-    # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, of which 0.05/0.45 is taken
+    # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, of which 1 - e^(-1/4) is taken
     motion = estimates(states)
-    assert abs(motion.turn_rate) == pytest.approx(0.81722 / 9.0, abs=1e-5)
+    assert abs(motion.turn_rate) == pytest.approx(0.81722 * 0.221199, abs=1e-5)
     assert math.copysign(1.0, motion.turn_rate) == math.copysign(1.0, outlier)
 
 
 def test_an_outlier_of_the_speed_is_bounded_too(vehicle: Vehicles) -> None:
     states = [vehicle(), vehicle(ground_speed=90.0, time_s=PERIOD)]
-    # twice 3 m/s², of which 0.05/0.45 is taken
-    assert estimates(states).acceleration == pytest.approx(6.0 / 9.0)
+    # twice 3 m/s², of which 1 - e^(-1/4) is taken
+    assert estimates(states).acceleration == pytest.approx(6.0 * 0.221199, abs=1e-5)
 
 
 def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
     vehicle: Vehicles,
 ) -> None:
     random = np.random.default_rng(5)
-    motion = leader_at_rest(vehicle())
+    motion = motion_at_first(vehicle())
     for index in range(1, 500):
         wild = vehicle(
             course=float(random.uniform(-math.pi, math.pi)),
             ground_speed=float(random.uniform(1.0, 60.0)),
             time_s=index * PERIOD,
         )
-        motion = estimate_leader(motion, wild, AIRFRAME, FILTER)
-        assert abs(motion.turn_rate) <= 0.8173
-        assert abs(motion.acceleration) <= 6.0
+        motion = estimated_motion(motion, wild, AIRFRAME, FILTER)
+        assert abs(motion.told.turn_rate) <= 0.8173
+        assert abs(motion.told.acceleration) <= 6.0
 
 
 def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
     steep = replace(AIRFRAME, max_bank=math.radians(60.0))
-    motion = estimate_leader(
-        leader_at_rest(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
+    motion = estimated_motion(
+        motion_at_first(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
     )
     # 9.80665 tan(60 degrees)/12
-    assert motion.turn_rate == pytest.approx(1.41547, abs=1e-5)
+    assert motion.told.turn_rate == pytest.approx(1.41547, abs=1e-5)
 
 
 def test_a_low_pass_moves_by_its_share() -> None:

@@ -54,6 +54,20 @@ def growing_wind(time: float) -> Sample[float]:
     )
 
 
+def turning_wind(time: float) -> Sample[float]:
+    """The same with a wind whose growth grows by (0.3, -0.2) m/s² every second."""
+    steady = steady_wind(time)
+    return Sample(
+        time_s=time,
+        north=steady.north + 0.05 * time**3,
+        east=steady.east - 0.1 / 3.0 * time**3,
+        velocity_north=steady.velocity_north + 0.15 * time * time,
+        velocity_east=steady.velocity_east - 0.1 * time * time,
+        heading=HEADING,
+        airspeed=AIRSPEED,
+    )
+
+
 def run(
     track: Track, seconds: float, *, times: FilterTimes = TIMES, step: Filter = navigate
 ) -> list[VehicleState[float]]:
@@ -91,8 +105,17 @@ def test_in_a_steadily_growing_wind_there_is_no_lag_either() -> None:
     assert miss(state, truth) < 1e-4
 
 
+def test_in_a_wind_whose_growth_grows_course_and_speed_stay_exact() -> None:
+    state = run(turning_wind, 10.0)[-1]
+    # a filter without the rate's rate would be 0.2² . 0.3 = 0.012 m/s behind, and the rate 2 . 0.2 . 0.3 m/s²
+    assert state.wind_north == pytest.approx(5.0 + 0.15 * 100.0, abs=1e-6)
+    assert state.wind_rate_north == pytest.approx(0.3 * 10.0, abs=1e-6)
+    assert state.wind_rate_east == pytest.approx(-0.2 * 10.0, abs=1e-6)
+    assert (state.wind_jerk_north, state.wind_jerk_east) == pytest.approx((0.3, -0.2), abs=1e-6)
+
+
 def test_the_rate_of_the_wind_is_found_within_two_seconds() -> None:
-    # 40 samples: 40 memory^40 with memory = e^(-0.05/0.2) = 0.7788 leaves 0.2 %
+    # 40 samples: some 40² memory^40 / 2 with memory = e^(-0.05/0.2) = 0.7788 leaves less than 4 %
     state = run(growing_wind, 2.0)[-1]
     assert (state.wind_rate_north, state.wind_rate_east) == pytest.approx((0.8, -0.5), rel=0.01)
     early = run(growing_wind, 0.1)[-1]

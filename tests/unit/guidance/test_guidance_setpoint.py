@@ -36,6 +36,8 @@ def states(draw: st.DrawFn) -> VehicleState[float]:
         wind_east=draw(wind),
         wind_rate_north=draw(rate),
         wind_rate_east=draw(rate),
+        wind_jerk_north=draw(rate),
+        wind_jerk_east=draw(rate),
     )
 
 
