@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import product
 from math import radians
 
-from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked
+from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
 from vfguide.guidance.settings import MpcWeights
 
 MAX_COURSE = radians(45.0)
@@ -67,32 +67,21 @@ def around(best: MpcWeights, factor: float) -> list[MpcWeights]:
     return candidates
 
 
-def flown(task: tuple[str, str, Sequence[MpcWeights] | None]) -> Trials:
-    """One mission, by the field or by some candidates."""
-    name, law, weights = task
-    return fly_trials(name, law, len(weights or (None,)), mpc=weights)
-
-
-def told(trials: list[Trials], index: int) -> str:
-    """What a candidate came to, mission by mission."""
-    return "; ".join(
-        f"{name} {one.error_m[index]:.4f} m, pushed {one.pushed_m[index]:.4f} m, "
-        f"{one.course_rad_s[index]:.4f} rad/s, {one.speed_m_s2[index]:.3f} m/s², within 1 m after "
-        f"{one.settle_1m_s[index]:.1f} s"
-        for name, one in zip(CALM, trials, strict=True)
-    )
+def flown(task: tuple[str, Sequence[MpcWeights]]) -> Trials:
+    """One mission by some candidates."""
+    name, weights = task
+    return fly_trials(name, "mpc", len(weights), mpc=weights)
 
 
 def best_of(
     candidates: list[MpcWeights],
-    field: list[Trials],
     pool: ProcessPoolExecutor,
     *,
     by_settling: bool = False,
 ) -> MpcWeights:
     """The best of them by the rule, or the soonest in place; those admitted printed."""
-    trials = list(pool.map(flown, [(name, "mpc", candidates) for name in CALM]))
-    order = ranked(trials, field)
+    trials = list(pool.map(flown, [(name, candidates) for name in CALM]))
+    order = ranked(trials)
     if by_settling:
         order.sort(key=lambda index: sum(float(one.settle_1m_s[index]) for one in trials))
     sys.stdout.write(f"{len(candidates)} candidates, {len(order)} admitted\n")
@@ -110,14 +99,12 @@ def best_of(
 def main() -> None:
     """Search and print."""
     with ProcessPoolExecutor(len(CALM)) as pool:
-        field = list(pool.map(flown, [(name, "slot", None) for name in CALM]))
-        sys.stdout.write(f"the field: {told(field, 0)}\n")
         grid = product(VELOCITIES, ACCELERATIONS, INTEGRALS)
-        best = best_of([weights_of(*one) for one in grid], field, pool)
+        best = best_of([weights_of(*one) for one in grid], pool)
         for factor in NARROWER:
-            best = best_of(around(best, factor), field, pool)
+            best = best_of(around(best, factor), pool)
         horizons = [looking(best, horizon_s) for horizon_s in HORIZONS_S]
-        best_of(horizons, field, pool, by_settling=True)
+        best_of(horizons, pool, by_settling=True)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from vfguide.bench.tuning import CALM, Trials, fly_trials, mission_of, ranked
+from vfguide.bench.tuning import CALM, Trials, fly_trials, mission_of, ranked, told
 from vfguide.companion.plan import guidance_settings
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.settings import AxisGains, PidGains
@@ -67,26 +67,15 @@ def flown(task: tuple[str, Gains]) -> Trials:
     return fly_trials(name, "pid", CANDIDATES, pid=PidGains(**axes))
 
 
-def told(trials: list[Trials], index: int) -> str:
-    """What a candidate came to, mission by mission."""
-    return "; ".join(
-        f"{name} {one.error_m[index]:.4f} m, pushed {one.pushed_m[index]:.4f} m, "
-        f"{one.course_rad_s[index]:.4f} rad/s, {one.speed_m_s2[index]:.3f} m/s²"
-        for name, one in zip(CALM, trials, strict=True)
-    )
-
-
 def main() -> None:
     """Search and print."""
     random = default_rng(SEED)
     best: Gains | None = None
     with ProcessPoolExecutor(len(CALM)) as pool:
-        field = list(pool.map(fly_trials, CALM, ["slot"] * len(CALM)))
-        sys.stdout.write(f"the field: {told(field, 0)}\n")
         for factor in (math.inf, *NARROWER):
             gains = drawn(random, best, factor)
             trials = list(pool.map(flown, [(name, gains) for name in CALM]))
-            order = ranked(trials, field)
+            order = ranked(trials)
             settled = np.mean(np.all([np.isfinite(one.settle_1m_s) for one in trials], axis=0))
             sys.stdout.write(
                 f"within a factor of {factor}: {settled:.0%} settle, {len(order)} admitted\n"

@@ -75,13 +75,14 @@ def article_mission(
         },
         "controller": {
             "type": "slot",
-            "k_x": 0.25,
-            "k_y": 0.25,
-            "integral_s": 1.2,
+            "k_x": 0.42,
+            "k_y": 0.28,
+            "integral_s": 0.65,
             "chi_inf_deg": 45,
             "v_inf_m_s": 8,
             "kappa": 3,
             "epsilon": 0.01,
+            "boundary_layer_factor": 4.8,
         },
         "wind": {"type": "article" if wind == "wind" else "calm"},
         "rehearsal": {

@@ -29,22 +29,22 @@ class Pid(Section):
     The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
     """
 
-    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.467
+    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.502
     """Course for the error across track, rad/m."""
 
-    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 0.925
+    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 1.27
     """Course for its integral, rad/(m s)."""
 
-    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.198
+    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.225
     """Course for its rate, rad s/m."""
 
-    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 14.6
+    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 12.4
     """Speed for the error along track, m/s per m."""
 
-    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 22.1
+    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 22.4
     """Speed for its integral, m/s per m s."""
 
-    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 4.82
+    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 5.79
     """Speed for its rate, m/s per m/s."""
 
     derivative_filter_s: Duration = 0.2
@@ -69,16 +69,16 @@ class Mpc(Section):
     intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 28
     """Into how many intervals of constant acceleration the horizon is cut."""
 
-    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.02
+    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.01
     """Weight of the velocity relative to the slot, s²."""
 
-    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.002
+    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.0016
     """Weight of the acceleration relative to the slot, s⁴."""
 
     max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
     """Largest course relative to the slot's that is planned, degrees."""
 
-    integral_s: Duration = 0.67
+    integral_s: Duration = 0.75
     """Time in which it learns what keeps a follower off its slot, s; 0: never."""
 
 

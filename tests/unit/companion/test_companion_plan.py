@@ -127,7 +127,7 @@ def test_limits_are_in_radians_and_metres_per_second(plan: MakePlan) -> None:
 def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) -> None:
     settings, chosen = plan().settings, mission("line-calm").controller
     assert settings.field.chi_inf == pytest.approx(math.pi / 4)
-    assert (settings.field.k_x, settings.field.k_y, settings.field.v_inf) == (0.25, 0.25, 8.0)
+    assert (settings.field.k_x, settings.field.k_y, settings.field.v_inf) == (0.42, 0.28, 8.0)
     assert (settings.sliding.kappa, settings.sliding.epsilon) == (3.0, 0.01)
     assert (settings.sliding.rho, settings.observer.rho) == (chosen.rho, chosen.observer.rho)
     assert settings.filters.position_s == chosen.position_filter_s

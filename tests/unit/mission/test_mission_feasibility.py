@@ -1,6 +1,7 @@
 """What is known about a mission before take-off, against numbers worked out by hand."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,11 @@ FOLDER = Path(__file__).parents[3] / "missions"
 MISSIONS = sorted(FOLDER.glob("*.yaml"))
 
 
+CONTROLLER = "controller: {type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2, epsilon: 0.01}"
+
+
 def mission(name: str, *changes: tuple[str, str]) -> Mission:
-    text = (FOLDER / f"{name}.yaml").read_text()
+    text = re.sub(r"controller: \{[^}]*\}", CONTROLLER, (FOLDER / f"{name}.yaml").read_text())
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
@@ -41,7 +45,8 @@ def test_no_shipped_mission_has_an_error(file: Path) -> None:
 
 @pytest.mark.parametrize("name", ["line-calm", "line-wind", "circle-calm", "transit-abreast"])
 def test_the_easy_missions_give_no_warning(name: str) -> None:
-    assert found(name) == []
+    loaded = read_mission(FOLDER / f"{name}.yaml")
+    assert report_on(loaded.mission, loaded.source).warnings == ()
 
 
 def test_the_wind_of_the_article_blows_between_two_and_eight_metres_a_second() -> None:

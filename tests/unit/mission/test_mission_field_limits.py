@@ -1,6 +1,7 @@
 """Fields that ask for more than a bank gives or a loop follows, against numbers worked out by hand."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,11 @@ from vfguide.mission.turn_limits import course_field_turn_rate
 
 FOLDER = Path(__file__).parents[3] / "missions"
 
+CONTROLLER = "controller: {type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2}"
+
 
 def text_of(name: str, *changes: tuple[str, str]) -> str:
-    text = (FOLDER / f"{name}.yaml").read_text()
+    text = re.sub(r"controller: \{[^}]*\}", CONTROLLER, (FOLDER / f"{name}.yaml").read_text())
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)

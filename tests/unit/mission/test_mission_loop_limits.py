@@ -72,4 +72,5 @@ def test_a_link_within_patience_is_no_error(delay_s: float, severities: list[str
 
 @pytest.mark.parametrize(("period", "layer"), [(0.01, 0.525), (0.05, 0.525), (0.1, 1.05)])
 def test_the_layer_before_take_off_is_the_one_in_flight(period: float, layer: float) -> None:
-    assert effective_layer(mission().controller, period) == pytest.approx(layer)
+    usual = mission(("boundary_layer_factor: 4.8", "boundary_layer_factor: 3.5")).controller
+    assert effective_layer(usual, period) == pytest.approx(layer)

@@ -26,7 +26,7 @@ RATE, JERK, SNAP = 1.0490193, 0.3026650, 0.1031888
 
 def mission(*controls: str, plant: str = "heading-hold") -> Mission:
     controller = ", ".join(["type: slot", "k_x: 0.25", "k_y: 0.25", *controls])
-    text = re.sub(r"controller: \{.*\}", f"controller: {{{controller}}}", WINDY)
+    text = re.sub(r"controller: \{[^}]*\}", f"controller: {{{controller}}}", WINDY)
     text = text.replace("max_bank_deg: 45}", f"max_bank_deg: 45, plant: {plant}}}")
     assert f"plant: {plant}" in text
     return parse_mission(text.encode(), file="m.yaml").mission
