@@ -1,6 +1,7 @@
 """Collects what happens on a rehearsal, and makes a flight record of it."""
 
 import math
+from array import array
 from collections.abc import Sequence
 from operator import attrgetter
 
@@ -16,7 +17,6 @@ from vfguide.mission.flight_path import LinePath, RacetrackPath
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord
 from vfguide.record.vehicle import VehicleRecord
-from vfguide.state import Setpoint
 
 TRUTHS = (
     "altitude_amsl_m",
@@ -30,34 +30,45 @@ TRUTHS = (
 )
 """What a vehicle's record takes as it is from the emulator's true state."""
 
+POSITION = ("latitude_deg", "longitude_deg")
+"""What it turns into north and east."""
+
+DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
+"""What it takes from the companion's snapshot, as numbers."""
+
 MODES = tuple(Mode)
+
+truth_row = attrgetter(*POSITION, *TRUTHS)
 
 DRAWN_POINTS = 361
 """Points of a drawn path."""
 
 
 class VehicleRecorder:
-    """True states of one aircraft and its companion's doings, sample by sample."""
+    """True states of one aircraft and its companion's doings, sample by sample.
+
+    Kept as plain numbers: a flight's objects would be looked through for garbage again and again.
+    """
 
     def __init__(self, mission: Mission, name: str) -> None:
         """Record the vehicle of this name."""
         self._mission = mission
         self._name = name
-        self._truths: list[sitl_stub.Truth] = []
-        self._snapshots: list[Snapshot] = []
+        self._truths = array("d")
+        self._doings = array("d")
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
         """Note where the aircraft is and what its companion did."""
-        self._truths.append(truth)
-        self._snapshots.append(snapshot)
+        self._truths.extend(truth_row(truth))
+        self._doings.extend(doings_row(snapshot))
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
         mission, name = self._mission, self._name
-        truths, snapshots = self._truths, self._snapshots
-        north, east = local_positions(mission, truths)
-        setpoints = [snapshot.setpoint for snapshot in snapshots]
-        speeds = column(setpoints, "speed")
+        truths = columns(self._truths, (*POSITION, *TRUTHS))
+        doings = columns(self._doings, DOINGS)
+        north, east = local_positions(mission, *(truths[field] for field in POSITION))
+        speeds = doings["speed"]
         unsent = np.full_like(speeds, math.nan)
         vehicle = mission.vehicles[name]
         by_airspeed = vehicle.plant == "heading-hold"
@@ -72,14 +83,14 @@ class VehicleRecorder:
             slot_right_m=slot.right_m if slot else 0.0,
             north_m=north,
             east_m=east,
-            **{field: column(truths, field) for field in TRUTHS},
+            **{field: truths[field] for field in TRUTHS},
             path_cross_track_error_m=error if leads else np.full_like(error, math.nan),
-            course_setpoint_rad=column(setpoints, "course"),
+            course_setpoint_rad=doings["course"],
             airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
             ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
-            mode=np.array([MODES.index(snapshot.mode) for snapshot in snapshots], dtype=np.int64),
-            limited=np.array([bool(one and one.limited) for one in setpoints], dtype=np.bool_),
-            lyapunov=column(snapshots, "lyapunov"),
+            mode=doings["mode"].astype(np.int64),
+            limited=doings["limited"].astype(np.bool_),
+            lyapunov=doings["lyapunov"],
         )
 
 
@@ -112,23 +123,31 @@ def flight_record(
     )
 
 
-def column(
-    rows: Sequence[sitl_stub.Truth] | Sequence[Setpoint[float] | None] | Sequence[Snapshot],
-    field: str,
-) -> FloatArray:
-    """One field of all rows; NaN where a row is None."""
-    read = attrgetter(field)
-    return np.array([math.nan if row is None else read(row) for row in rows], dtype=np.float64)
+def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
+    """What a companion did last, in the order of `DOINGS`; NaN where it has sent no setpoint."""
+    setpoint = snapshot.setpoint
+    course, speed, limited = (
+        (math.nan, math.nan, False)
+        if setpoint is None
+        else (setpoint.course, setpoint.speed, bool(setpoint.limited))
+    )
+    return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov
+
+
+def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray]:
+    """The columns of rows that were written one behind the other, by name."""
+    values = np.array(rows, dtype=np.float64).reshape(-1, len(names))
+    return {name: values[:, number].copy() for number, name in enumerate(names)}
 
 
 def local_positions(
-    mission: Mission, truths: Sequence[sitl_stub.Truth]
+    mission: Mission, latitude_deg: FloatArray, longitude_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(north, east) of true positions, m, by the frame that companions use but all at once."""
     origin = mission.origin
     north, east, _ = pymap3d.geodetic2ned(
-        column(truths, "latitude_deg"),
-        column(truths, "longitude_deg"),
+        latitude_deg,
+        longitude_deg,
         origin.altitude_amsl_m,
         origin.latitude_deg,
         origin.longitude_deg,

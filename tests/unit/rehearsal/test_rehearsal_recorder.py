@@ -1,0 +1,40 @@
+import math
+from pathlib import Path
+
+import sitl_stub
+from vfguide.companion.outgoing import Snapshot
+from vfguide.companion.supervisor import Mode
+from vfguide.mission import load_mission
+from vfguide.rehearsal.recorder import VehicleRecorder
+from vfguide.state import Setpoint
+
+MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
+
+
+def truth(**values: float) -> sitl_stub.Truth:
+    numbers = dict.fromkeys(sitl_stub.Truth.__dataclass_fields__, 1.0) | {
+        "latitude_deg": MISSION.origin.latitude_deg,
+        "longitude_deg": MISSION.origin.longitude_deg,
+    }
+    return sitl_stub.Truth(**(numbers | values | {"mode": "GUIDED", "armed": True}))
+
+
+def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples() -> (
+    None
+):
+    recorder = VehicleRecorder(MISSION, "f1")
+    waiting = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
+    setpoint = Setpoint(course=0.5, speed=21.0, limited=True)
+    tracking = Snapshot(mode=Mode.TRACKING, setpoint=setpoint, lyapunov=2.5)
+    recorder.sample(truth(bank_rad=0.25), waiting)
+    recorder.sample(truth(bank_rad=0.75), tracking)
+    record = recorder.record()
+    assert record.bank_rad.tolist() == [0.25, 0.75]
+    # At the origin, but for what a float leaves of the ellipsoid.
+    assert abs(record.north_m).max() < 1e-6
+    assert record.mode.tolist() == [list(Mode).index(one) for one in (Mode.WAITING, Mode.TRACKING)]
+    assert record.limited.tolist() == [False, True]
+    assert math.isnan(record.course_setpoint_rad[0])
+    assert record.course_setpoint_rad[1] == 0.5
+    assert record.airspeed_setpoint_m_s[1] == 21.0
+    assert record.lyapunov[1] == 2.5
