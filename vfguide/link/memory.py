@@ -1,9 +1,12 @@
 """An in-memory link that delays, jitters and loses messages, in virtual time and repeatable by a seed."""
 
 import heapq
-import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
+
+Mail = tuple[str, bytes]
+"""Name of the vehicle that published something, and what."""
 
 ROUNDING_S = 1e-9
 """Times are sums of decimal fractions: what is due now must not wait for a rounding error."""
@@ -22,34 +25,50 @@ class LinkQuality:
 
 
 class MemoryLink:
-    """One sender, one receiver."""
+    """Many senders, one receiver."""
 
-    def __init__(self, quality: LinkQuality, seed: str) -> None:
+    def __init__(self, quality: LinkQuality, seeds: Mapping[str, str]) -> None:
+        """Make one that has nothing in flight.
+
+        Args:
+            quality: what it does to messages.
+            seeds: of the chance that messages meet, by sender; those of anybody else are for somebody else.
+        """
         self.quality = quality
         """May be changed at any time: it counts when a message is sent."""
-        self._random = Random(seed)
-        self._in_flight: list[tuple[float, int, bytes]] = []
+        self._seeds = seeds
+        self._randoms: dict[str, Random] = {}
+        self._in_flight: list[tuple[float, int, Sequence[Mail]]] = []
         self._sent = 0
-        self.due = math.inf
-        """When the next message arrives, s; never, if infinite."""
 
-    def send(self, data: bytes, now: float) -> None:
-        """Hand a message over at this time."""
+    def send(self, mail: Sequence[Mail], now: float) -> None:
+        """Hand messages over at this time."""
         quality = self.quality
-        lost, flight = False, quality.delay_s
-        # Chance is asked only where it decides something: most of a flight's messages pass here.
+        heard = [one for one in mail if one[0] in self._seeds]
+        # Chance is asked only where it decides something: else what is sent together arrives together.
         if quality.loss > 0.0 or quality.jitter_s > 0.0:
-            lost = self._random.random() < quality.loss
-            flight += quality.jitter_s * self._random.uniform(-1.0, 1.0)
-        if not lost:
-            self._sent += 1
-            heapq.heappush(self._in_flight, (now + max(flight, 0.0), self._sent, data))
-            self.due = self._in_flight[0][0]
+            for one in heard:
+                random = self._random(one[0])
+                lost = random.random() < quality.loss
+                flight = quality.delay_s + quality.jitter_s * random.uniform(-1.0, 1.0)
+                if not lost:
+                    self._launch([one], now + max(flight, 0.0))
+        elif heard:
+            self._launch(heard, now + max(quality.delay_s, 0.0))
 
-    def receive(self, now: float) -> list[bytes]:
+    def receive(self, now: float) -> list[Mail]:
         """Messages that have arrived by this time, in the order of their arrival."""
-        arrived = []
-        while self.due <= now + ROUNDING_S:
-            arrived.append(heapq.heappop(self._in_flight)[2])
-            self.due = self._in_flight[0][0] if self._in_flight else math.inf
+        arrived: list[Mail] = []
+        while self._in_flight and self._in_flight[0][0] <= now + ROUNDING_S:
+            arrived += heapq.heappop(self._in_flight)[2]
         return arrived
+
+    def _launch(self, mail: Sequence[Mail], arrival: float) -> None:
+        self._sent += 1
+        heapq.heappush(self._in_flight, (arrival, self._sent, mail))
+
+    def _random(self, sender: str) -> Random:
+        """Of one sender alone, made when it is asked first: who is lost does not depend on the others."""
+        if sender not in self._randoms:
+            self._randoms[sender] = Random(self._seeds[sender])
+        return self._randoms[sender]

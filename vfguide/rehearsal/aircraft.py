@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
-from vfguide.link.memory import ROUNDING_S, LinkQuality, MemoryLink
+from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.emulators import emulator_of
 from vfguide.rehearsal.recorder import VehicleRecorder
 
-Mail = tuple[str, bytes]
-"""Name of the vehicle that published a state, and the state."""
+Instant = tuple[float, Sequence[Mail]]
+"""Virtual time, and the states that the links are handed then."""
 
 
 class Aircraft:
@@ -45,11 +45,14 @@ class Aircraft:
         self.leads = plan.leads
         """Whether it is the leader."""
         self._leader = mission.leader.vehicle
-        self._links: dict[str, MemoryLink] = {}
+        seeds = {}
         if not plan.leads:
-            self._links[self._leader] = MemoryLink(quality, f"{rehearsal.seed} {name}")
-            for other in mission.followers_by_name.keys() - {name}:
-                self._links[other] = MemoryLink(quality, f"{rehearsal.seed} {other} {name}")
+            seeds = {
+                other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name
+            }
+            seeds.pop(name)
+            seeds[self._leader] = f"{rehearsal.seed} {name}"
+        self._link = MemoryLink(quality, seeds)
         self._replies = b""
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
@@ -77,16 +80,12 @@ class Aircraft:
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
-        for sender, data in mail:
-            if sender in self._links:
-                self._links[sender].send(data, now)
-        for sender, link in self._links.items():
-            # Asked first, because there may be a hundred of them.
-            for data in link.receive(now) if link.due <= now + ROUNDING_S else ():
-                if sender == self._leader:
-                    self.companion.receive_link(data, now)
-                else:
-                    self.companion.receive_neighbour(sender, data, now)
+        self._link.send(mail, now)
+        for sender, data in self._link.receive(now):
+            if sender == self._leader:
+                self.companion.receive_link(data, now)
+            else:
+                self.companion.receive_neighbour(sender, data, now)
 
 
 def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) -> list[Mail]:
@@ -107,3 +106,21 @@ def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) ->
             heard += sent
         published += sent
     return published
+
+
+def fly_window(formation: Sequence[Aircraft], window: Sequence[Instant]) -> list[Mail]:
+    """Let each aircraft, one after the other, fly a whole window of the exchange.
+
+    Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its
+    companion are made of stays in the processor's cache, which a hundred of them do not fit into.
+
+    Args:
+        formation: followers that this process flies.
+        window: its instants, with whatever is heard from elsewhere.
+
+    Returns:
+        everything that they publish in it.
+    """
+    return [
+        sent for aircraft in formation for now, mail in window for sent in aircraft.step(now, mail)
+    ]

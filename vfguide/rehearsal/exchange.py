@@ -6,7 +6,7 @@ that no process waits for another that is flying the same window. The number of 
 """
 
 from vfguide.companion.follower_role import TELL_S
-from vfguide.rehearsal.aircraft import Mail
+from vfguide.link.memory import Mail
 
 WINDOWS = 2
 """From the window in which something is published to the one in which it is handed to the links."""

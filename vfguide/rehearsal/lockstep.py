@@ -11,7 +11,7 @@ from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency
 from vfguide.record.tlog import TelemetryLog
-from vfguide.rehearsal.aircraft import step_all
+from vfguide.rehearsal.aircraft import Instant, fly_window
 from vfguide.rehearsal.exchange import WINDOWS, Exchange, window_length
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.rehearsal.squad import Squad, launch, outcome_of
@@ -81,29 +81,29 @@ def fly_lockstep(
             stack.enter_context(closing(Squad(mission, names[number::processes], epoch_s)))
             for number in range(1, processes)
         ]
-        formation = launch(mission, names[::processes], epoch_s)
+        leader, *followers = launch(mission, names[::processes], epoch_s)
         exchange = Exchange()
         for window, due in enumerate(windows(mission)):
             if window >= WINDOWS:
                 for squad in squads:
                     exchange.post(window - WINDOWS, squad.published())
-            mail, flown = exchange.collect(window), []
+            mail = exchange.collect(window)
+            flown: list[Instant] = []
             for now in due:
                 if interrupted := stop() and bool(times):
                     break
-                published = step_all(formation, now, mail)
-                led = [sent for sent in published if sent[0] == names[0]]
-                exchange.post(window, [sent for sent in published if sent[0] != names[0]])
-                flown.append((now, [*mail, *led]))
+                # The leader listens to nobody and is heard at once: it flies the window ahead of all others.
+                flown.append((now, [*mail, *leader.step(now, [])]))
                 mail = []
                 times.append(now)
                 if progress is not None:
                     progress(now)
             for squad in squads:
                 squad.pass_on(flown)
+            exchange.post(window, fly_window(followers, flown))
             if interrupted:
                 break
-        outcomes = [outcome_of(aircraft) for aircraft in formation]
+        outcomes = [outcome_of(aircraft) for aircraft in (leader, *followers)]
         for squad in squads:
             outcomes += squad.land()
     records = {outcome.name: outcome.record for outcome in outcomes}

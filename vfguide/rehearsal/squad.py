@@ -15,13 +15,11 @@ from multiprocessing.connection import Connection
 
 from vfguide.companion.outgoing import Event
 from vfguide.errors import VfguideError
+from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
-from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
-
-Instant = tuple[float, list[Mail]]
-"""Virtual time, and the states that the links are handed then."""
+from vfguide.rehearsal.aircraft import Aircraft, Instant, fly_window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,5 +143,5 @@ def fly_squad(
     # Without a near end there is nobody to fly for.
     with suppress(EOFError, BrokenPipeError):
         while (window := instants.recv()) is not None:
-            answers.send([sent for now, mail in window for sent in step_all(squad, now, mail)])
+            answers.send(fly_window(squad, window))
         answers.send([outcome_of(aircraft) for aircraft in squad])

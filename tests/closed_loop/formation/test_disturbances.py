@@ -116,8 +116,8 @@ class Formation:
         def emulator(mission: Mission, name: str) -> Disturbed:
             return self.emulators.setdefault(name, Disturbed(emulator_of(mission, name)))
 
-        def link(quality: LinkQuality, seed: str) -> MemoryLink:
-            self.links.append(MemoryLink(quality, seed))
+        def link(quality: LinkQuality, seeds: dict[str, str]) -> MemoryLink:
+            self.links.append(MemoryLink(quality, seeds))
             return self.links[-1]
 
         def companion(*arguments: object, **options: object) -> Companion:

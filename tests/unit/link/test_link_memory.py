@@ -2,13 +2,21 @@ from itertools import pairwise
 
 import pytest
 
-from vfguide.link.memory import LinkQuality, MemoryLink
+from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 
 
 def link_of(
     *, delay_s: float = 0.0, jitter_s: float = 0.0, loss: float = 0.0, seed: str = "seed"
 ) -> MemoryLink:
-    return MemoryLink(LinkQuality(delay_s=delay_s, jitter_s=jitter_s, loss=loss), seed)
+    return MemoryLink(LinkQuality(delay_s=delay_s, jitter_s=jitter_s, loss=loss), {"f1": seed})
+
+
+def sent(data: bytes) -> list[Mail]:
+    return [("f1", data)]
+
+
+def received(link: MemoryLink, now: float) -> list[bytes]:
+    return [data for _, data in link.receive(now)]
 
 
 def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int, float]:
@@ -16,41 +24,41 @@ def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int
     flights = {}
     for number in range(count):
         sent_s = number * interval_s
-        link.send(number.to_bytes(4, "big"), sent_s)
+        link.send(sent(number.to_bytes(4, "big")), sent_s)
         for millisecond in range(1001):
-            for data in link.receive(sent_s + millisecond * 1e-3):
+            for data in received(link, sent_s + millisecond * 1e-3):
                 flights[int.from_bytes(data, "big")] = millisecond * 1e-3
     return flights
 
 
 def test_a_message_arrives_after_the_delay_and_not_before() -> None:
     link = link_of(delay_s=0.25)
-    link.send(b"state", 1.0)
-    assert link.receive(1.0) == []
-    assert link.receive(1.2499) == []
-    assert link.receive(1.25) == [b"state"]
-    assert link.receive(9.0) == []
+    link.send(sent(b"state"), 1.0)
+    assert received(link, 1.0) == []
+    assert received(link, 1.2499) == []
+    assert received(link, 1.25) == [b"state"]
+    assert received(link, 9.0) == []
 
 
 def test_without_a_delay_a_message_arrives_at_once() -> None:
     link = link_of()
-    link.send(b"state", 1.0)
-    assert link.receive(1.0) == [b"state"]
+    link.send(sent(b"state"), 1.0)
+    assert received(link, 1.0) == [b"state"]
 
 
 def test_a_rounding_error_does_not_hold_a_message_back() -> None:
     # 0.1 + 0.2 is a hair more than 0.3.
     link = link_of(delay_s=0.2)
-    link.send(b"state", 0.1)
-    assert link.receive(0.3) == [b"state"]
+    link.send(sent(b"state"), 0.1)
+    assert received(link, 0.3) == [b"state"]
 
 
 def test_messages_sent_at_the_same_time_keep_their_order() -> None:
     link = link_of(delay_s=0.1)
     states = [bytes([number]) for number in range(255, 0, -1)]
     for state in states:
-        link.send(state, 1.0)
-    assert link.receive(2.0) == states
+        link.send(sent(state), 1.0)
+    assert received(link, 2.0) == states
 
 
 def test_jitter_stays_within_its_bounds_and_reaches_them() -> None:
@@ -65,44 +73,44 @@ def test_jitter_stays_within_its_bounds_and_reaches_them() -> None:
 def test_no_message_arrives_before_it_was_sent() -> None:
     link = link_of(delay_s=0.1, jitter_s=0.5)
     for number in range(200):
-        link.send(bytes([number]), 5.0)
-    assert link.receive(4.999) == []
+        link.send(sent(bytes([number])), 5.0)
+    assert received(link, 4.999) == []
     # A flight of -0.4 to 0.6 s: four tenths of them are at their end at once.
-    assert len(link.receive(5.0)) == pytest.approx(80, abs=25)
-    assert len(link.receive(5.6)) > 90
+    assert len(received(link, 5.0)) == pytest.approx(80, abs=25)
+    assert len(received(link, 5.6)) > 90
 
 
 def test_the_share_that_is_lost_is_the_one_that_was_asked_for() -> None:
     link = link_of(loss=0.3)
     for number in range(10_000):
-        link.send(b"state", float(number))
+        link.send(sent(b"state"), float(number))
     # Five standard deviations: 5 sqrt(0.3 * 0.7 * 10000) = 229.
-    assert len(link.receive(1e5)) == pytest.approx(7000, abs=229)
+    assert len(received(link, 1e5)) == pytest.approx(7000, abs=229)
 
 
 def test_a_link_that_loses_nothing_loses_nothing() -> None:
     link = link_of(loss=0.0)
     for number in range(1000):
-        link.send(b"state", float(number))
-    assert len(link.receive(1e5)) == 1000
+        link.send(sent(b"state"), float(number))
+    assert len(received(link, 1e5)) == 1000
 
 
 def test_a_link_that_loses_all_delivers_nothing() -> None:
     link = link_of(loss=1.0)
     for number in range(1000):
-        link.send(b"state", float(number))
-    assert link.receive(1e5) == []
+        link.send(sent(b"state"), float(number))
+    assert received(link, 1e5) == []
 
 
 def test_messages_that_overtake_each_other_come_in_the_order_of_arrival() -> None:
     flights = arrivals(link_of(delay_s=0.5, jitter_s=0.4), 60)
     link = link_of(delay_s=0.5, jitter_s=0.4)
     for number in range(60):
-        link.send(number.to_bytes(4, "big"), number * 0.05)
-    received = [int.from_bytes(data, "big") for data in link.receive(100.0)]
-    assert sorted(received) == list(range(60))
-    assert received != sorted(received)
-    times = [number * 0.05 + flights[number] for number in received]
+        link.send(sent(number.to_bytes(4, "big")), number * 0.05)
+    order = [int.from_bytes(data, "big") for data in received(link, 100.0)]
+    assert sorted(order) == list(range(60))
+    assert order != sorted(order)
+    times = [number * 0.05 + flights[number] for number in order]
     assert all(later - earlier > -2e-3 for earlier, later in pairwise(times))
 
 
@@ -119,3 +127,20 @@ def test_the_same_seed_repeats_a_link_and_another_does_not() -> None:
     other = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f2"), 60)
     assert first == again
     assert first != other
+
+
+def test_what_is_sent_at_once_arrives_at_once_and_from_those_who_are_listened_to() -> None:
+    link = MemoryLink(LinkQuality(delay_s=0.1, jitter_s=0.0, loss=0.0), {"f1": "1", "f2": "2"})
+    link.send([("f1", b"one"), ("stranger", b"?"), ("f2", b"two")], 1.0)
+    assert link.receive(1.05) == []
+    assert link.receive(1.1) == [("f1", b"one"), ("f2", b"two")]
+
+
+def test_what_happens_to_one_senders_messages_does_not_depend_on_the_others() -> None:
+    quality = LinkQuality(delay_s=0.3, jitter_s=0.2, loss=0.5)
+    alone, among = (MemoryLink(quality, {"f1": "1", "f2": "2"}) for _ in range(2))
+    for number in range(100):
+        mail = ("f1", bytes([number]))
+        alone.send([mail], float(number))
+        among.send([("f2", b"state"), mail], float(number))
+    assert [one for one in among.receive(1e3) if one[0] == "f1"] == alone.receive(1e3)
