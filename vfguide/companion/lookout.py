@@ -95,22 +95,33 @@ def greatest_wish(distance: float, slot_speed: float, gains: FieldGains) -> floa
 def calm_for(here: Standpoint, obstacle: Obstacle[float], wish: float) -> float:
     """For how long (s) the barrier of an obstacle cannot bind; 0 where it may now.
 
-    In a time t the two come nearer by (|v_slot - v_other| + |v - v_slot|) t + a t² / 2 at most, and the reach
-    grows by a t / gamma, a being the hardest that they can do: what is left of the distance is a quadratic.
-
     Args:
         here: the follower.
         obstacle: somebody else, at the same time.
         wish: greatest speed relative to the slot that may be asked for, m/s.
     """
+    return calm_within(*room_to(here, obstacle), wish)
+
+
+def room_to(here: Standpoint, obstacle: Obstacle[float]) -> tuple[float, float]:
+    """Distance (m) left beyond the reach of one that wishes for nothing, and how fast that gets less, m/s.
+
+    In a time t the two come nearer by (|v_slot - v_other| + |v - v_slot|) t + a t² / 2 at most, and the reach
+    grows by a t / gamma, a being the hardest that they can do.
+    """
     distance = math.hypot(obstacle.north - here.north, obstacle.east - here.east)
     between = math.hypot(
         obstacle.velocity_north - here.slot_north, obstacle.velocity_east - here.slot_east
     )
-    room = distance - obstacle.keep - (wish + between) / CLOSING_RATE
+    room = distance - obstacle.keep - between / CLOSING_RATE
+    return room, HARDEST_M_S2 / CLOSING_RATE + between + here.off_slot
+
+
+def calm_within(room: float, closing: float, wish: float) -> float:
+    """How long (s) it takes to use up what a wish (m/s) leaves of such room (m): a quadratic."""
+    room -= wish / CLOSING_RATE
     if room <= 0.0:
         return 0.0
-    closing = HARDEST_M_S2 / CLOSING_RATE + between + here.off_slot
     # The root of a t² / 2 + closing t = room, in the form that does not cancel.
     calm = 2.0 * room / (closing + math.sqrt(closing * closing + 2.0 * HARDEST_M_S2 * room))
     return min(calm, LONGEST_S)

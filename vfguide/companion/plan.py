@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from vfguide.companion.supervisor import Patience
 from vfguide.frames import LocalFrame
@@ -162,7 +163,13 @@ def speed_settings(plan: FlightPlan) -> GuidanceSettings:
 def local_frame(mission: Mission) -> LocalFrame:
     """The frame around the mission's origin."""
     origin = mission.origin
-    return LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+    return frame_at(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+
+
+@lru_cache
+def frame_at(latitude_deg: float, longitude_deg: float, altitude_amsl: float) -> LocalFrame:
+    """The frame at an origin (degrees, m): one for all of a process, who share what they read."""
+    return LocalFrame(latitude_deg, longitude_deg, altitude_amsl)
 
 
 def airframe_of(vehicle: MissionVehicle) -> Airframe:

@@ -1,5 +1,6 @@
 """The others in the air, as a follower knows them: where they are now, and how far to keep from them."""
 
+import heapq
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,9 @@ from vfguide.companion.lookout import (
     TURNED_M_S,
     Standpoint,
     calm_for,
+    calm_within,
     greatest_wish,
+    room_to,
 )
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.elementwise import clip
@@ -19,7 +22,6 @@ from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import FieldGains, predict_leader
 from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.wind_triangle import compose
-from vfguide.link.codec import stamp_of
 from vfguide.state import LeaderState
 
 JOIN_M = 10.0
@@ -64,17 +66,8 @@ class Neighbour:
     """The same, should somebody else's turn the wish."""
     places: Sequence[Obstacle[float]] = ()
     """Where it may be, when it was looked at last."""
-    unread: tuple[bytes, float] | None = None
-    """What came in the meantime, and when."""
     arrived: float = -math.inf
     """When something came last, s."""
-
-    def read(self) -> None:
-        """Take what was put aside."""
-        if self.unread is not None:
-            data, arrived = self.unread
-            self.unread = None
-            self.hearing.take(data, arrived)
 
     def disturb(self) -> None:
         """What calmed is not so any more."""
@@ -102,6 +95,9 @@ class Traffic:
         self._neighbours = {
             vehicle: Neighbour(Hearing(frame, clock), apart) for vehicle, apart in spacing.items()
         }
+        self._queue: list[tuple[float, str]] = []
+        """A heap of all others, by when they have to be looked at: most are not touched in a step."""
+        self._queue_up()
         self._gains = gains
         self._foreseen = -math.inf
 
@@ -118,22 +114,13 @@ class Traffic:
         neighbour = self._neighbours.get(vehicle)
         if neighbour is None:
             return
-        stamp = stamp_of(data)
-        if stamp is None:
-            neighbour.hearing.take(data, now)
-            return
-        if neighbour.unread is not None and not stamp > (
-            stamp_of(neighbour.unread[0]) or -math.inf
-        ):
-            neighbour.hearing.counters["not newer"] += 1
+        if not neighbour.hearing.take(data, now):
             return
         # After a silence the guess that calmed is worth nothing.
-        fell_silent = now - neighbour.arrived > SILENT_S
-        neighbour.unread, neighbour.arrived = (data, now), now
-        # Reading costs more than all else: who cannot come into the way is read when it may.
-        if fell_silent or neighbour.calm_until <= now:
+        if now - neighbour.arrived > SILENT_S:
             neighbour.disturb()
-            neighbour.read()
+            self._queue_up()
+        neighbour.arrived = now
 
     def obstacles(
         self,
@@ -156,15 +143,17 @@ class Traffic:
         if here.foreseen > self._foreseen:
             for neighbour in self._neighbours.values():
                 neighbour.disturb()
+            self._queue_up()
             self._foreseen = ahead
         self._foreseen = min(self._foreseen, ahead)
         slot_speed = math.hypot(here.slot_north, here.slot_east)
         wish = greatest_wish(self._foreseen, slot_speed, self._gains)
         until = now + lead_s
-        due = [one for one in self._neighbours.values() if one.calm_until <= until]
-        for neighbour in due:
+        due = self._due(until)
+        for vehicle, neighbour in due.items():
             look(neighbour, here, wish, linked=linked)
-        binding = [one for one in due if one.calm_until <= until and one.places]
+            heapq.heappush(self._queue, (neighbour.calm_until, vehicle))
+        binding = [one for one in due.values() if one.calm_until <= until and one.places]
         if not binding and all(calm_for(here, place, wish) > lead_s for place in leading):
             return []
         found = list(leading)
@@ -173,27 +162,42 @@ class Traffic:
                 if neighbour.calm_until > until:
                     look(neighbour, here, wish, linked=linked)
                 found += neighbour.places if neighbour.aside_until <= until else ()
+        # Some were looked at before their time.
+        self._queue_up()
         return found
+
+    def _due(self, until: float) -> dict[str, Neighbour]:
+        """Those who have to be looked at by a time (s), taken out of the queue."""
+        due = {}
+        while self._queue and self._queue[0][0] <= until:
+            vehicle = heapq.heappop(self._queue)[1]
+            due[vehicle] = self._neighbours[vehicle]
+        return due
+
+    def _queue_up(self) -> None:
+        """Everybody anew: some have another time than the queue knows."""
+        self._queue = [(one.calm_until, vehicle) for vehicle, one in self._neighbours.items()]
+        heapq.heapify(self._queue)
 
 
 def look(neighbour: Neighbour, here: Standpoint, wish: float, *, linked: bool) -> None:
     """Find out where one of the others may be, and for how long that is nowhere near."""
-    neighbour.read()
     heard = neighbour.hearing.newest
     if heard is None:
         return
     now = here.time_s
     keep = kept_distance(neighbour.spacing, here.distance)
-    places = possible_obstacles(heard, now, keep, linked=linked)
-    neighbour.places = places
-    neighbour.calm_until = calm_until(here, places, wish)
-    neighbour.aside_until = calm_until(here, places, wish + TURNED_M_S)
-
-
-def calm_until(here: Standpoint, places: Sequence[Obstacle[float]], wish: float) -> float:
-    """Until when (s) no barrier of these can bind; infinitely long ago where one may now, or nobody knows."""
-    calm_s = min((calm_for(here, place, wish) for place in places), default=0.0)
-    return here.time_s + calm_s if calm_s > 0.0 else -math.inf
+    neighbour.places = possible_obstacles(heard, now, keep, linked=linked)
+    neighbour.disturb()
+    rooms = [room_to(here, place) for place in neighbour.places]
+    if not rooms:
+        return
+    calm_s = min([calm_within(*room, wish) for room in rooms])
+    aside_s = min([calm_within(*room, wish + TURNED_M_S) for room in rooms])
+    if calm_s > 0.0:
+        neighbour.calm_until = now + calm_s
+    if aside_s > 0.0:
+        neighbour.aside_until = now + aside_s
 
 
 def possible_obstacles(

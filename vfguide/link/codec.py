@@ -16,7 +16,6 @@ VERSION = 1
 LAYOUT = struct.Struct("<4sB3xI9d")
 CHECKSUM = struct.Struct("<I")
 SIZE = LAYOUT.size + CHECKSUM.size
-STAMP, STAMP_AT = struct.Struct("<d"), 12
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0)
 """Greatest magnitude of each value: beyond them it is no aircraft's state."""
@@ -69,14 +68,6 @@ def encode(message: LeaderMessage) -> bytes:
         message.turn_acceleration,
     )
     return body + CHECKSUM.pack(zlib.crc32(body))
-
-
-def stamp_of(data: bytes) -> float | None:
-    """Time of validity that these bytes claim, s; None where they cannot be a state. No more is checked."""
-    if len(data) != SIZE or not data.startswith(MAGIC):
-        return None
-    stamp: float = STAMP.unpack_from(data, STAMP_AT)[0]
-    return stamp
 
 
 def decode(data: bytes) -> LeaderMessage:

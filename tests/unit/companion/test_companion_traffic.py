@@ -149,19 +149,32 @@ def test_only_who_is_near_enough_for_what_may_be_asked_for_is_in_the_way() -> No
     assert calm_for(here, abreast(5000.0), 0.0) == 2.0
 
 
-def test_who_is_far_away_is_not_even_read_until_it_may_have_come_near(
+def test_of_who_is_far_away_the_newest_is_known_when_it_may_have_come_near(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
-    # Its checksum is wrong, which nobody looks at.
-    traffic.receive("f2", leader_bytes(10.2)[:-1] + b"?", 10.2)
-    assert traffic.obstacles(beside(10.3, east=100.0), linked=True) == []
-    assert not traffic.counters
-    traffic.receive("f2", leader_bytes(11.9), 11.9)
-    (one,) = traffic.obstacles(beside(12.0), linked=True)
-    assert one.velocity_north == pytest.approx(20.0)
-    assert not traffic.counters
+    traffic.receive("f2", leader_bytes(11.0)[:-1] + b"?", 11.0)
+    traffic.receive("f2", leader_bytes(10.9, turn_rate=TURN), 11.0)
+    assert dict(traffic.counters) == {"malformed": 1}
+    (one,) = traffic.obstacles(beside(11.9), linked=True)
+    # 0.1 rad/s for a second.
+    assert math.atan2(one.velocity_east, one.velocity_north) == pytest.approx(TURN)
+
+
+def test_each_of_the_others_is_looked_at_when_its_own_time_has_come(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic({"f2": 40.0, "f3": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
+    # heard for the first time: looked at at once, and two seconds after that
+    traffic.receive("f3", leader_bytes(11.0), 11.0)
+    assert traffic.obstacles(beside(11.0, east=1000.0), linked=True) == []
+    assert traffic.obstacles(beside(11.9), linked=False) == []
+    near = traffic.obstacles(beside(12.1), linked=False)
+    assert len(near) == 1
+    assert len(traffic.obstacles(replace(beside(13.1), avoiding=True), linked=False)) == 2
 
 
 def test_whoever_leaves_its_slot_looks_round_at_once(
