@@ -41,6 +41,7 @@ def draw_case(mission: str, law: str, tracks: Tracks, directory: Path) -> Path:
             tracks.time_s, error.clip(LEAST_ERROR_M), color=colours[name], linewidth=0.8, label=name
         )
     dress_errors(error_axes)
+    error_axes.legend(fontsize=SMALL_SIZE, loc="upper right")
     return save_figure(figure, directory / f"{mission}-{law}.png")
 
 
@@ -64,14 +65,16 @@ def draw_laws(tracks: dict[tuple[str, str], Tracks], directory: Path) -> Path:
             )
         axes.set_title(mission, fontsize=TITLE_SIZE)
         dress_errors(axes)
+    # Above the panels: within, it would hide the article's field, which stays metres away.
+    handles, labels = panels.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=SMALL_SIZE, loc="outside upper center", ncols=len(LAWS))
     return save_figure(figure, directory / "laws.png")
 
 
 def dress_errors(axes: Axes) -> None:
-    """Scales, labels and legend of errors over time."""
+    """Scales and labels of errors over time."""
     axes.set_yscale("log")
     axes.set_ylim(bottom=LEAST_ERROR_M)
     axes.grid(visible=True, which="major", linewidth=0.4)
     axes.set_xlabel("time, s")
     axes.set_ylabel("distance from the slot, m")
-    axes.legend(fontsize=SMALL_SIZE, loc="upper right")
