@@ -1,8 +1,8 @@
 """The gains of the field: a search on the calm missions, by the rule of `vfguide.bench.tuning`.
 
 Run with `.venv/bin/python tests/benchmarks/tune_field.py`; some minutes on two processors. Gains are drawn
-around the best so far, ever nearer. Nothing that `vfguide check` would warn of on the windy missions is
-flown. What it finds, rounded, is what the article's missions and `vfguide/bench/article.py` have.
+around the best so far, ever nearer, none whose field or integral `vfguide check` would find too fast in the
+article's wind. What it finds, rounded, is what the article's missions and `vfguide/bench/article.py` have.
 """
 
 import sys

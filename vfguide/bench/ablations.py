@@ -11,6 +11,8 @@ ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "no integral": {"controller": {"integral_s": 0.0}},
     "no rates of the slot's motion": {"controller": {"rate_feedforward": False}},
     "no wind rate": {"controller": {"wind_feedforward": False}},
+    "no wind filter": {"controller": {"wind_filter_s": 0.0}},
+    "no filter of the leader's rates": {"controller": {"rate_filter_s": 0.0}},
     "no delay compensation": {"controller": {"predict_leader": False}},
     "no measured leader speed (observer)": {"controller": {"leader_speed_source": "observer"}},
     "boundary layer of the article": {"controller": {"boundary_layer_factor": 0.0}},

@@ -33,7 +33,8 @@ PUSH = Push(course=math.radians(3.0), speed=1.5, from_s=CALM_S)
 """1.2 m/s² on each axis, for holds of 1.2 and 0.8 1/s at 20 m/s: far more than what rounding does."""
 
 TIE_M = 2e-3
-"""Errors in calm air that are this close are equal: positions are reported in steps of 11 mm."""
+"""Errors in calm air that are this close are equal: on a line it is chance how positions and velocities,
+reported in steps of 11 mm and 1 cm/s, are rounded; the same gains are 2 mm nearer or farther for it."""
 
 COURSE_RAD_S = 0.03
 """Greatest back and forth of the course setpoints in calm air: a tenth of a degree between two at 20 Hz."""

@@ -23,7 +23,7 @@ TURNED_M_S = 3.0
 
 HARDEST_M_S2 = 21.0
 """Of two that turn at 45 degrees of bank and brake, one away from the other. While a leader rolls into a
-turn, a slot far out may be swung harder: its follower then looks later than it might, by part of a second."""
+turn, a slot far out may be swung harder, one's own or theirs: then one looks later, by part of a second."""
 
 LONGEST_S = 2.0
 """Nobody is left unlooked at for longer."""

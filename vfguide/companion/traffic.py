@@ -24,10 +24,10 @@ from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.wind_triangle import compose
 from vfguide.state import LeaderState
 
-JOIN_M = 10.0
+JOIN_M = 11.0
 """Distance that a follower keeps while it is away from its slot."""
 
-HOLD_M = 7.0
+HOLD_M = 8.0
 """Distance that one in its slot keeps: whoever is astray keeps more, and does the going round."""
 
 ASTRAY_M = 5.0

@@ -91,7 +91,7 @@ def _tracked(
     period: float,
     time_constant: float,
 ) -> tuple[Number, Number]:
-    """(rate, its own rate) after a raw rate that may be an outlier, neither beyond +-limit."""
+    """(rate, its own rate) after a raw rate that may be an outlier; the rate is held within +-limit."""
     gain, rate_gain = fading_memory_2(period, time_constant)
     expected = before[0] + before[1] * period
     surprise = clip(raw, -limit, limit) - expected

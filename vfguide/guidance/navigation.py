@@ -148,7 +148,8 @@ def navigate_blind(
             previous.wind_rate_north + 2.0 * second_gain / period**2 * surprise_north,
             previous.wind_rate_east + 2.0 * second_gain / period**2 * surprise_east,
         ),
-        wind_jerk=(previous.wind_jerk_north, previous.wind_jerk_east),
+        # Positions show the wind by its integral: three orders end with its rate.
+        wind_jerk=(sample.north * 0.0, sample.east * 0.0),
         course=atan2(sample.velocity_east, sample.velocity_north),
     )
 

@@ -60,7 +60,7 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
         message = (
             f"at {rate:g} Hz the law crosses {crossing:.1f} boundary layers in one step and {word}"
         )
-        remedy = "set boundary_layer_factor to 2 or more (3.5 is usual), or raise rehearsal.rate_hz"
+        remedy = "set boundary_layer_factor to 2 or more (3.5 to 5 are usual), or raise rehearsal.rate_hz"
         location = ("controller", "boundary_layer_factor")
         yield Finding("error" if crossing > LIMIT_CYCLE else "warning", location, message, remedy)
     if layer > WIDEST_LAYER:

@@ -17,7 +17,7 @@ from vfguide.rehearsal.recorder import flight_record
 from vfguide.rehearsal.squad import Squad, launch, outcome_of
 
 Progress = Callable[[float], None]
-"""Called with the virtual time, at each step."""
+"""Called with the virtual time, at each step of the leader: followers fly it up to a window later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

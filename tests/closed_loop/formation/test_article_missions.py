@@ -13,10 +13,13 @@ MissionWith = Callable[..., Mission]
 # Mean formation error over the last half of 300 s, m. The article claims 0.85, 2.31, 1.12 and 2.97.
 REQUIRED = {"line-calm": 0.05, "line-wind": 0.15, "circle-calm": 0.05, "circle-wind": 0.25}
 
+# What is flown, 0.006, 0.006, 0.003 and 0.007 m, and half as much again: any filter or gain is worth more.
+USUAL = {"line-calm": 0.009, "line-wind": 0.009, "circle-calm": 0.0045, "circle-wind": 0.011}
+
 EVERY_MISSION = pytest.mark.parametrize("name", REQUIRED)
 
 HALF_AS_LONG = {"duration_s": 150.0}
-"""For what is not required of 300 s: all are in place after 20 s, and mean errors are the same to 10 mm."""
+"""For what is not required of 300 s: all are in place after 20 s, mean errors the same to millimetres."""
 
 
 @EVERY_MISSION
@@ -24,6 +27,7 @@ def test_formation_is_kept_as_closely_as_required(name: str, mission_with: Missi
     summary = summarise(fly_lockstep(mission_with(name)).record)
     formation = summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
+    assert formation.mean_error_m <= USUAL[name]
     assert formation.max_error_m <= 2.0
     assert formation.settle_10m_s <= 30.0
     assert formation.settle_1m_s <= 60.0

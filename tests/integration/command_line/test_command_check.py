@@ -106,7 +106,7 @@ FINDINGS = [
     pytest.param(
         [("acceptance:", "controller: {boundary_layer_factor: 0}\nacceptance:")],
         "error: controller.boundary_layer_factor: at 20 Hz the law crosses 15.0 boundary layers",
-        "set boundary_layer_factor to 2 or more (3.5 is usual), or raise rehearsal.rate_hz",
+        "set boundary_layer_factor to 2 or more (3.5 to 5 are usual), or raise rehearsal.rate_hz",
         id="loop too slow for kappa and epsilon",
     ),
     pytest.param(

@@ -270,7 +270,7 @@ def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
 
 
 def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
-    # kappa 3 and factor 3.5 alone: 1 / (3.5 (0.05 + 0.2 * 0.5)) = 1.9 1/s.
+    # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
     slowed = without_swing(settings(), 0.5, period=0.04, speed=20.0)
     gain = slowed.sliding.kappa / slowed.sliding.layer(0.04)
     assert gain == pytest.approx(0.45)

@@ -51,7 +51,7 @@ def test_another_follower_is_where_it_has_flown_since_it_was_heard(
     (one,) = traffic.obstacles(beside(10.5), linked=True)
     assert (one.north, one.east) == (pytest.approx(210.0, abs=1e-3), pytest.approx(0.0, abs=1e-3))
     assert (one.velocity_north, one.velocity_east) == (pytest.approx(20.0), pytest.approx(0.0))
-    assert one.keep == 7.0
+    assert one.keep == 8.0
 
 
 def test_one_too_far_away_to_matter_is_not_looked_at_before_it_may(
@@ -92,7 +92,7 @@ def test_one_that_fell_silent_may_fly_on_along_its_arc_or_straight(
     # On the arc it has turned by 0.3 rad; its autopilot, left alone, ends the turn one second ahead.
     assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
     assert math.atan2(straight.velocity_east, straight.velocity_north) == pytest.approx(TURN)
-    assert (arc.keep, straight.keep) == (7.0, pytest.approx(7.0 + 0.5 * 2.0))
+    assert (arc.keep, straight.keep) == (8.0, pytest.approx(8.0 + 0.5 * 2.0))
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(
@@ -101,7 +101,17 @@ def test_ones_own_deafness_says_nothing_about_the_others(
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
     (arc,) = traffic.obstacles(beside(13.0), linked=False)
     assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
-    assert arc.keep == 7.0
+    assert arc.keep == 8.0
+
+
+def test_damaged_states_end_no_silence(traffic: Traffic, leader_bytes: LeaderBytes) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
+    for now in (10.5, 11.0, 11.5):
+        traffic.receive("f2", leader_bytes(now)[:-1] + b"?", now)
+    # A kilometre away it would not be looked at again before 12 s; after a silence of 1.5 s it is at once.
+    traffic.receive("f2", leader_bytes(11.5), 11.5)
+    assert len(traffic.obstacles(beside(11.5), linked=True)) == 1
 
 
 def test_one_that_is_silent_for_long_is_nowhere(
@@ -114,7 +124,7 @@ def test_one_that_is_silent_for_long_is_nowhere(
 
 @pytest.mark.parametrize(
     ("spacing", "distance", "kept"),
-    [(40.0, 0.0, 7.0), (40.0, 2.5, 8.5), (40.0, 5.0, 10.0), (40.0, 300.0, 10.0), (8.0, 0.0, 5.2)],
+    [(40.0, 0.0, 8.0), (40.0, 2.5, 9.5), (40.0, 5.0, 11.0), (40.0, 300.0, 11.0), (8.0, 0.0, 5.2)],
 )
 def test_whoever_is_astray_keeps_more_and_close_slots_less(
     spacing: float, distance: float, kept: float

@@ -115,7 +115,7 @@ def test_in_a_wind_whose_growth_grows_course_and_speed_stay_exact() -> None:
 
 
 def test_the_rate_of_the_wind_is_found_within_two_seconds() -> None:
-    # 40 samples: some 40² memory^40 / 2 with memory = e^(-0.05/0.2) = 0.7788 leaves less than 4 %
+    # 40 samples: memory^40 = e^(-40 . 0.05/0.2), times the powers of 40 that it comes with, is 0.4 %
     state = run(growing_wind, 2.0)[-1]
     assert (state.wind_rate_north, state.wind_rate_east) == pytest.approx((0.8, -0.5), rel=0.01)
     early = run(growing_wind, 0.1)[-1]
