@@ -40,7 +40,8 @@ CUT_S = (18.0, 28.0)
 RESTARTED_S = 40.0
 PAUSED_S = (55.0, 60.0)
 KILLED_S = 92.0
-ENDS_S = 125.0
+ENDS_S = 150.0
+"""Where a leader was away for 9 s its rear follower gave way to the others and had 185 m to make up."""
 
 IMPAIRED_S = (15.0, 40.0)
 LOST_S = 55.0
