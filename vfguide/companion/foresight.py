@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.leader_motion import low_pass
 from vfguide.guidance.limits import speed_range
+from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.response import (
     Bias,
     Inner,

@@ -8,7 +8,7 @@ from vfguide.companion.boot_clock import BootClock
 from vfguide.companion.foresight import SLIPPING, Foresight
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
-from vfguide.guidance.leader_motion import low_pass
+from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
 from vfguide.mavlink.reports import PositionReport

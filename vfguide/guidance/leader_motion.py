@@ -79,11 +79,6 @@ def estimated_motion(
     )
 
 
-def low_pass(previous: Number, target: Number, period: float, time_constant: float) -> Number:
-    """First-order low-pass filter, backward Euler."""
-    return previous + (period / (time_constant + period)) * (target - previous)
-
-
 def _tracked(
     before: tuple[Number, Number],
     raw: Number,

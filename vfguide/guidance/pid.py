@@ -15,7 +15,7 @@ from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, Number, clip, like, where
 from vfguide.guidance.follower import FollowerGuidance
 from vfguide.guidance.formation import FormationError, SlotMotion, lyapunov
-from vfguide.guidance.leader_motion import low_pass
+from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import AxisGains, PidGains
 from vfguide.guidance.slot_integral import nearness

@@ -7,7 +7,7 @@ the mission, the leader's airspeed is too, and the wind is measured by every fol
 from dataclasses import dataclass
 
 from vfguide.elementwise import Number, like
-from vfguide.guidance.leader_motion import low_pass
+from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import PathGains

@@ -78,7 +78,7 @@ class Inbox:
         if len(message.payload) > LARGEST:
             self._counters["dropped: too long"] += 1
         else:
-            self.mail.put(message.topic.value, bytes(message.payload))
+            self.mail.put(message.topic.value, message.payload)
 
     async def settle(self, has_more: Callable[[], bool]) -> None:
         """Wait for mail, then until the socket has nothing more to read this very moment.

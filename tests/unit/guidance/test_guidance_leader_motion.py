@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vfguide.guidance.leader_motion import estimated_motion, low_pass, motion_at_first
+from vfguide.guidance.leader_motion import estimated_motion, motion_at_first
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Vehicles = Callable[..., VehicleState[float]]
@@ -145,9 +145,3 @@ def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
     )
     # 9.80665 tan(60 degrees)/12
     assert motion.told.turn_rate == pytest.approx(1.41547, abs=1e-5)
-
-
-def test_a_low_pass_moves_by_its_share() -> None:
-    # 0.1/(0.3 + 0.1) = a quarter of the way from 1 to 5
-    assert low_pass(1.0, 5.0, 0.1, 0.3) == pytest.approx(2.0)
-    assert low_pass(1.0, 5.0, 0.1, 0.0) == 5.0
