@@ -3,6 +3,7 @@
 # make image makes the Docker image
 # make accuracy flies the tables of docs/accuracy.md
 # make live flies the article's missions live, 5 times as fast and in real time; takes ten minutes
+# make sitl  flies formations of ArduPlanes and PX4s in software that you have built: docs/first-flight-sitl.md
 # make bench measures what a rehearsal costs, and where the time goes
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: fly test image accuracy live bench lint clean
+.PHONY: fly test image accuracy live sitl bench lint clean
 
 fly: $(VENV)/.runtime
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
@@ -32,6 +33,15 @@ accuracy: $(VENV)/.runtime
 
 live: $(VENV)/.runtime
 	$(BIN)/python tests/benchmarks/live.py
+
+sitl: $(VENV)/.runtime
+	@test -n "$(ARDUPLANE)$(PX4)" || { echo "name what you have built: make sitl ARDUPLANE=PROGRAM PX4=PROGRAM" >&2; exit 1; }
+ifneq ($(ARDUPLANE),)
+	$(BIN)/python -m tests.autopilots.fly_sitl missions/ardupilot-sitl.yaml --binary $(ARDUPLANE) --wind 5,270
+endif
+ifneq ($(PX4),)
+	$(BIN)/python -m tests.autopilots.fly_sitl missions/px4-sitl.yaml --program px4 --binary $(PX4)
+endif
 
 bench: $(VENV)/.runtime
 	$(BIN)/python tests/benchmarks/lockstep_cost.py

@@ -1,23 +1,32 @@
 """An autopilot emulator that speaks MAVLink: bytes in, bytes out, no hardware."""
 
+from sitl_stub.air import Air, DiscreteGust, Shear, air_of
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
-from sitl_stub.config import AutopilotConfig, GpsGlitch
+from sitl_stub.config import AutopilotConfig
+from sitl_stub.faults import Fault
 from sitl_stub.signing import Signing
 from sitl_stub.truth import Truth
+from sitl_stub.turbulence import TurbulenceField, low_altitude_intensity
 from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
 
 __all__ = [
+    "Air",
     "ArticleWind",
     "Autopilot",
     "AutopilotConfig",
     "BadLink",
     "CalmWind",
-    "GpsGlitch",
+    "DiscreteGust",
+    "Fault",
     "PlantParameters",
+    "Shear",
     "Signing",
     "SteadyWind",
     "Truth",
+    "TurbulenceField",
     "Wind",
+    "air_of",
+    "low_altitude_intensity",
 ]

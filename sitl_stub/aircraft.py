@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-PlantKind = Literal["course-hold", "heading-hold", "bank"]
+PlantKind = Literal["course-hold", "heading-hold", "bank", "npfg"]
 SpeedResponse = Literal["first-order", "tecs"]
 
 TECS_DEAD_TIME_S = 0.5
@@ -19,7 +19,7 @@ class PlantParameters:
     """One aircraft with its inner loops."""
 
     kind: PlantKind = "heading-hold"
-    """Which model flies: see `plant` and, for `bank`, `lagging_plant`."""
+    """Which model flies: see `plant` and, for `bank` and `npfg`, `lagging_plant`."""
 
     alpha_1_s: float = 1.2
     """Gain of the course or heading hold: 1 / time constant."""
@@ -49,7 +49,7 @@ class PlantParameters:
     """`bank` only: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
 
     roll_time_s: float = 0.4
-    """`bank` only: time constant with which the roll follows."""
+    """`bank` and `npfg` only: time constant with which the roll follows."""
 
     turn_efficiency: float = 1.0
     """`bank` only: turn rate in parts of the coordinated turn's; 0.7 measured on ArduPlane."""
@@ -71,9 +71,14 @@ class PlantParameters:
         return TECS_DEAD_TIME_S if self.speed_response == "tecs" else 0.0
 
     @property
+    def rolls(self) -> bool:
+        """Whether the bank has a state of its own."""
+        return self.kind in {"bank", "npfg"}
+
+    @property
     def lags(self) -> bool:
         """Whether roll or speed have a state of their own: see `lagging_plant`."""
-        return self.kind == "bank" or self.speed_response == "tecs"
+        return self.rolls or self.speed_response == "tecs"
 
     def __post_init__(self) -> None:
         """Refuse an aircraft that cannot fly.

@@ -16,6 +16,7 @@ from sitl_stub.commands import (
     Command,
     Handlers,
     Result,
+    SystemStatus,
     finite,
     height_target,
     place,
@@ -24,7 +25,16 @@ from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
 from sitl_stub.guided import Guided
 from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER, MANUAL, RTL
-from sitl_stub.telemetry_ids import ALTITUDE, UNREQUESTED
+from sitl_stub.telemetry_ids import (
+    ALTITUDE,
+    ATTITUDE,
+    ESTIMATOR_STATUS,
+    GLOBAL_POSITION_INT,
+    HEARTBEAT,
+    ONCE_A_SECOND_US,
+    SYS_STATUS,
+    VFR_HUD,
+)
 
 LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
 """Below these ArduPlane does not arm."""
@@ -32,8 +42,10 @@ LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
 CHANGE_MODE = 1
 """MAV_DO_REPOSITION_FLAGS: enter GUIDED for it."""
 
-LONG_ACTION_RETURN = 1
-"""FS_LONG_ACTN of returning home; 0 goes on in GUIDED."""
+AUTO, FBWA = 10, 5
+
+LONG_ACTIONS: Mapping[float, int] = {1.0: RTL.custom_mode, 2.0: FBWA, 4.0: AUTO}
+"""Modes by FS_LONG_ACTN: home, gliding, the mission; 0 goes on in GUIDED and AUTO."""
 
 
 class ArduPlane:
@@ -42,8 +54,12 @@ class ArduPlane:
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
     version = 0x0407_0000
     capabilities = 2 | 4 | 8 | 8192  # PARAM_FLOAT, MISSION_INT, COMMAND_INT, MAVLINK2
-    unsent = frozenset({ALTITUDE})
-    unrequested = UNREQUESTED
+    unsent = frozenset({ALTITUDE, ESTIMATOR_STATUS})
+    unrequested = dict.fromkeys(
+        (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), ONCE_A_SECOND_US
+    )
+    announces_modes = True
+    refuses_unknown_parameters = False
     modes = tuple(ARDUPLANE_MODES.values())
     initial_mode = LOITER
     ground_mode = MANUAL
@@ -53,6 +69,7 @@ class ArduPlane:
         self.arming = Arming(self._arming_fault, refused=Result.FAILED)
         self.setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]] = {}
         self.deadline_us: int | None = None
+        self._failed_safe = False
         self._guided = Guided()
         self.commands: Handlers = {
             DO_SET_MODE: self._set_mode,
@@ -102,20 +119,40 @@ class ArduPlane:
     def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
         """A heartbeat of the ground station holds the fail-safe off, if there is one."""
         if heartbeat.get_srcSystem() == self._value("MAV_GCS_SYSID"):
-            if self.deadline_us == 0:
+            if self._failed_safe:
                 flight.texts.append("GCS failsafe cleared")
+                self._failed_safe = False
             self.deadline_us = None
             if self._value("FS_GCS_ENABL"):
                 timeout_us = round(max(1.0, self._value("FS_LONG_TIMEOUT")) * 1e6)
                 self.deadline_us = flight.time_us + timeout_us
 
+    def system_status(self, flight: Flight) -> SystemStatus:
+        """Active in the air only, armed or not; critical while the ground station is lost."""
+        if self._failed_safe:
+            return SystemStatus.CRITICAL
+        return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
+
     def watch(self, flight: Flight) -> None:
         """What was commanded last is held for ever, unless the fail-safe is on and the ground is silent."""
         if self.deadline_us is not None and flight.time_us >= self.deadline_us:
             self.deadline_us = None
+            self._failed_safe = True
             flight.texts.append("GCS failsafe")
-            if self._value("FS_LONG_ACTN") == LONG_ACTION_RETURN and not flight.on_ground:
-                self.request_mode(flight, RTL.custom_mode)
+            if not flight.on_ground:
+                self._act_on_loss(flight)
+
+    def _act_on_loss(self, flight: Flight) -> None:
+        """What FS_LONG_ACTN says; where that is nothing, all but what flies by itself returns home."""
+        action = self._value("FS_LONG_ACTN")
+        if flight.mode in {GUIDED, ARDUPLANE_MODES[AUTO]}:
+            wanted = LONG_ACTIONS.get(action)
+        elif flight.mode is RTL:
+            wanted = None
+        else:
+            wanted = LONG_ACTIONS.get(action, RTL.custom_mode)
+        if wanted is not None:
+            self.request_mode(flight, wanted)
 
     def _named(self, name: str) -> str:
         """Today's name, or the old one where that is used."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.air import Air
 from sitl_stub.arduplane import ArduPlane
 from sitl_stub.codec import Codec
 from sitl_stub.commands import (
@@ -21,6 +22,7 @@ from sitl_stub.commands import (
 )
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.courtesies import ping_reply, status_text, timesync_reply
+from sitl_stub.faults import Fault
 from sitl_stub.flight import Flight
 from sitl_stub.mission_protocol import MISSION_MESSAGES, mission_reply
 from sitl_stub.parameter_protocol import ParameterServer
@@ -31,6 +33,7 @@ from sitl_stub.sensors import Sensors
 from sitl_stub.signing import Signing
 from sitl_stub.start import flight_at_start
 from sitl_stub.streams import Streams
+from sitl_stub.targets import TurnTarget
 from sitl_stub.telemetry import POSITION_MESSAGES, TELEMETRY
 from sitl_stub.telemetry_ids import HEARTBEAT
 from sitl_stub.truth import Truth, truth_of
@@ -68,7 +71,7 @@ class Autopilot:
     def __init__(
         self,
         config: AutopilotConfig,
-        wind: Wind,
+        air: Wind | Air,
         *,
         signing: Signing | None = None,
         unix_time: Callable[[], float] | None = None,
@@ -77,7 +80,7 @@ class Autopilot:
 
         Args:
             config: what it starts with.
-            wind: what it flies in.
+            air: what it flies in.
             signing: signs what it says, and lets it hear nothing else.
             unix_time: the time that signatures are dated with; simulation time if absent.
         """
@@ -87,14 +90,17 @@ class Autopilot:
         """MAVLink system id."""
         self._personality = PERSONALITIES[config.autopilot](config)
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
-        self._flight = flight_at_start(config, wind, self._personality)
+        self._flight = flight_at_start(config, air, self._personality)
         self._reported_mode = self._flight.mode
         self._codec = Codec(config.system_id, self.counters, signing)
         self._unix_time = unix_time or (lambda: self._flight.time_us * 1e-6)
         self._boot_us = -round(config.boot_time_s * 1e6)
         self._sensors = Sensors(config)
         self._streams = Streams(self._personality, config.loop_rate_hz)
-        self._parameter_server = ParameterServer(self._personality.parameters)
+        self._parameter_server = ParameterServer(
+            self._personality.parameters,
+            refuses_unknown=self._personality.refuses_unknown_parameters,
+        )
         self._commands = {
             COMPONENT_ARM_DISARM: self._personality.arming.handle,
             RUN_PREARM_CHECKS: self._personality.arming.report,
@@ -178,9 +184,23 @@ class Autopilot:
         self._boot_us = flight.time_us
         self._streams.restart(flight.time_us)
 
+    def hold_bank(self, bank_rad: float) -> None:
+        """The pilot's stick, or surfaces that stay where they are: a bank (rad) until the next command."""
+        self._flight.hold_turn(TurnTarget("bank", bank_rad))
+
+    def inject(self, fault: Fault) -> None:
+        """Let something be wrong with its reports."""
+        self._sensors.faults.add(fault)
+
     def truth(self) -> Truth:
         """The true, noise-free state now."""
         return truth_of(self._flight)
+
+    def _since_boot_us(self) -> int:
+        """What its own clock shows."""
+        time_us = self._flight.time_us
+        lost_us = round(self._sensors.faults.lost_s(time_us * 1e-6) * 1e6)
+        return round((time_us - self._boot_us) * self._sensors.clock_rate) - lost_us
 
     def _instants_us(self) -> Iterable[int]:
         instants_us = (
@@ -224,7 +244,7 @@ class Autopilot:
         return []
 
     def _on_timesync(self, message: MAVLink_message) -> Replies:
-        return timesync_reply(message, (self._flight.time_us - self._boot_us) * 1000)
+        return timesync_reply(message, self._since_boot_us() * 1000)
 
     def _on_parameter_list(self, _message: MAVLink_message) -> Replies:
         return self._parameter_server.request_list(self._flight.time_us)
@@ -272,7 +292,8 @@ class Autopilot:
         notices = [status_text(text) for text in texts]
         if flight.mode is not self._reported_mode:
             self._reported_mode = flight.mode
-            notices.append(status_text(f"Mode {flight.mode.name}"))
+            if self._personality.announces_modes:
+                notices.append(status_text(f"Mode {flight.mode.name}"))
             notices += self._built([HEARTBEAT])
         return notices
 
@@ -281,16 +302,17 @@ class Autopilot:
             return []
         flight = self._flight
         with_position = not POSITION_MESSAGES.isdisjoint(message_ids)
-        motion, latitude_rad, longitude_rad = self._sensors.measure(
+        motion, latitude_rad, longitude_rad, altitude_error_m = self._sensors.measure(
             flight, with_position=with_position
         )
         report = Report(
-            round((flight.time_us - self._boot_us) * 1e-3) % 2**32,
+            round(self._since_boot_us() * 1e-3) % 2**32,
             flight,
             motion,
             latitude_rad,
             longitude_rad,
             self._personality,
+            altitude_error_m,
             self._personality.arming.is_ready(flight),
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]

@@ -19,10 +19,13 @@ from sitl_stub.fleet import (
     LinkQuality,
     Start,
     Telemetry,
+    Weather,
     fleet_of,
 )
 from sitl_stub.options import OptionError, checked, checked_epoch
+from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
+from sitl_stub.turbulence import Turbulence
 
 WRONG_INPUT, BROKEN = 2, 3
 
@@ -35,7 +38,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-START, FLIES, SAYS, LINK = "How it starts", "How it flies", "What it reports", "MAVLink and time"
+START, FLIES, AIR = "How it starts", "How it flies", "What it flies in"
+SAYS, LINK = "What it reports", "MAVLink and time"
 
 
 def flag(name: str, text: str, group: str) -> typer.models.OptionInfo:
@@ -61,11 +65,14 @@ def fly(
         int, option("Aircraft in this process: system ids and ports count up.", LINK, "N")
     ] = 1,
     autopilot: Annotated[AutopilotName, option("Whose manners it has.", FLIES)] = "ardupilot",
+    autopilot_version: Annotated[
+        str | None, option("Of px4, 1.14 to 1.18; default: the newest.", FLIES, "X.Y")
+    ] = None,
     plant: Annotated[
         PlantKind,
         option(
             "heading-hold: first order, the wind drifts it; course-hold: the article's model; bank:"
-            " bank from course error, as ArduPlane's GUIDED.",
+            " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course.",
             FLIES,
         ),
     ] = "heading-hold",
@@ -90,9 +97,21 @@ def fly(
     ] = None,
     airspeed_range: Annotated[str, option("What it can fly, m/s.", FLIES, "LO,HI")] = "12,32",
     max_bank: Annotated[float, option("Limit of the bank.", FLIES, "DEG")] = 45.0,
-    wind: Annotated[
-        str, option("calm, article or steady:SPEED,TOWARD_DEG.", FLIES, "WIND")
-    ] = "calm",
+    wind: Annotated[str, option("calm, article or steady:SPEED,TOWARD_DEG.", AIR, "WIND")] = "calm",
+    turbulence: Annotated[
+        Turbulence, option("Dryden's, by MIL-F-8785C; shared by all of one seed.", AIR)
+    ] = "none",
+    air_height: Annotated[
+        float, option("Above the ground, for which wind and turbulence are meant.", AIR, "M")
+    ] = 100.0,
+    gust: Annotated[
+        list[str] | None,
+        option("One minus cosine: seconds, m/s. Repeatable.", AIR, "AT,FOR,N,E"),
+    ] = None,
+    roughness: Annotated[
+        float | None,
+        option("Of the ground, 0.046 to 0.6: the wind then grows with height.", AIR, "M"),
+    ] = None,
     start: Annotated[
         str,
         option("Degrees, metres above mean sea level, degrees.", START, "LAT,LON,ALT,COURSE"),
@@ -120,6 +139,9 @@ def fly(
     ] = 0.0,
     heading_noise: Annotated[float, option("The same of headings.", SAYS, "DEG")] = 0.0,
     airspeed_noise: Annotated[float, option("The same of airspeeds.", SAYS, "M_S")] = 0.0,
+    sensors: Annotated[
+        SensorGrade, option("GNSS of this grade, and other sensors like real ones.", SAYS)
+    ] = "ideal",
     gps_glitch: Annotated[
         list[str] | None,
         option("Positions off for a time: seconds, metres. Repeatable.", SAYS, "AT,FOR,N,E"),
@@ -181,6 +203,7 @@ def fly(
             signing_key=signing_key,
             aircraft=Aircraft(
                 autopilot=autopilot,
+                autopilot_version=autopilot_version,
                 plant=plant,
                 alpha_1_s=alpha,
                 beta_1_s=beta,
@@ -192,7 +215,13 @@ def fly(
                 speed_dead_time_s=speed_dead_time,
                 airspeed_range=airspeed_range,
                 max_bank_deg=max_bank,
+            ),
+            weather=Weather(
                 wind=wind,
+                turbulence=turbulence,
+                height_m=air_height,
+                gusts=tuple(gust or ()),
+                roughness_m=roughness,
             ),
             start=Start(
                 where=start,
@@ -207,6 +236,7 @@ def fly(
                 velocity_m_s=velocity_noise,
                 heading_deg=heading_noise,
                 airspeed_m_s=airspeed_noise,
+                sensors=sensors,
                 gps_glitches=tuple(gps_glitch or ()),
             ),
             telemetry=Telemetry(

@@ -16,6 +16,7 @@ NAV_TAKEOFF = 22
 DO_SET_MODE = 176
 DO_CHANGE_SPEED = 178
 DO_SET_HOME = 179
+DO_CHANGE_ALTITUDE = 186
 DO_REPOSITION = 192
 PREFLIGHT_REBOOT_SHUTDOWN = 246
 COMPONENT_ARM_DISARM = 400
@@ -49,6 +50,14 @@ class Result(IntEnum):
     UNSUPPORTED = 3
     FAILED = 4
     COMMAND_INT_ONLY = 8
+
+
+class SystemStatus(IntEnum):
+    """MAV_STATE, in the common message set's numbers."""
+
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
 
 
 class NonFiniteError(ValueError):

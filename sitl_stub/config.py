@@ -2,36 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from sitl_stub.aircraft import PlantParameters
+from sitl_stub.faults import Fault
+from sitl_stub.sensor_errors import SensorGrade
 
-
-@dataclass(frozen=True, slots=True)
-class GpsGlitch:
-    """A time for which reported positions are off."""
-
-    start_s: float
-    """Simulation time of its beginning."""
-
-    length_s: float
-    """How long it lasts."""
-
-    north_m: float
-    """How far reported positions are north of the true ones meanwhile."""
-
-    east_m: float
-    """How far east."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no glitch.
-
-        Raises:
-            ValueError: a number is out of its range.
-        """
-        whole = (self.start_s, self.length_s, self.north_m, self.east_m)
-        if not all(map(math.isfinite, whole)) or self.start_s < 0.0 or self.length_s <= 0.0:
-            raise ValueError(f"{self} is no glitch")
+PX4_VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
+"""Those whose manners are told apart, oldest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +21,9 @@ class AutopilotConfig:
 
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     """Whose manners it has."""
+
+    autopilot_version: tuple[int, int] | None = None
+    """Major and minor of the version whose manners it has; None: the newest that is known here."""
 
     plant: PlantParameters
     """How it flies."""
@@ -77,8 +58,11 @@ class AutopilotConfig:
     airspeed_noise_m_s: float = 0.0
     """Standard deviation of white noise on reported airspeeds."""
 
-    gps_glitches: tuple[GpsGlitch, ...] = ()
-    """When reported positions are off."""
+    sensors: SensorGrade = "ideal"
+    """How good the sensors are, beside the noise given here."""
+
+    faults: tuple[Fault, ...] = ()
+    """What is wrong with its reports, and when."""
 
     seed: int = 0
     """Of all noise; the system id is mixed in, so that one seed serves a formation."""
@@ -118,8 +102,16 @@ class AutopilotConfig:
             raise ValueError(f"system_id must be 1 to 255, not {self.system_id!r}")
         if self.autopilot not in {"ardupilot", "px4"}:
             raise ValueError(f"autopilot must be ardupilot or px4, not {self.autopilot!r}")
+        if self.autopilot_version is not None and (
+            self.autopilot != "px4" or self.autopilot_version not in PX4_VERSIONS
+        ):
+            known = ", ".join(f"{major}.{minor}" for major, minor in PX4_VERSIONS)
+            raise ValueError(f"autopilot_version must be one of px4's {known}")
         if abs(self.latitude_deg) > 89.0:
             raise ValueError("latitude_deg must be within 89 degrees: poles are not flown")
+        if self.sensors not in get_args(SensorGrade):
+            wanted = ", ".join(get_args(SensorGrade))
+            raise ValueError(f"sensors must be one of {wanted}, not {self.sensors!r}")
         plant = self.plant
         if not plant.airspeed_min_m_s <= self.airspeed_m_s <= plant.airspeed_max_m_s:
             raise ValueError(f"airspeed_m_s {self.airspeed_m_s!r} is outside the plant's range")

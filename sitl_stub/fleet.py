@@ -6,13 +6,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sitl_stub.address import Address, parse_address
+from sitl_stub.air import LEAST_HEIGHT_M, Air, air_of
 from sitl_stub.aircraft import PlantKind, PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
-from sitl_stub.config import AutopilotConfig, GpsGlitch
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.earth import moved
-from sitl_stub.options import OptionError, parse_numbers, parse_wind
+from sitl_stub.faults import Fault
+from sitl_stub.options import OptionError, checked, parse_gust, parse_numbers, parse_wind
+from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.signing import Signing, key_of
+from sitl_stub.turbulence import Turbulence
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -28,6 +32,8 @@ class Aircraft:
 
     autopilot: AutopilotName
     """Whose manners they have."""
+    autopilot_version: str | None
+    """MAJOR.MINOR of them; None: the newest that is known."""
     plant: PlantKind
     """Which model flies."""
     alpha_1_s: float
@@ -50,8 +56,6 @@ class Aircraft:
     """LO,HI in m/s."""
     max_bank_deg: float
     """Limit of the bank."""
-    wind: str
-    """In the option's words."""
 
     def parameters(self) -> PlantParameters:
         """The plant.
@@ -75,6 +79,41 @@ class Aircraft:
             speed_response=self.speed_response,
             course_dead_time_s=self.course_dead_time_s,
             speed_dead_time_s=self.speed_dead_time_s,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weather:
+    """The air that all of them share."""
+
+    wind: str
+    """In the option's words."""
+    turbulence: Turbulence
+    """The standard's level."""
+    height_m: float
+    """Above the ground: for which the turbulence and the wind are meant."""
+    gusts: tuple[str, ...]
+    """AT,FOR,N,E each."""
+    roughness_m: float | None
+    """Of the ground below a wind that grows with height; None: it does not."""
+
+    def air(self, seed: int) -> Air:
+        """The air of a seed.
+
+        Raises:
+            ValueError: a word of it is wrong; the message is one line.
+        """
+        height_m = checked("--air-height", self.height_m, 0.0, 1e4)
+        roughness_m = self.roughness_m
+        if roughness_m is not None:
+            checked("--roughness", roughness_m, 0.0, min(LEAST_HEIGHT_M, height_m) / 2.0)
+        return air_of(
+            parse_wind(self.wind),
+            level=self.turbulence,
+            height_m=height_m,
+            seed=seed,
+            gusts=tuple(map(parse_gust, self.gusts)),
+            roughness_m=roughness_m,
         )
 
 
@@ -108,17 +147,19 @@ class Errors:
     """Standard deviation."""
     airspeed_m_s: float
     """Standard deviation."""
+    sensors: SensorGrade
+    """How good they are beside that."""
     gps_glitches: tuple[str, ...]
     """AT,FOR,N,E each."""
 
-    def glitches(self) -> tuple[GpsGlitch, ...]:
+    def glitches(self) -> tuple[Fault, ...]:
         """The glitches.
 
         Raises:
             ValueError: one is none; the message is one line.
         """
         return tuple(
-            GpsGlitch(*parse_numbers("--gps-glitch", text, "AT,FOR,N,E"))
+            Fault("offset", *parse_numbers("--gps-glitch", text, "AT,FOR,N,E"))
             for text in self.gps_glitches
         )
 
@@ -157,6 +198,7 @@ def fleet_of(
     seed: int,
     signing_key: str | None,
     aircraft: Aircraft,
+    weather: Weather,
     start: Start,
     errors: Errors,
     telemetry: Telemetry,
@@ -170,7 +212,7 @@ def fleet_of(
     if not 1 <= count <= MAX_COUNT:
         raise OptionError(f"--count: {count} is not 1 to {MAX_COUNT}")
     first = parse_address(url)
-    wind = parse_wind(aircraft.wind)
+    air = weather.air(seed)
     key = None if signing_key is None else key_of(signing_key)
     fleet: list[tuple[Emulated, Address]] = []
     for index in range(count):
@@ -180,6 +222,7 @@ def fleet_of(
         config = AutopilotConfig(
             system_id=system_id + index,
             autopilot=aircraft.autopilot,
+            autopilot_version=version_of(aircraft),
             plant=aircraft.parameters(),
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
@@ -194,7 +237,8 @@ def fleet_of(
             velocity_noise_m_s=errors.velocity_m_s,
             heading_noise_rad=math.radians(errors.heading_deg),
             airspeed_noise_m_s=errors.airspeed_m_s,
-            gps_glitches=errors.glitches(),
+            sensors=errors.sensors,
+            faults=errors.glitches(),
             indicated_airspeed=telemetry.indicated_airspeed,
             airspeed_calibration=telemetry.airspeed_calibration,
             loop_rate_hz=telemetry.loop_rate_hz,
@@ -202,7 +246,7 @@ def fleet_of(
             seed=seed,
         )
         signing = None if key is None else Signing(key)
-        one: Emulated = Autopilot(config, wind, signing=signing, unix_time=time.time)
+        one: Emulated = Autopilot(config, air, signing=signing, unix_time=time.time)
         if quality.delay_s or quality.jitter_s or quality.loss:
             one = BadLink(
                 one,
@@ -216,6 +260,21 @@ def fleet_of(
     if first.port + count - 1 > 65_535:
         raise OptionError(f"--count: there are no {count} ports from {first.port} on")
     return fleet
+
+
+def version_of(aircraft: Aircraft) -> tuple[int, int] | None:
+    """Major and minor of the version whose manners they have.
+
+    Raises:
+        OptionError: it is no version.
+    """
+    text = aircraft.autopilot_version
+    if text is None:
+        return None
+    major, dot, minor = text.partition(".")
+    if not (dot and major.isdecimal() and minor.isdecimal()):
+        raise OptionError(f"--autopilot-version: {text} is not MAJOR.MINOR")
+    return int(major), int(minor)
 
 
 def place_of(start: Start, index: int) -> tuple[float, float, float, float]:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+from sitl_stub.air import Air, Place
 from sitl_stub.air_data import AirData
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commanded import Commanded
@@ -39,7 +40,7 @@ class Flight:
         self,
         *,
         plant: PlantParameters,
-        wind: Wind,
+        air: Air,
         state: PlantState,
         home: Home,
         cruise_airspeed_m_s: float,
@@ -65,7 +66,7 @@ class Flight:
         self.airspeed_range_m_s = (plant.airspeed_min_m_s, plant.airspeed_max_m_s)
         """As shown: what a command may ask for."""
         self._air_data = air_data or AirData()
-        self._wind = wind
+        self._air = air
         self._orbit: Orbit | None = None
         self.plant = self._in_true_airspeed(plant)
         # Straight on at first, so that there is a motion from which the mode is entered.
@@ -94,7 +95,20 @@ class Flight:
     @property
     def wind_m_s(self) -> tuple[float, float]:
         """The true wind now, (north, east)."""
-        return self._wind.at(self.time_us * 1e-6)
+        return self.wind_here.at(self.time_us * 1e-6)
+
+    @property
+    def wind_here(self) -> Wind:
+        """The air about the aircraft, as a wind that only time changes: good for a step."""
+        state = self.state
+        return self._air.near(
+            Place(
+                state.latitude_rad,
+                state.longitude_rad,
+                state.altitude_amsl_m,
+                state.altitude_amsl_m - self.home.altitude_amsl_m,
+            )
+        )
 
     def motion(self) -> Motion:
         """The true motion now."""
@@ -222,7 +236,7 @@ class Flight:
             self._steer_around(self._orbit)
         step = lagging_stepped if self.plant.lags else stepped
         self.state = step(
-            self.plant, self.targets, self.state, self._wind, time_s=time_s, step_s=step_s
+            self.plant, self.targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
         )
         if self.phase == "climbing" and self._has_climbed():
             self.phase = "flying"
@@ -235,7 +249,7 @@ class Flight:
         if self.phase == "standing":
             return
         self.state = rolled(self.state, step_s)
-        wind_m_s = self._wind.at(time_s + step_s)
+        wind_m_s = self.wind_here.at(time_s + step_s)
         if lifts_off(self.plant, self.state, wind_m_s):
             course_rad = self.state.direction_rad
             self.state = airborne(self.plant, self.state, wind_m_s)

@@ -79,9 +79,13 @@ def lagging_rates(
     north_m_s = airspeed_m_s * math.cos(heading_rad) + wind_m_s[0]
     east_m_s = airspeed_m_s * math.sin(heading_rad) + wind_m_s[1]
     course_rad = math.atan2(east_m_s, north_m_s)
-    if parameters.kind == "bank":
+    if parameters.rolls:
         wanted_rad = wanted_bank_rad(
-            parameters, targets.turn, course_rad=course_rad, heading_rad=heading_rad
+            parameters,
+            targets.turn,
+            course_rad=course_rad,
+            heading_rad=heading_rad,
+            airspeed_m_s=airspeed_m_s,
         )
         roll_rate = (wanted_rad - roll_rad) / parameters.roll_time_s
         coordinated = bank_limited_turn_rate_rad_s(roll_rad, airspeed_m_s)
@@ -111,9 +115,17 @@ def lagging_rates(
 
 
 def wanted_bank_rad(
-    parameters: PlantParameters, target: TurnTarget, *, course_rad: float, heading_rad: float
+    parameters: PlantParameters,
+    target: TurnTarget,
+    *,
+    course_rad: float,
+    heading_rad: float,
+    airspeed_m_s: float,
 ) -> float:
-    """ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)), positive right.
+    """The bank that is asked for, positive right.
+
+    `bank`, ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)). `npfg`, PX4's:
+    phi = sat(atan(alpha V sin(target - present) / g)), and beyond 90 degrees as at 90.
 
     Saturated by the bank limit and by atan(a / g) of the lateral acceleration a that came with the
     command, whichever is smaller.
@@ -124,6 +136,9 @@ def wanted_bank_rad(
         target.angle_rad - (course_rad if target.hold == "course" else heading_rad)
     )
     limit = min(parameters.max_bank_rad, math.atan(target.max_acceleration_m_s2 / GRAVITY_M_S2))
+    if parameters.kind == "npfg":
+        sine = math.sin(clamped(error_rad, 0.5 * math.pi))
+        return clamped(math.atan(parameters.alpha_1_s * airspeed_m_s * sine / GRAVITY_M_S2), limit)
     return clamped(parameters.guided_p_cdeg_rad * CENTIDEGREE_RAD * error_rad, limit)
 
 
@@ -144,6 +159,6 @@ def shown_bank_rad(
     parameters: PlantParameters, rates: LaggingRates, roll_rad: float, airspeed_m_s: float
 ) -> float:
     """The bank as an attitude sensor would see it."""
-    if parameters.kind == "bank":
+    if parameters.rolls:
         return roll_rad
     return bank_of_rad(rates.turn_rate_rad_s, airspeed_m_s)

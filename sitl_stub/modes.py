@@ -19,6 +19,7 @@ class Mode:
     """Obeys commands; turns at a constant bank; keeps the course it had at entry; circles around the
     place of its entry, or around home; climbs, from the ground if need be, and then loiters.
 
+    PX4's Guided Course keeps the course of its entry until it is told another.
     Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
     """
 
@@ -59,7 +60,8 @@ ARDUPLANE_MODES = by_number(
 )
 """ArduPlane's modes for a fixed wing, by number."""
 
-OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "commanded")
+OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "straight")
+GUIDED_COURSE = Mode("AUTO.COURSE", px4_custom_mode(4, 19), "straight")
 AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
 AUTO_TAKEOFF = Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
 AUTO_RTL = Mode("AUTO.RTL", px4_custom_mode(4, 5), "home")
@@ -77,6 +79,7 @@ PX4_MODES = by_number(
         Mode("ACRO", px4_custom_mode(5)),
         OFFBOARD,
         Mode("STABILIZED", px4_custom_mode(7)),
+        GUIDED_COURSE,
     ]
 )
-"""PX4's modes for a fixed wing, by number."""
+"""PX4's modes for a fixed wing, by number; Guided Course came with 1.18."""

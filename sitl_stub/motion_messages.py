@@ -28,7 +28,7 @@ def gps_raw_int(report: Report) -> MAVLink_message:
         fix,
         degrees_e7(report.latitude_rad),
         degrees_e7(report.longitude_rad),
-        millimetres(report.flight.state.altitude_amsl_m),
+        millimetres(report.altitude_amsl_m),
         120,
         200,
         abs(centimetres_per_second(motion.ground_speed_m_s)),
@@ -55,7 +55,7 @@ def nav_controller_output(report: Report) -> MAVLink_message:
 def altitude(report: Report) -> MAVLink_message:
     """PX4's heights: above mean sea level, and above home."""
     flight = report.flight
-    amsl_m = flight.state.altitude_amsl_m
+    amsl_m = report.altitude_amsl_m
     above_home_m = amsl_m - flight.home.altitude_amsl_m
     return mavlink.MAVLink_altitude_message(
         report.time_boot_ms * 1000, amsl_m, amsl_m, above_home_m, above_home_m, math.nan, math.nan
@@ -107,7 +107,7 @@ def vfr_hud(report: Report) -> MAVLink_message:
         motion.ground_speed_m_s,
         round(math.degrees(motion.heading_rad)) % 360,
         0 if report.flight.phase == "standing" else CRUISE_THROTTLE_PERCENT,
-        report.flight.state.altitude_amsl_m,
+        report.altitude_amsl_m,
         -motion.down_m_s,
     )
 
@@ -123,7 +123,7 @@ def wind(report: Report) -> MAVLink_message:
 
 def local_position_ned(report: Report) -> MAVLink_message:
     """Position north and east of home, and below it; velocity over ground."""
-    home, altitude_m = report.flight.home, report.flight.state.altitude_amsl_m
+    home, altitude_m = report.flight.home, report.altitude_amsl_m
     # At home's own height: z counts height, not the drop of the tangent plane with distance.
     east_m, north_m, _up_m = pymap3d.geodetic2enu(
         report.latitude_rad,
@@ -148,7 +148,7 @@ def local_position_ned(report: Report) -> MAVLink_message:
 
 def global_position_int(report: Report) -> MAVLink_message:
     """Position and ground velocity. `hdg` is the heading of the nose, not the course."""
-    motion, altitude_m = report.motion, report.flight.state.altitude_amsl_m
+    motion, altitude_m = report.motion, report.altitude_amsl_m
     return mavlink.MAVLink_global_position_int_message(
         report.time_boot_ms,
         degrees_e7(report.latitude_rad),

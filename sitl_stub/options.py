@@ -3,6 +3,7 @@
 import math
 import time
 
+from sitl_stub.air import DiscreteGust
 from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
 
 MAX_WIND_M_S = 50.0
@@ -34,6 +35,23 @@ def parse_wind(text: str) -> Wind:
     if not 0.0 <= speed_m_s <= MAX_WIND_M_S:
         raise OptionError(f"--wind: {speed_m_s:g} m/s is not within 0 and {MAX_WIND_M_S:g}")
     return SteadyWind(speed_m_s, math.radians(toward_deg))
+
+
+def parse_gust(text: str) -> DiscreteGust:
+    """AT,FOR,N,E: seconds and metres per second.
+
+    Raises:
+        ValueError: it is no gust; the message is one line.
+    """
+    return DiscreteGust(
+        **dict(
+            zip(
+                ("start_s", "length_s", "north_m_s", "east_m_s"),
+                parse_numbers("--gust", text, "AT,FOR,N,E"),
+                strict=True,
+            )
+        )
+    )
 
 
 def parse_numbers(option: str, text: str, names: str) -> list[float]:

@@ -14,14 +14,21 @@ LIST_BURST = 10
 HASH_CHECK = "_HASH_CHECK"
 """Of PX4: asks for a checksum instead of the whole list; set, it ends the sending of a list."""
 
-NO_INDEX = 65_535
+NO_INDEX, NO_PARAMETER = 65_535, -1
 
 
 class ParameterServer:
     """Answers about one autopilot's parameters, and sends their list by and by."""
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, *, refuses_unknown: bool = False) -> None:
+        """Serve parameters.
+
+        Args:
+            parameters: of the autopilot.
+            refuses_unknown: whether PARAM_ERROR answers for a name that does not exist, and not silence.
+        """
         self._parameters = parameters
+        self._refuses_unknown = refuses_unknown
         self._waiting: deque[str] = deque()
         self.due_us: int | None = None
         """When the next part of a list goes out; None when none is asked for."""
@@ -48,7 +55,9 @@ class ParameterServer:
             return [self.value(name) for name in names[message.param_index :][:1]]
         if message.param_id == HASH_CHECK and self._parameters.encoding == "bytewise":
             return [self._hash_check()]
-        return [self.value(message.param_id)] if message.param_id in self._parameters else []
+        if message.param_id in self._parameters:
+            return [self.value(message.param_id)]
+        return self._refusal(message)
 
     def write(self, message: MAVLink_message) -> tuple[str | None, list[MAVLink_message]]:
         """PARAM_SET: the name, if it was stored, and the answer, which is the value as it is now."""
@@ -58,7 +67,7 @@ class ParameterServer:
             self.due_us = None
             return None, []
         if name not in self._parameters:
-            return None, []
+            return None, self._refusal(message)
         value = self._parameters.decoded(name, message.param_value)
         changed = self._parameters.set(name, value)
         return (name if changed else None), [self.value(name)]
@@ -73,6 +82,20 @@ class ParameterServer:
             len(parameters),
             parameters.names.index(name),
         )
+
+    def _refusal(self, message: MAVLink_message) -> list[MAVLink_message]:
+        """What answers for a name that does not exist."""
+        if not self._refuses_unknown:
+            return []
+        return [
+            mavlink.MAVLink_param_error_message(
+                message.get_srcSystem(),
+                message.get_srcComponent(),
+                message.param_id.encode("ascii", "replace"),
+                NO_PARAMETER,
+                mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST,
+            )
+        ]
 
     def _hash_check(self) -> MAVLink_message:
         return mavlink.MAVLink_param_value_message(

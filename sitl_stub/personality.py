@@ -6,7 +6,7 @@ from typing import Protocol
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.arming import Arming
-from sitl_stub.commands import Handlers, Result
+from sitl_stub.commands import Handlers, Result, SystemStatus
 from sitl_stub.flight import Flight
 from sitl_stub.modes import Mode
 from sitl_stub.parameters import Parameters
@@ -36,8 +36,18 @@ class Personality(Protocol):
         ...
 
     @property
-    def unrequested(self) -> frozenset[int]:
-        """Messages that come once a second without having been asked for."""
+    def unrequested(self) -> Mapping[int, int]:
+        """Messages that come without having been asked for, with their intervals in microseconds."""
+        ...
+
+    @property
+    def announces_modes(self) -> bool:
+        """Whether a status text tells of each change of mode."""
+        ...
+
+    @property
+    def refuses_unknown_parameters(self) -> bool:
+        """Whether PARAM_ERROR answers for a parameter that does not exist, and not silence."""
         ...
 
     @property
@@ -94,6 +104,10 @@ class Personality(Protocol):
 
     def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
         """Take notice of another's heartbeat: fail-safes count those of the ground station."""
+        ...
+
+    def system_status(self, flight: Flight) -> SystemStatus:
+        """MAV_STATE in the heartbeat."""
         ...
 
     def watch(self, flight: Flight) -> None:

@@ -1,5 +1,10 @@
-"""PX4 for a fixed wing: its modes, parameters and fail-safes; setpoints are read in `px4_setpoints`."""
+"""PX4 for a fixed wing: its modes, commands and fail-safes; setpoints are read in `px4_setpoints`.
 
+As 1.18.0-beta1 was measured in software. Versions from 1.14 on are told apart by Guided Course (1.18), by
+what a velocity without a position does in offboard, and by their number.
+"""
+
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -7,44 +12,54 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.arming import Arming
 from sitl_stub.commands import (
+    AMSL_FRAMES,
     CUSTOM_MODE_FLAG,
+    DO_CHANGE_ALTITUDE,
     DO_CHANGE_SPEED,
     DO_REPOSITION,
     DO_SET_MODE,
+    GUIDED_CHANGE_HEADING,
     NAV_LOITER_UNLIM,
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
     Command,
     Handlers,
     Result,
+    SystemStatus,
     finite,
     height_target,
-    is_flyable_airspeed,
     place,
 )
-from sitl_stub.config import AutopilotConfig
+from sitl_stub.config import PX4_VERSIONS, AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
 from sitl_stub.modes import (
     AUTO_LOITER,
     AUTO_RTL,
     AUTO_TAKEOFF,
+    GUIDED_COURSE,
     OFFBOARD,
     PX4_MODES,
+    Mode,
     px4_custom_mode,
 )
 from sitl_stub.px4_parameters import px4_parameters
-from sitl_stub.px4_setpoints import Setpoint, setpoint_of
-from sitl_stub.targets import SpeedTarget
+from sitl_stub.px4_setpoints import KEEPS_COURSE, STEERS_BY_VELOCITY, Setpoint, setpoint_of
+from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
 from sitl_stub.telemetry_ids import (
     ALTITUDE,
+    ATTITUDE,
     BATTERY_STATUS,
     EKF_STATUS_REPORT,
     EXTENDED_SYS_STATE,
+    GLOBAL_POSITION_INT,
     GPS_RAW_INT,
+    HEARTBEAT,
     HOME_POSITION,
     LOCAL_POSITION_NED,
+    ONCE_A_SECOND_US,
+    SYS_STATUS,
     SYSTEM_TIME,
-    UNREQUESTED,
+    VFR_HUD,
     WIND,
 )
 
@@ -54,11 +69,55 @@ if TYPE_CHECKING:
 STREAM_FRESH_US = 500_000
 """A setpoint this recent lets OFFBOARD be entered: the stream must run at 2 Hz or faster."""
 
-LOSS_ACTION_RETURN = 3
-"""COM_OBL_RC_ACT of returning home; every other ends in a loiter here."""
+NOTICED_US = 700_000
+"""From COM_OF_LOSS_T after the last setpoint to the change of mode: 1.7 s in all were measured."""
+
+STREAM_ACTION_LOITER = 5
+"""COM_OBL_RC_ACT of holding; without a remote control every other returns home here."""
+
+LINK_NOTICED_US = 3_000_000
+"""From COM_DL_LOSS_T after a ground station's last heartbeat to the change of mode: 13 s were measured."""
+
+LINK_ACTIONS = {1: AUTO_LOITER, 2: AUTO_RTL}
+"""Values of NAV_DLL_ACT that fly on; every other does nothing here."""
+
+HOLD_BIT = 2
+"""COM_DLL_EXCEPT of holding, Guided Course and what else navigates without a mission."""
+
+GROUND_STATION = 6
+"""MAV_TYPE_GCS: heartbeats of companions (18) are not counted."""
+
+COURSE_OVER_GROUND = 0.0
+"""HEADING_TYPE."""
 
 AIRSPEED, GROUND_SPEED = 0.0, 1.0
 """SPEED_TYPE."""
+
+ONBOARD_LINK_US = {
+    **dict.fromkeys(
+        (
+            HEARTBEAT,
+            SYS_STATUS,
+            ALTITUDE,
+            BATTERY_STATUS,
+            EXTENDED_SYS_STATE,
+            GPS_RAW_INT,
+            HOME_POSITION,
+            SYSTEM_TIME,
+        ),
+        ONCE_A_SECOND_US,
+    ),
+    ATTITUDE: 10_000,
+    GLOBAL_POSITION_INT: 20_000,
+    LOCAL_POSITION_NED: 33_333,
+    VFR_HUD: 100_000,
+}
+"""Unasked, on the link for companions; its fast ones at their nominal rates."""
+
+BETA, RELEASE = 0x80, 0xFF
+"""FIRMWARE_VERSION_TYPE."""
+
+GUIDED_COURSE_SINCE = (1, 18)
 
 AIRSPEED_LIMITS = frozenset({"FW_AIRSPD_MIN", "FW_AIRSPD_MAX"})
 
@@ -67,29 +126,33 @@ class Px4:
     """PX4 for a fixed wing."""
 
     firmware = 12  # MAV_AUTOPILOT_PX4
-    version = 0x010F_00FF
-    # MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, local setpoints, MAVLINK2
-    capabilities = 4 | 8 | 16 | 128 | 8192
+    capabilities = 59_647
     unsent = frozenset({WIND, EKF_STATUS_REPORT})
-    unrequested = UNREQUESTED | {
-        ALTITUDE,
-        BATTERY_STATUS,
-        EXTENDED_SYS_STATE,
-        GPS_RAW_INT,
-        HOME_POSITION,
-        LOCAL_POSITION_NED,
-        SYSTEM_TIME,
-    }
-    modes = tuple(PX4_MODES.values())
+    unrequested = ONBOARD_LINK_US
+    announces_modes = False
     initial_mode = AUTO_LOITER
     ground_mode = AUTO_LOITER
 
     def __init__(self, config: AutopilotConfig) -> None:
+        number = config.autopilot_version or PX4_VERSIONS[-1]
+        major, minor = self._number = number
+        kind = BETA if number == PX4_VERSIONS[-1] else RELEASE
+        self.version = major << 24 | minor << 16 | kind
+        has_course = number >= GUIDED_COURSE_SINCE
+        self.refuses_unknown_parameters = has_course
+        self._modes = {
+            mode.custom_mode: mode
+            for mode in PX4_MODES.values()
+            if has_course or mode is not GUIDED_COURSE
+        }
+        self.modes = tuple(self._modes.values())
         self.parameters = px4_parameters(config)
         self.arming = Arming(self._arming_fault, refused=Result.TEMPORARILY_REJECTED)
         self.commands: Handlers = {
             DO_SET_MODE: self._set_mode,
-            DO_CHANGE_SPEED: change_speed,
+            DO_CHANGE_SPEED: self._change_speed,
+            DO_CHANGE_ALTITUDE: change_altitude,
+            **({GUIDED_CHANGE_HEADING: change_course} if has_course else {}),
             NAV_TAKEOFF: self._take_off,
             NAV_LOITER_UNLIM: self._loiter,
             NAV_RETURN_TO_LAUNCH: self._return,
@@ -99,9 +162,18 @@ class Px4:
             "SET_POSITION_TARGET_LOCAL_NED": self._take,
             "SET_POSITION_TARGET_GLOBAL_INT": self._take,
         }
-        self.deadline_us: int | None = None
-        self._latest: Setpoint = (None, None)
+        self._failed_safe = False
+        self._latest: Setpoint | None = None
         self._latest_us: int | None = None
+        self._stream_lost_us: int | None = None
+        self._ground_station_us: int | None = None
+        self._link_failed = False
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When a fail-safe may be due."""
+        due = [one for one in (self._stream_lost_us, self._link_lost_us()) if one is not None]
+        return min(due, default=None)
 
     def begin(self, flight: Flight) -> None:
         """Give the flight the distances of the parameters, at its start."""
@@ -125,45 +197,76 @@ class Px4:
             flight.cruise_airspeed_m_s = max(1.0, parameters[name])
         elif name == "FW_R_LIM":
             flight.set_max_bank_deg(parameters[name])
+        # A fail-safe that is switched on now may be due already.
+        self.watch(flight)
 
     def request_mode(self, flight: Flight, custom_mode: int) -> Result:
         """Enter a mode; OFFBOARD only while setpoints are already arriving."""
-        mode = PX4_MODES.get(custom_mode)
+        mode = self._modes.get(custom_mode)
         if mode is None:
-            return Result.DENIED
+            return Result.TEMPORARILY_REJECTED
+        self._failed_safe = False
         if mode is flight.mode:
             return Result.ACCEPTED
-        self.deadline_us = None
         if mode is OFFBOARD:
             if self._latest_us is None or flight.time_us - self._latest_us > STREAM_FRESH_US:
                 return Result.TEMPORARILY_REJECTED
+            bank_rad = flight.motion().bank_rad
             flight.enter(mode)
+            if self._number < KEEPS_COURSE:
+                flight.hold_turn(TurnTarget("bank", bank_rad))
             self._fly(flight)
         else:
+            self._stream_lost_us = None
             flight.enter(mode)
         return Result.ACCEPTED
 
     def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
-        """Nothing: a lost data link is borne, as NAV_DLL_ACT = 0 says."""
+        """Take notice of ground stations, which NAV_DLL_ACT counts."""
+        if heartbeat.type == GROUND_STATION:
+            self._ground_station_us = flight.time_us
+            self._link_failed = False
+
+    def system_status(self, flight: Flight) -> SystemStatus:
+        """Active once armed, critical after its fail-safe until a mode is selected."""
+        if self._failed_safe:
+            return SystemStatus.CRITICAL
+        return SystemStatus.ACTIVE if flight.armed else SystemStatus.STANDBY
 
     def watch(self, flight: Flight) -> None:
-        """Leave OFFBOARD when the stream has stopped; leave the take-off when it is over."""
-        if self.deadline_us is not None and flight.time_us >= self.deadline_us:
-            self.deadline_us = None
-            flight.texts.append("Offboard control lost")
-            returns = self.parameters["COM_OBL_RC_ACT"] == LOSS_ACTION_RETURN
-            flight.enter(AUTO_RTL if returns else AUTO_LOITER)
+        """Leave a mode whose setpoints or whose ground station are silent, and a take-off that is over."""
+        now_us = flight.time_us
+        if self._stream_lost_us is not None and now_us >= self._stream_lost_us:
+            self._stream_lost_us = None
+            self._failed_safe = True
+            loiters = self.parameters["COM_OBL_RC_ACT"] == STREAM_ACTION_LOITER
+            flight.enter(AUTO_LOITER if loiters else AUTO_RTL)
+        lost_us = self._link_lost_us()
+        if lost_us is not None and now_us >= lost_us:
+            self._link_failed = True
+            if not self._bears_silence(flight.mode):
+                self._failed_safe = True
+                flight.texts.append("Failsafe activated")
+                flight.enter(LINK_ACTIONS[round(self.parameters["NAV_DLL_ACT"])])
         if flight.mode is AUTO_TAKEOFF and flight.phase == "flying":
             orbit = flight.present_orbit
-            flight.texts.append("Takeoff complete")
             flight.enter(AUTO_LOITER)
             if orbit is not None:
                 flight.orbit(orbit)
 
-    @property
-    def _stream_lost_us(self) -> int:
-        """How old the last setpoint may become."""
-        return max(0, round(self.parameters["COM_OF_LOSS_T"] * 1e6))
+    def _link_lost_us(self) -> int | None:
+        """When NAV_DLL_ACT is due, once for each silence; None for never."""
+        if self._link_failed or round(self.parameters["NAV_DLL_ACT"]) not in LINK_ACTIONS:
+            return None
+        if self._ground_station_us is None:
+            return 0
+        silence_us = round(self.parameters["COM_DL_LOSS_T"] * 1e6) + LINK_NOTICED_US
+        return self._ground_station_us + silence_us
+
+    def _bears_silence(self, mode: Mode) -> bool:
+        """Whether a lost ground station changes nothing in this mode."""
+        excepted = int(self.parameters["COM_DLL_EXCEPT"]) & HOLD_BIT
+        return mode is AUTO_RTL or (mode in {AUTO_LOITER, GUIDED_COURSE} and bool(excepted))
 
     def _arming_fault(self, _flight: Flight) -> str | None:
         slowest, fastest = self.parameters["FW_AIRSPD_MIN"], self.parameters["FW_AIRSPD_MAX"]
@@ -176,12 +279,30 @@ class Px4:
         flags, main, sub = command.used(1, 2, 3)
         in_bytes = all(0.0 <= part <= 255.0 and part == int(part) for part in (main, sub))
         if not int(flags) & CUSTOM_MODE_FLAG or not in_bytes:
-            return Result.DENIED
+            return Result.TEMPORARILY_REJECTED
         return self.request_mode(flight, px4_custom_mode(int(main), int(sub)))
 
     def _take_off(self, flight: Flight, _command: Command) -> Result:
         """22: the take-off mode; it rolls as soon as it is armed. Height is MIS_TAKEOFF_ALT."""
         return self.request_mode(flight, AUTO_TAKEOFF.custom_mode)
+
+    def _change_speed(self, flight: Flight, command: Command) -> Result:
+        """178: param1 type, param2 m/s. Accepts everything and flies what it can.
+
+        A ground speed is one for the article's ideal plant alone; for every other it is an airspeed.
+        """
+        kind, speed_m_s = command.parameters[:2]
+        if flight.mode is OFFBOARD and self._latest is not None and self._latest.steers == "path":
+            return Result.ACCEPTED
+        if not (math.isfinite(speed_m_s) and speed_m_s > 0.0):
+            flight.cruise()
+        elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
+            flight.hold_speed(SpeedTarget("ground-speed", speed_m_s))
+        else:
+            slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
+            flown_m_s = max(slowest_m_s, min(fastest_m_s, speed_m_s))
+            flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
+        return Result.ACCEPTED
 
     def _loiter(self, flight: Flight, _command: Command) -> Result:
         return self.request_mode(flight, AUTO_LOITER.custom_mode)
@@ -205,30 +326,41 @@ class Px4:
         setpoint = setpoint_of(flight, message)
         if isinstance(setpoint, str):
             return setpoint
-        turn, height = setpoint
-        self._latest = (turn or self._latest[0], height)
-        self._latest_us = flight.time_us
+        self._latest, self._latest_us = setpoint, flight.time_us
         if flight.mode is OFFBOARD:
             self._fly(flight)
         return None
 
     def _fly(self, flight: Flight) -> None:
-        turn, height = self._latest
-        if turn is not None:
-            flight.hold_turn(turn)
-        if height is not None:
-            flight.hold_height(height)
-        if self._latest_us is not None:
-            self.deadline_us = self._latest_us + self._stream_lost_us + 1
+        """Fly the latest setpoint, as far as this version flies its kind, and at the autopilot's airspeed."""
+        setpoint = self._latest
+        if setpoint is None or self._latest_us is None:
+            return
+        steers = setpoint.steers != "velocity" or self._number <= STEERS_BY_VELOCITY
+        if steers and setpoint.turn is not None:
+            flight.hold_turn(setpoint.turn)
+        if steers and setpoint.height is not None:
+            flight.hold_height(setpoint.height)
+        flight.cruise()
+        after_us = max(0, round(self.parameters["COM_OF_LOSS_T"] * 1e6))
+        self._stream_lost_us = self._latest_us + after_us + NOTICED_US
 
 
-def change_speed(flight: Flight, command: Command) -> Result:
-    """178: param1 type, param2 m/s. A ground speed needs the article's ideal plant."""
-    kind, speed_m_s = command.used(1, 2)
-    if kind == AIRSPEED and is_flyable_airspeed(flight, speed_m_s):
-        flight.hold_speed(SpeedTarget("airspeed", speed_m_s))
-        return Result.ACCEPTED
-    if kind == GROUND_SPEED and flight.plant.kind == "course-hold" and speed_m_s > 0.0:
-        flight.hold_speed(SpeedTarget("ground-speed", speed_m_s))
-        return Result.ACCEPTED
-    return Result.DENIED
+def change_course(flight: Flight, command: Command) -> Result:
+    """43002: param1 type, param2 degrees, of any number of turns; in Guided Course alone."""
+    kind, course_deg = command.parameters[:2]
+    if flight.mode is not GUIDED_COURSE or not (math.isnan(kind) or kind == COURSE_OVER_GROUND):
+        return Result.DENIED
+    (course_deg,) = finite(course_deg)
+    flight.hold_turn(TurnTarget("course", math.remainder(math.radians(course_deg), math.tau)))
+    return Result.ACCEPTED
+
+
+def change_altitude(flight: Flight, command: Command) -> Result:
+    """186: param1 metres, param2 frame."""
+    altitude_m, frame = command.used(1, 2)
+    if flight.mode not in {GUIDED_COURSE, AUTO_LOITER}:
+        return Result.DENIED
+    above_home_m = 0.0 if int(frame) in AMSL_FRAMES else flight.home.altitude_amsl_m
+    flight.hold_height(HeightTarget(altitude_m + above_home_m))
+    return Result.ACCEPTED

@@ -1,41 +1,88 @@
-"""PX4's setpoint messages for a fixed wing: of a velocity it flies the course."""
+"""What each version of PX4 makes of the setpoint messages of offboard, for a fixed wing.
+
+| what the message uses | up to 1.14 | 1.15, 1.16 | 1.17, 1.18 |
+|---|---|---|---|
+| velocity alone | its course | the attitude of the moment | course and height of the moment |
+| position, or position and acceleration | flies to it, at its height | the same | the same |
+| position and velocity | the velocity's course, at the autopilot's own airspeed | the same | the same |
+
+1.18.0-beta1 was flown in software, the others are read in the source. Every setpoint sets the airspeed back
+to the autopilot's own. A course to a position is taken anew with each message, not between them.
+"""
 
 import math
+from dataclasses import dataclass
+from typing import Literal
 
+import pymap3d
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import NonFiniteError, finite, height_target
 from sitl_stub.flight import Flight
 from sitl_stub.targets import HeightTarget, TurnTarget
 
-LOCAL_NED_FRAME = 1
+LOCAL_FRAMES = frozenset({1})
 """MAV_FRAME_LOCAL_NED."""
+
+GLOBAL_FRAMES = frozenset({5, 6})
+"""MAV_FRAME_GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT: 0 and 3, which mean the same elsewhere, are not taken."""
 
 IGNORE_X, IGNORE_Y, IGNORE_Z = 1, 2, 4
 IGNORE_VX, IGNORE_VY = 8, 16
 IGNORE_ACCELERATION = 64 | 128 | 256
 """POSITION_TARGET_TYPEMASK: a set bit means that the field is not to be used."""
 
-Setpoint = tuple[TurnTarget | None, HeightTarget | None]
-"""What a setpoint message asks for; None leaves a loop alone."""
+STEERS_BY_VELOCITY = (1, 14)
+"""The last version that does."""
+
+KEEPS_COURSE = (1, 17)
+"""The first version that keeps course and height where it is not steered, and not the attitude."""
+
+Steers = Literal["velocity", "position", "path"]
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """What a setpoint message asks for."""
+
+    steers: Steers
+    """By which of its fields; `path` by position and velocity."""
+
+    turn: TurnTarget | None
+    """The course; None leaves it as it is."""
+
+    height: HeightTarget | None
+    """None leaves it as it is."""
 
 
 def setpoint_of(flight: Flight, message: MAVLink_message) -> Setpoint | str:
     """What a message asks for, or why it is not taken."""
     mask = message.type_mask
-    if not is_velocity_only(mask):
+    steers = steered_by(mask)
+    local = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+    frames = LOCAL_FRAMES if local else GLOBAL_FRAMES
+    if steers is None or message.coordinate_frame not in frames:
         return "unsupported setpoint"
     try:
-        turn = course_of(*finite(message.vx, message.vy))
         height = None if mask & IGNORE_Z else height_of(flight, message)
+        if steers == "position":
+            turn: TurnTarget | None = TurnTarget("course", bearing_rad(flight, message))
+        else:
+            turn = course_of(*finite(message.vx, message.vy))
     except NonFiniteError:
         return "non-finite field"
-    local = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-    if local and message.coordinate_frame != LOCAL_NED_FRAME:
-        return "unsupported setpoint"
-    if height is None and not mask & IGNORE_Z:
-        return "unsupported setpoint"
-    return turn, height
+    return Setpoint(steers, turn, height)
+
+
+def steered_by(type_mask: int) -> Steers | None:
+    """Which fields of a message with this mask decide the course; None for none that is understood."""
+    if type_mask & IGNORE_ACCELERATION != IGNORE_ACCELERATION:
+        return None
+    position = not type_mask & (IGNORE_X | IGNORE_Y)
+    velocity = not type_mask & (IGNORE_VX | IGNORE_VY)
+    if position:
+        return "path" if velocity else "position"
+    return "velocity" if velocity and type_mask & IGNORE_X and type_mask & IGNORE_Y else None
 
 
 def height_of(flight: Flight, message: MAVLink_message) -> HeightTarget | None:
@@ -49,13 +96,35 @@ def height_of(flight: Flight, message: MAVLink_message) -> HeightTarget | None:
     return height_target(flight, message.coordinate_frame, finite(message.alt)[0])
 
 
-def is_velocity_only(type_mask: int) -> bool:
-    """Whether horizontal velocity is used and neither position nor acceleration is.
+def bearing_rad(flight: Flight, message: MAVLink_message) -> float:
+    """Course from where the aircraft is to the position in a setpoint.
 
-    Height may be used or not; yaw means nothing to a fixed wing.
+    Raises:
+        NonFiniteError: it is no number.
     """
-    ignored = IGNORE_X | IGNORE_Y | IGNORE_ACCELERATION
-    return type_mask & ignored == ignored and not type_mask & (IGNORE_VX | IGNORE_VY)
+    state, home = flight.state, flight.home
+    if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+        east_m, north_m, _ = pymap3d.geodetic2enu(
+            state.latitude_rad,
+            state.longitude_rad,
+            home.altitude_amsl_m,
+            home.latitude_rad,
+            home.longitude_rad,
+            home.altitude_amsl_m,
+            deg=False,
+        )
+        x, y = finite(message.x, message.y)
+        return math.atan2(y - east_m, x - north_m)
+    east_m, north_m, _ = pymap3d.geodetic2enu(
+        math.radians(message.lat_int * 1e-7),
+        math.radians(message.lon_int * 1e-7),
+        0.0,
+        state.latitude_rad,
+        state.longitude_rad,
+        0.0,
+        deg=False,
+    )
+    return math.atan2(east_m, north_m)
 
 
 def course_of(north_m_s: float, east_m_s: float) -> TurnTarget | None:

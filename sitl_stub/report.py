@@ -29,8 +29,16 @@ class Report(NamedTuple):
     personality: Personality
     """Which autopilot speaks."""
 
+    altitude_error_m: float = 0.0
+    """Of the barometer."""
+
     ready: bool = True
     """Whether its sensors have settled."""
+
+    @property
+    def altitude_amsl_m(self) -> float:
+        """As measured."""
+        return self.flight.state.altitude_amsl_m + self.altitude_error_m
 
 
 def centidegrees(angle_rad: float) -> int:

@@ -8,8 +8,10 @@ from numpy.random import default_rng
 from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.earth import moved
+from sitl_stub.faults import Faults
 from sitl_stub.flight import Flight
 from sitl_stub.motion import Motion
+from sitl_stub.sensor_errors import SensorErrors
 
 MICROSECOND = 1e-6
 
@@ -26,23 +28,35 @@ class Measurement(NamedTuple):
     longitude_rad: float
     """As measured."""
 
+    altitude_error_m: float
+    """Of the measured altitude above mean sea level."""
+
 
 class Sensors:
     """Measures one flight. Positions have a generator of noise of their own."""
 
     def __init__(self, config: AutopilotConfig) -> None:
         self._config = config
+        self.faults = Faults(config.faults)
+        """What is wrong with the reports."""
         self._position_random = default_rng((config.seed, config.system_id))
         self._random = default_rng((config.seed, config.system_id, 1))
+        self._errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)
         self._moves = bool(
             config.velocity_noise_m_s or config.heading_noise_rad or config.airspeed_noise_m_s
         )
 
+    @property
+    def clock_rate(self) -> float:
+        """Seconds of the autopilot's clock in one second."""
+        return 1.0 + self._errors.clock_rate
+
     def measure(self, flight: Flight, *, with_position: bool) -> Measurement:
         """What is measured now; a position without its errors, unless it is asked for."""
         latitude_rad, longitude_rad = flight.state.latitude_rad, flight.state.longitude_rad
+        time_s = flight.time_us * MICROSECOND
         if with_position:
-            north_m, east_m = self._position_error_m(flight.time_us * MICROSECOND)
+            north_m, east_m = self._position_error_m(time_s)
             if north_m or east_m:
                 latitude_rad, longitude_rad = moved(
                     latitude_rad,
@@ -51,36 +65,39 @@ class Sensors:
                     north_m=north_m,
                     east_m=east_m,
                 )
-        return Measurement(self._motion(flight), latitude_rad, longitude_rad)
+            latitude_rad, longitude_rad = self.faults.place((latitude_rad, longitude_rad), time_s)
+        motion = self.faults.motion(self._motion(flight), time_s)
+        return Measurement(motion, latitude_rad, longitude_rad, self._errors.altitude_m(time_s))
 
     def _position_error_m(self, time_s: float) -> tuple[float, float]:
-        north_m = east_m = 0.0
+        north_m, east_m = self._errors.position_m(time_s)
+        off_north_m, off_east_m = self.faults.offset_m(time_s)
+        north_m, east_m = north_m + off_north_m, east_m + off_east_m
         if self._config.position_noise_m > 0.0:
-            north_m = self._config.position_noise_m * self._position_random.standard_normal()
-            east_m = self._config.position_noise_m * self._position_random.standard_normal()
-        for glitch in self._config.gps_glitches:
-            if 0.0 <= time_s - glitch.start_s < glitch.length_s:
-                north_m += glitch.north_m
-                east_m += glitch.east_m
+            north_m += self._config.position_noise_m * self._position_random.standard_normal()
+            east_m += self._config.position_noise_m * self._position_random.standard_normal()
         return north_m, east_m
 
     def _motion(self, flight: Flight) -> Motion:
         motion = flight.motion()
         shown_m_s = flight.shown_airspeed_m_s(motion.airspeed_m_s)
-        if not self._moves:
+        if not (self._moves or self._errors.figures):
             return (
                 motion
                 if shown_m_s == motion.airspeed_m_s
                 else motion._replace(airspeed_m_s=shown_m_s)
             )
-        config, normal = self._config, self._random.standard_normal
-        north_m_s = motion.north_m_s + config.velocity_noise_m_s * normal()
-        east_m_s = motion.east_m_s + config.velocity_noise_m_s * normal()
+        config, normal, errors = self._config, self._random.standard_normal, self._errors
+        north_error_m_s, east_error_m_s = errors.velocity_m_s()
+        north_m_s = motion.north_m_s + north_error_m_s + config.velocity_noise_m_s * normal()
+        east_m_s = motion.east_m_s + east_error_m_s + config.velocity_noise_m_s * normal()
+        heading_error_rad = errors.heading_rad() + config.heading_noise_rad * normal()
+        airspeed_error_m_s = errors.airspeed_m_s() + config.airspeed_noise_m_s * normal()
         return motion._replace(
             north_m_s=north_m_s,
             east_m_s=east_m_s,
             course_rad=wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
             ground_speed_m_s=math.hypot(north_m_s, east_m_s),
-            heading_rad=wrap_to_two_pi(motion.heading_rad + config.heading_noise_rad * normal()),
-            airspeed_m_s=max(0.0, shown_m_s + config.airspeed_noise_m_s * normal()),
+            heading_rad=wrap_to_two_pi(motion.heading_rad + heading_error_rad),
+            airspeed_m_s=max(0.0, shown_m_s + airspeed_error_m_s),
         )

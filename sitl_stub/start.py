@@ -2,6 +2,7 @@
 
 import math
 
+from sitl_stub.air import Air, Place
 from sitl_stub.air_data import AirData
 from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
@@ -9,21 +10,26 @@ from sitl_stub.flight import Flight
 from sitl_stub.home import Home
 from sitl_stub.personality import Personality
 from sitl_stub.plant_state import PlantState
+from sitl_stub.sensor_errors import SensorErrors
 from sitl_stub.triangle import ground_speed_along_m_s
 from sitl_stub.wind import Wind
 
 
-def flight_at_start(config: AutopilotConfig, wind: Wind, personality: Personality) -> Flight:
+def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:
     """The configured flight, with the distances that the autopilot's parameters give it."""
-    air_data = AirData(config.indicated_airspeed, config.airspeed_calibration)
+    air = air if isinstance(air, Air) else Air(air)
+    errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)
+    # An autopilot flies by its sensor: what that shows wrongly is flown.
+    calibration = config.airspeed_calibration * errors.calibration
+    air_data = AirData(config.indicated_airspeed, calibration)
     airspeed_m_s = config.airspeed_m_s / air_data.shown_per_true(config.altitude_amsl_m)
     if config.airborne:
-        state = state_in_the_air(config, airspeed_m_s, wind.at(0.0))
+        state = state_in_the_air(config, airspeed_m_s, air_at_start(config, air).at(0.0))
     else:
         state = state_on_the_ground(config)
     flight = Flight(
         plant=config.plant,
-        wind=wind,
+        air=air,
         state=state,
         home=Home(
             math.radians(config.latitude_deg),
@@ -38,6 +44,18 @@ def flight_at_start(config: AutopilotConfig, wind: Wind, personality: Personalit
     )
     personality.begin(flight)
     return flight
+
+
+def air_at_start(config: AutopilotConfig, air: Air) -> Wind:
+    """The air about the start."""
+    return air.near(
+        Place(
+            math.radians(config.latitude_deg),
+            math.radians(config.longitude_deg),
+            config.altitude_amsl_m,
+            config.altitude_amsl_m - config.home_altitude_amsl_m,
+        )
+    )
 
 
 def state_in_the_air(

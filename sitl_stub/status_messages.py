@@ -12,6 +12,9 @@ UNREADY = 0x10000020
 """Those that are not healthy yet while sensors settle: GPS and pre-arm check."""
 
 CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
+ESTIMATOR_FLYING = 0x33F
+"""The same bits of PX4's."""
+
 EKF_FLYING = 0x33F
 """Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
 
@@ -24,7 +27,7 @@ def heartbeat(report: Report) -> MAVLink_message:
         report.personality.firmware,
         mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
         report.flight.mode.custom_mode,
-        mavlink.MAV_STATE_ACTIVE if report.flight.armed else mavlink.MAV_STATE_STANDBY,
+        report.personality.system_status(report.flight),
         3,
     )
 
@@ -69,6 +72,14 @@ def mission_current(_report: Report) -> MAVLink_message:
 def ekf_status_report(_report: Report) -> MAVLink_message:
     """ArduPilot's estimator is content."""
     return mavlink.MAVLink_ekf_status_report_message(EKF_FLYING, 0.1, 0.1, 0.1, 0.1, 0.0)
+
+
+def estimator_status(report: Report) -> MAVLink_message:
+    """PX4's estimator is content."""
+    ratios = (0.1,) * 6
+    return mavlink.MAVLink_estimator_status_message(
+        report.time_boot_ms * 1000, ESTIMATOR_FLYING, *ratios, 0.3, 0.5
+    )
 
 
 def home_position(report: Report) -> MAVLink_message:

@@ -42,7 +42,6 @@ from sitl_stub.telemetry_ids import (
     NAV_CONTROLLER_OUTPUT,
     SYS_STATUS,
     SYSTEM_TIME,
-    UNREQUESTED_US,
     VFR_HUD,
     WIND,
 )
@@ -122,8 +121,7 @@ class Streams:
             return Result.DENIED
         interval_us = interval_us if interval_us is not None else round(command.parameters[1])
         if interval_us == 0:
-            unrequested = message_id in self._personality.unrequested
-            interval_us = UNREQUESTED_US if unrequested else -1
+            interval_us = self._personality.unrequested.get(message_id, -1)
         if interval_us == -1:
             self.schedule.stop(message_id)
             return Result.ACCEPTED
@@ -187,6 +185,6 @@ class Streams:
     def _defaults(self, sent_until_us: int) -> Schedule:
         """What comes unrequested after a boot, from the instant after this one."""
         schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
-        for message_id in self._personality.unrequested:
-            schedule.every(message_id, UNREQUESTED_US)
+        for message_id, interval_us in self._personality.unrequested.items():
+            schedule.every(message_id, interval_us)
         return schedule

@@ -16,11 +16,9 @@ BATTERY_STATUS = 147
 AUTOPILOT_VERSION = 148
 WIND = 168
 EKF_STATUS_REPORT = 193
+ESTIMATOR_STATUS = 230
 HOME_POSITION = 242
 EXTENDED_SYS_STATE = 245
 
-UNREQUESTED = frozenset({HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT})
-"""What both autopilots send to whom nothing is known of."""
-
-UNREQUESTED_US = 1_000_000
-"""How often."""
+ONCE_A_SECOND_US = 1_000_000
+"""Of what ArduPilot sends without being asked, and of PX4 the heartbeat and whatever changes slowly."""

@@ -10,6 +10,7 @@ import pytest
 TESTS = Path(__file__).parent
 
 REAL_TIME = {
+    "autopilots": 1,
     "docker": 1,
     "integration/bench": 2,
     "integration/command_line/test_command_entry.py": 2,
@@ -24,6 +25,7 @@ failed is tried again: it may have been the machine. Whole formations in contain
 """
 
 LONGEST = (
+    "autopilots",
     "integration/live/test_live_mixed_autopilots.py",
     "integration/live/test_live_undisturbed.py",
     "integration/live/test_live_disturbances.py",

@@ -20,7 +20,8 @@ class LocalFrame:
     """
 
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
-        self._altitude_m = altitude_m
+        self.altitude_m = altitude_m
+        """Of the origin, m above mean sea level."""
         self._latitude_deg = latitude_deg
         self._longitude_deg = longitude_deg
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m
@@ -37,7 +38,7 @@ class LocalFrame:
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """(north, east) in metres of a geodetic position in degrees."""
-        x, y, z = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, self._altitude_m, WGS84)
+        x, y, z = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, self.altitude_m, WGS84)
         x, y, z = x - self._origin[0], y - self._origin[1], z - self._origin[2]
         north, east = self._north_axis, self._east_axis
         return float(north[0] * x + north[1] * y + north[2] * z), float(east[0] * x + east[1] * y)
@@ -50,7 +51,7 @@ class LocalFrame:
         """
         drop = (north * north + east * east) / (2.0 * EARTH_RADIUS)
         latitude, longitude, _ = pymap3d.ned2geodetic(
-            north, east, drop, self._latitude_deg, self._longitude_deg, self._altitude_m
+            north, east, drop, self._latitude_deg, self._longitude_deg, self.altitude_m
         )
         return float(latitude), float(longitude)
 

@@ -61,6 +61,21 @@ class LeaderState(Generic[Number]):
     """omega = dchi_l/dt, rad/s."""
     turn_acceleration: Number
     """domega/dt, rad/s²."""
+    drift_north: Number | float = 0.0
+    """Velocity over ground beyond that of course and ground speed, m/s, of a leader whose course and ground
+    speed are those that it means to fly."""
+    drift_east: Number | float = 0.0
+    """m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardState(LeaderState[float]):
+    """A vehicle's state as the others hear it."""
+
+    altitude_amsl: float
+    """m above mean sea level."""
+    steered: bool
+    """Whether its companion steers it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -144,14 +144,10 @@ One = TypeVar("One", VehicleState[Any], LeaderState[Any])
 def one_of(states: One, place: tuple[int, ...]) -> One:
     """One vehicle's state out of many; what is no array is everybody's."""
     values = {name: getattr(states, name) for name in type(states).__dataclass_fields__}
-    return replace(
-        states,
-        **{
-            name: float(value[place])
-            for name, value in values.items()
-            if isinstance(value, np.ndarray)
-        },
-    )
+    taken: dict[str, Any] = {
+        name: float(value[place]) for name, value in values.items() if isinstance(value, np.ndarray)
+    }
+    return replace(states, **taken)
 
 
 def followers_of(start: Start, conditions: Conditions) -> Followers:

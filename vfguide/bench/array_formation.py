@@ -19,7 +19,7 @@ from vfguide.bench.array_followers import followers_of
 from vfguide.bench.array_ground import Report
 from vfguide.bench.array_plant import Fleet
 from vfguide.bench.array_stream import Stream
-from vfguide.companion.boot_clock import BootClock
+from vfguide.companion.autopilot_clock import AutopilotClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
 from vfguide.elementwise import FloatArray, clip
 from vfguide.guidance.formation import Slot
@@ -119,12 +119,13 @@ class Clock:
     def __init__(self, rate_hz: float) -> None:
         self.period = 1.0 / rate_hz
         """Mean interval between reports, s."""
-        self._boot = BootClock()
+        self._boot = AutopilotClock()
         self._newest: float | None = None
 
     def report(self, now: float) -> float:
         """When a report that is read now was true, s."""
-        time_s = self._boot.shared_time(round(now * 1e3) * 1e-3, now)
+        reading = self._boot.read(round(now * 1e3) * 1e-3, now)
+        time_s = now if reading is None else reading.time_s
         if self._newest is not None:
             self.period += PERIOD_SHARE * (time_s - self._newest - self.period)
         self._newest = time_s

@@ -91,13 +91,16 @@ def render(result: dict[str, Any]) -> str:
 
 LOADS = ("load_before", "load_after")
 
+RECORDING = ("followers that record", "followers that do not")
+
 TIMES = ("p50_ms", "p99_ms", "max_ms")
 
 
 def response_table(response: dict[str, Any]) -> list[str]:
     """One line for each client."""
     rows = [["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]]
-    entries = {**response["clients"], "companions together": response["companions"]}
+    groups = {name: response[name] for name in RECORDING if name in response}
+    entries = {**response["clients"], "companions together": response["companions"], **groups}
     for name, entry in entries.items():
         keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
         rows.append([name, *(shown(entry.get(key)) for key in keys)])

@@ -100,6 +100,18 @@ async def measure_responses(
     together = [
         one for client in clients if client.is_companion for one in client.vehicle.responses
     ]
+    recording = recorded_ones(formation(rate_hz))
+    recorded, others = (
+        [
+            one
+            for client in clients
+            if client.is_companion
+            and client.name != PEER_LEADER
+            and (client.name in recording) is records
+            for one in client.vehicle.responses
+        ]
+        for records in (True, False)
+    )
     version = installed_mavsdk()
     return {
         "clients": results,
@@ -107,8 +119,15 @@ async def measure_responses(
             "names": [client.name for client in clients if client.is_companion],
             **figures_of(together),
         },
+        "followers that record": figures_of(recorded),
+        "followers that do not": figures_of(others),
         "mavsdk": "not installed" if version is None else version,
     }
+
+
+def recorded_ones(mission: Mission) -> frozenset[str]:
+    """Every other follower: those beside them, at the same moments, show what recording costs."""
+    return frozenset([*mission.followers_by_name][::2])
 
 
 def usage_between(earlier: Usage | None, later: Usage | None) -> dict[str, float]:
@@ -126,9 +145,14 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
     mission = formation(rate_hz)
     path = write_mission(mission, directory)
     clients = []
+    recording = recorded_ones(mission)
     for name in (mission.leader.vehicle, *mission.followers_by_name):
         port = free_port(socket.SOCK_DGRAM)
-        options = (f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}")
+        options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
+        # Consent of its own: what an earlier measurement has left is of another flight.
+        options.append(f"--state={directory / 'state'}")
+        if name in recording:
+            options.append(f"--record={directory / 'recordings'}")
         clients.append(
             Client(
                 name=name,

@@ -6,6 +6,7 @@ from pathlib import Path
 from vfguide.commands.logs import log_to_standard_error
 from vfguide.commands.vehicles import check_flies
 from vfguide.companion.clock import Clock
+from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
@@ -13,6 +14,7 @@ from vfguide.link.address import parse_link
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.signing import signing_key
 from vfguide.mission import Mission
+from vfguide.record.recording import begin_recording
 
 
 def run_companion(
@@ -25,25 +27,36 @@ def run_companion(
     record: Path | None,
     clock: str | None,
     signing_key_file: Path | None = None,
+    state: Path | None = None,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
 
     Raises:
-        InputError: the vehicle is not in the mission, or an address is wrong.
+        InputError: the vehicle is not in the mission, an address is wrong, or nothing can be recorded.
     """
     check_flies(mission, vehicle)
+    autopilot, formation_link, own_clock = (
+        parse_address(mavlink),
+        parse_link(link),
+        parse_clock(clock),
+    )
+    key = None if signing_key_file is None else read_key(signing_key_file)
+    log_to_standard_error()
+    recording = None
+    if record is not None:
+        recording = begin_recording(record, mission, vehicle, clock_s=own_clock.now())
     surroundings = Surroundings(
-        mavlink=parse_address(mavlink),
-        link=parse_link(link),
+        mavlink=autopilot,
+        link=formation_link,
         formation=mission.name,
         leader=mission.leader.vehicle,
-        clock=parse_clock(clock),
+        clock=own_clock,
         engage=engage,
-        record=record,
-        signing_key=None if signing_key_file is None else read_key(signing_key_file),
+        record=recording,
+        signing_key=key,
+        consent=FileStore(state or default_directory(), vehicle),
         by_mavsdk=mission.vehicles[vehicle].autopilot == "mavsdk",
     )
-    log_to_standard_error()
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
 

@@ -17,6 +17,7 @@ from vfguide.commands.overrides import (
 from vfguide.commands.shared_options import (
     AsJson,
     Duration,
+    Force,
     LinkUrl,
     MissionFile,
     MissionOption,
@@ -24,6 +25,7 @@ from vfguide.commands.shared_options import (
     VehicleName,
 )
 from vfguide.commands.terminal import Terminal
+from vfguide.errors import InputError
 from vfguide.mission import read_mission
 from vfguide.mission.feasibility import check_mission
 
@@ -52,12 +54,13 @@ def fly(
         Path | None,
         typer.Option(metavar="DIR", help="Where summary, report, record and .tlog files go."),
     ] = None,
+    force: Force = False,
     live: Annotated[
         bool, typer.Option("--live", help="Real time, real sockets, a process for each program.")
     ] = False,
     speedup: Annotated[
-        float, typer.Option(metavar="X", help="With --live: times as fast as real time.")
-    ] = 1.0,
+        float | None, typer.Option(metavar="X", help="With --live: times as fast as real time.")
+    ] = None,
     link: Annotated[
         str | None,
         typer.Option(metavar="URL", help="With --live: a broker; an embedded one if absent."),
@@ -72,6 +75,8 @@ def fly(
     Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
     """
+    if not live:
+        refuse_without_live(speedup, link)
     loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
@@ -93,11 +98,33 @@ def fly(
     from vfguide.commands.fly import fly as fly_mission
 
     if not live:
-        raise typer.Exit(fly_mission(changed, out=out, as_json=as_json))
+        raise typer.Exit(fly_mission(changed, out=out, force=force, as_json=as_json))
     from vfguide.commands.fly_live import fly_live as fly_mission_live
 
-    status = fly_mission_live(changed, link=link, speedup=speedup, out=out, as_json=as_json)
+    status = fly_mission_live(
+        changed,
+        link=link,
+        speedup=1.0 if speedup is None else speedup,
+        out=out,
+        force=force,
+        as_json=as_json,
+    )
     raise typer.Exit(status)
+
+
+def refuse_without_live(speedup: float | None, link: str | None) -> None:
+    """See that nothing is asked of a flight in virtual time that only a live one can do.
+
+    Raises:
+        InputError: something is.
+    """
+    if speedup is not None:
+        raise InputError(
+            f"--speedup {speedup:g}: only a live flight has a speed; add --live, or leave it out: "
+            "in virtual time a flight is as fast as the computer"
+        )
+    if link is not None:
+        raise InputError("--link: only a live flight has a broker; add --live, or leave it out")
 
 
 def judge(
@@ -115,6 +142,7 @@ def judge(
     patience: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Real seconds to wait for companions.")
     ] = 60.0,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Start, watch and judge a flight whose emulators and companions somebody else runs.
@@ -134,6 +162,7 @@ def judge(
         speedup=speedup,
         patience_s=patience,
         out=out,
+        force=force,
         as_json=as_json,
     )
     raise typer.Exit(verdict)

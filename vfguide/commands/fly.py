@@ -4,21 +4,18 @@ import json
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
+from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, kept_in
 from vfguide.commands.terminal import Terminal, flight_progress
-from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import Flight, fly_lockstep
 from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.summary import Summary
 from vfguide.report.table import summary_table
-
-RECORD_NAME = "flight.npz"
-SUMMARY_NAME = "summary.json"
 
 EPOCH_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
@@ -26,57 +23,64 @@ EPOCH_S = 1_767_225_600.0
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 
 
-def fly(mission: Mission, *, out: Path | None, as_json: bool) -> int:
+def fly(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> int:
     """Fly a mission, report, and return the exit status.
 
     Raises:
-        InputError: the directory cannot be written to.
+        InputError: the directory cannot be written to, or holds something else.
     """
     errors = Terminal(stderr=True)
-    if out is not None:
-        prepare(out)
     title = f"flying {mission.name}"
+    with output_of(mission, out, force=force) as directory:
+        flight = flown(mission, errors, title, logged=out is not None)
+        return conclude(flight, directory, out=out, as_json=as_json)
+
+
+def output_of(
+    mission: Mission, out: Path | None, *, force: bool
+) -> AbstractContextManager[Path | None]:
+    """The directory to write a flight into, if it is to be kept."""
+    if out is None:
+        return nullcontext()
+    vehicles = [mission.leader.vehicle, *mission.followers_by_name]
+    return kept_in(out, mission=mission.name, vehicles=vehicles, force=force)
+
+
+def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> Flight:
+    """The flight in virtual time, to its end or to Ctrl-C."""
     with (
         stopped_by_signals() as stop,
         flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
     ):
-        flight = fly_lockstep(
+        return fly_lockstep(
             mission,
             processes=os.cpu_count() or 1,
-            epoch_s=None if out is None else EPOCH_S,
+            epoch_s=EPOCH_S if logged else None,
             progress=progress,
             stop=stop,
         )
-    return conclude(flight, out=out, as_json=as_json)
 
 
-def conclude(flight: Flight, *, out: Path | None, as_json: bool) -> int:
-    """Keep and print what a flight came to, and return the exit status."""
+def conclude(flight: Flight, directory: Path | None, *, out: Path | None, as_json: bool) -> int:
+    """Keep and print what a flight came to, and return the exit status.
+
+    Args:
+        flight: as flown.
+        directory: to write into; None keeps nothing.
+        out: where that will be moved to.
+        as_json: whether standard output is the summary alone.
+    """
     record = replace(flight.record, interrupted=flight.interrupted, latency=flight.latency)
     flight = replace(flight, record=record)
     summary = summarise(record)
-    if out is not None:
-        keep(flight, summary, out)
+    if directory is not None:
+        keep(flight, summary, directory)
     show(summary, flight, out, as_json=as_json)
     if flight.interrupted:
         text = f"stopped after {record.duration_s:.1f} s of flight"
         Terminal(stderr=True).tell(text)
         return BROKEN
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
-
-
-def prepare(out: Path) -> None:
-    """Make the directory, before the flight rather than after it."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        probe = out / f".{SUMMARY_NAME}.probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
-        raise InputError(
-            f"{out}: cannot be written to ({reason}); give another directory with --out"
-        ) from error
 
 
 def keep(flight: Flight, summary: Summary, out: Path) -> None:

@@ -8,10 +8,10 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
 
-from vfguide.commands.fly import conclude, prepare, stopped_by_signals
+from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.live_table import Show, live_table, rows_of
 from vfguide.commands.terminal import Terminal
-from vfguide.errors import InputError
+from vfguide.errors import InputError, VfguideError
 from vfguide.link.address import parse_link
 from vfguide.link.watch import watching
 from vfguide.mission import Mission
@@ -25,7 +25,13 @@ LOOK_S = 0.25
 
 
 def fly_live(
-    mission: Mission, *, link: str | None, speedup: float, out: Path | None, as_json: bool
+    mission: Mission,
+    *,
+    link: str | None,
+    speedup: float,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> int:
     """Fly a mission live, report, and return the exit status.
 
@@ -34,28 +40,28 @@ def fly_live(
         link: address of a broker; an embedded one if absent.
         speedup: simulation seconds for each real one.
         out: where everything is kept.
+        force: whether what is there may be replaced.
         as_json: whether standard output is the summary alone.
 
     Raises:
-        InputError: the directory cannot be written to, or the speed-up is no speed.
+        InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
         VfguideError: a process that should not has ended.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
     errors = Terminal(stderr=True)
-    if out is not None:
-        prepare(out)
     title = f"flying {mission.name} live"
-    with (
-        stopped_by_signals() as stop,
-        live_table(errors, title, mission.rehearsal.duration_s) as show,
-        tempfile.TemporaryDirectory() as scratch,
-    ):
-        directory = Path(scratch) if out is None else out
-        flight = asyncio.run(
-            _fly(mission, link, speedup=speedup, directory=directory, show=show, stop=stop)
-        )
-    return conclude(flight, out=out, as_json=as_json)
+    with output_of(mission, out, force=force) as kept:
+        with (
+            stopped_by_signals() as stop,
+            live_table(errors, title, mission.rehearsal.duration_s) as show,
+            tempfile.TemporaryDirectory() as scratch,
+        ):
+            directory = kept or Path(scratch)
+            flight = asyncio.run(
+                _fly(mission, link, speedup=speedup, directory=directory, show=show, stop=stop)
+            )
+        return conclude(flight, kept, out=out, as_json=as_json)
 
 
 async def _fly(
@@ -89,6 +95,8 @@ async def _fly(
             show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
+        if not flies and flight.judge.time_s < 0.0:
+            raise VfguideError("stopped before the aircraft were in the air: nothing was flown")
         wall_s = time.perf_counter() - began
         after = flight.accounts()
         await flight.stop_companions()

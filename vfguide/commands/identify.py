@@ -20,6 +20,7 @@ from vfguide.identification.recording import Findings, is_good
 from vfguide.identification.steps import described
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mavlink.introduction import Introduction
 from vfguide.mission import Mission
 
 POLL_S = 0.1
@@ -57,7 +58,10 @@ def identify(
         plan, adapter_of(mission.vehicles[vehicle]), engage=engage, repeats=repeats
     )
     by_mavsdk = mission.vehicles[vehicle].autopilot == "mavsdk"
-    asyncio.run(flown(identification, address, Clock(rate=speedup), by_mavsdk=by_mavsdk))
+    introduction = Introduction(plan.system_id, plan.component_id)
+    asyncio.run(
+        flown(identification, address, Clock(rate=speedup), introduction, by_mavsdk=by_mavsdk)
+    )
     findings = identification.recording.findings()
     if findings.course is None and findings.speed is None:
         raise VfguideError("the flight ended before anything could be learned")
@@ -98,7 +102,12 @@ def write(findings: Findings, text: str, vehicle: str, out: Path) -> None:
 
 
 async def flown(
-    identification: Identification, address: Address, clock: Clock, *, by_mavsdk: bool
+    identification: Identification,
+    address: Address,
+    clock: Clock,
+    introduction: Introduction,
+    *,
+    by_mavsdk: bool,
 ) -> None:
     """Fly until all steps are done, or SIGINT or SIGTERM; then hand back."""
     stop = asyncio.Event()
@@ -116,7 +125,9 @@ async def flown(
     def take(datagram: bytes) -> None:
         dispatch(identification.receive(datagram, clock.now()))
 
-    async with open_connection(address, take, random=Random(), by_mavsdk=by_mavsdk) as opened:
+    async with open_connection(
+        address, take, random=Random(), by_mavsdk=by_mavsdk, introduction=introduction
+    ) as opened:
         connection = opened
         while not (stop.is_set() or identification.stage.is_over):
             dispatch(identification.poll(clock.now()))

@@ -53,14 +53,24 @@ def check(
 
 
 def report(
-    directory: Annotated[
-        Path, typer.Argument(metavar="DIR", help="What `vfguide fly --out DIR` wrote.")
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="What `vfguide fly --out DIR` wrote, or what companions recorded: the directory "
+            "above their recordings, or several of them.",
+        ),
     ],
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where the report goes, if not into the one DIR."),
+    ] = None,
 ) -> None:
-    """Write summary, plots and page of a recorded flight again.
+    """Write the report of a flight, rehearsed or recorded.
 
     Exit status: 0 written, 2 there is no readable record, or the directory cannot be written to.
     """
-    from vfguide.commands.report import write_again
+    from vfguide.commands.report import write_reports
 
-    write_again(directory)
+    write_reports(directories, out)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from vfguide.commands.fly import conclude, prepare, stopped_by_signals
+from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
 from vfguide.link.address import LinkAddress, parse_link
@@ -27,6 +27,7 @@ def judge_flight(
     speedup: float,
     patience_s: float,
     out: Path,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Judge a flight and return the exit status, as `vfguide fly` does.
@@ -39,6 +40,7 @@ def judge_flight(
         speedup: simulation seconds for each real one.
         patience_s: real time to wait for companions.
         out: where everything is kept.
+        force: whether what is there may be replaced.
         as_json: whether standard output is the summary alone.
 
     Raises:
@@ -46,26 +48,26 @@ def judge_flight(
         VfguideError: an emulator has fallen silent.
     """
     port, address = truth_port(truth), parse_link(link)
-    prepare(out)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
-    with (
-        stopped_by_signals() as stop,
-        flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
-    ):
-        flight = asyncio.run(
-            _watch(
-                mission,
-                truth=port,
-                link=address,
-                start=start,
-                speedup=speedup,
-                patience_s=patience_s,
-                progress=progress,
-                stop=stop,
+    with output_of(mission, out, force=force) as directory:
+        with (
+            stopped_by_signals() as stop,
+            flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
+        ):
+            flight = asyncio.run(
+                _watch(
+                    mission,
+                    truth=port,
+                    link=address,
+                    start=start,
+                    speedup=speedup,
+                    patience_s=patience_s,
+                    progress=progress,
+                    stop=stop,
+                )
             )
-        )
-    return conclude(flight, out=out, as_json=as_json)
+        return conclude(flight, directory, out=out, as_json=as_json)
 
 
 async def _watch(

@@ -11,7 +11,7 @@ from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
 ControllerName = Literal["slot", "article", "pid", "mpc"]
-PlantName = Literal["course-hold", "heading-hold", "bank"]
+PlantName = Literal["course-hold", "heading-hold", "bank", "npfg"]
 SpeedResponseName = Literal["first-order", "tecs"]
 WindName = Literal["calm", "article"]
 
@@ -69,11 +69,12 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
     if overrides.controller is not None:
         content.setdefault("controller", {})["type"] = overrides.controller
     if overrides.plant is not None:
-        # A companion takes `bank` for what it resembles: a hold of heading and airspeed.
-        hold = "heading-hold" if overrides.plant == "bank" else overrides.plant
+        # A companion takes the others for what they resemble: a hold of heading and airspeed.
+        banks = overrides.plant in {"bank", "npfg"}
+        hold = "heading-hold" if banks else overrides.plant
         for vehicle in content["vehicles"].values():
             vehicle["plant"] = hold
-        emulator(content)["plant"] = overrides.plant if overrides.plant == "bank" else None
+        emulator(content)["plant"] = overrides.plant if banks else None
     if overrides.speed_response is not None:
         emulator(content)["speed_response"] = overrides.speed_response
     if overrides.wind is not None:

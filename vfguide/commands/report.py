@@ -1,51 +1,102 @@
-"""`vfguide report`: the report of a flight that was recorded before."""
+"""`vfguide report`: the report of a flight, from its record or from its companions' recordings."""
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from vfguide.commands.fly import RECORD_NAME, SUMMARY_NAME
+from vfguide.commands.output import (
+    LONGEST_SUMMARY,
+    PAGE_NAME,
+    RECORD_NAME,
+    SUMMARY_NAME,
+    written_beside,
+)
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord
+from vfguide.record.recording import find_recordings
 from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.table import summary_table
 
 
-def write_again(directory: Path) -> None:
-    """Write summary, plots and page of the record in a directory.
+def write_reports(directories: Sequence[Path], out: Path | None) -> None:
+    """Write summary, plots and page of the flight that some directories hold.
+
+    Args:
+        directories: one that `fly --out` wrote; or recordings, or directories that hold them.
+        out: where to; into the only directory if absent.
 
     Raises:
-        InputError: there is no record, it is damaged, or the directory cannot be written to.
+        InputError: there is no flight in them, it is damaged, or nothing can be written there.
+    """
+    for directory in directories:
+        if not directory.is_dir():
+            raise InputError(
+                f"{directory}: no such directory; give one that `vfguide fly --out` wrote, "
+                "or companions recorded into"
+            )
+    record = read_flight(directories)
+    if out is None and len(directories) > 1:
+        raise InputError("say with --out where the report of several directories goes")
+    where = directories[0] if out is None else out
+    if where.is_symlink():
+        raise InputError(f"{where}: is a symbolic link; give the directory that it leads to")
+    write_report_of(record, where)
+
+
+def read_flight(directories: Sequence[Path]) -> FlightRecord:
+    """The flight in some directories.
+
+    Raises:
+        InputError: there is none, or a damaged one.
+    """
+    first = directories[0]
+    if len(directories) == 1 and (first / RECORD_NAME).exists():
+        record = FlightRecord.load(first / RECORD_NAME)
+        return replace(record, wall_s=recorded_wall_s(first / SUMMARY_NAME))
+    if not find_recordings(directories):
+        raise InputError(
+            f"{first}: holds neither {RECORD_NAME} nor recordings; give a directory that "
+            "`vfguide fly --out` wrote, or companions recorded into"
+        )
+    from vfguide.debrief.flight import flight_of
+    from vfguide.debrief.recordings import collect
+
+    return flight_of(collect(directories))
+
+
+def write_report_of(record: FlightRecord, where: Path) -> None:
+    """Write everything into a directory, which is made if need be, and print the summary.
+
+    Raises:
+        InputError: it cannot be written to.
     """
     # Here, because it brings the plotting library, which no other command needs.
     from vfguide.report.page import write_report
 
-    path = directory / RECORD_NAME
-    if not directory.is_dir():
-        raise InputError(f"{directory}: no such directory; give one that `vfguide fly --out` wrote")
-    if not path.exists():
-        raise InputError(
-            f"{directory}: holds no {RECORD_NAME}; give a directory that `vfguide fly --out` wrote"
-        )
-    record = replace(FlightRecord.load(path), wall_s=recorded_wall_s(directory / SUMMARY_NAME))
     summary = summarise(record)
+    text = json.dumps(summary_json(summary), indent=2)
     try:
-        text = json.dumps(summary_json(summary), indent=2)
-        (directory / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
-        page = write_report(record, directory)
+        where.mkdir(parents=True, exist_ok=True)
+        with written_beside(where) as partial:
+            (partial / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+            write_report(record, partial)
     except OSError as error:
-        raise InputError(f"{directory}: cannot be written to ({error.strerror})") from error
+        raise InputError(f"{where}: cannot be written to ({error.strerror})") from error
     output = Terminal()
     output.print(summary_table(summary))
-    output.tell(f"report: {page}")
+    for note in record.notes:
+        output.tell(note)
+    output.tell(f"report: {where / PAGE_NAME}")
 
 
 def recorded_wall_s(path: Path) -> float | None:
     """How long the flight took, s, as its first summary tells; the record does not."""
     try:
-        wall_s = float(json.loads(path.read_text(encoding="utf-8"))["wall_s"])
+        with path.open("rb") as file:
+            wall_s = float(json.loads(file.read(LONGEST_SUMMARY))["wall_s"])
     # Whatever became of the file: it is about to be written anew.
     except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):
         return None

@@ -19,3 +19,6 @@ Speedup = Annotated[
     float, typer.Option(metavar="X", min=0.01, max=100.0, help="Times as fast as real time.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace in --out what another flight or program wrote.")
+]

@@ -20,11 +20,19 @@ def companion(
     engage: Annotated[
         bool,
         typer.Option(
-            "--engage", help="Put the autopilot into its guided mode, the first time, by itself."
+            "--engage", help="Put the autopilot into its guided mode by itself, once in a flight."
         ),
     ] = False,
     record: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Keep the vehicle's .tlog there.")
+        Path | None, typer.Option(metavar="DIR", help="Record every start in a directory below.")
+    ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or"
+            " XDG_STATE_HOME.",
+        ),
     ] = None,
     signing_key_file: Annotated[
         Path | None,
@@ -50,6 +58,7 @@ def companion(
         record=record,
         clock=clock,
         signing_key_file=signing_key_file,
+        state=state,
     )
 
 

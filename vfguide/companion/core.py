@@ -1,6 +1,6 @@
 """The companion: bytes from the autopilot and from the link in, bytes for both out.
 
-It owns no socket and reads no clock: whoever drives it hands in bytes and the time. A new position report
+It owns no socket and reads no clock: its caller hands in bytes and the time. A new position report
 leads to one guidance step and one pair of setpoints at once.
 """
 
@@ -10,28 +10,37 @@ from collections import Counter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.engagement import Engagement
-from vfguide.companion.gate import Gate
+from vfguide.companion.announcer import Announcer, mode_sentence
+from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
+from vfguide.companion.consent import ConsentStore, MemoryStore
+from vfguide.companion.flight_phase import FlightPhase
 from vfguide.companion.inquiry import Inquiry
 from vfguide.companion.obedience import Obedience
 from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import Fix, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import role_of
+from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.supervisor import Mode, Situation, next_mode
+from vfguide.companion.supervisor import Control, Mode, Situation, next_mode
 from vfguide.mavlink.acknowledgements import Acknowledgements
-from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import heartbeat, status_text
+from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
+from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
+    EstimatorReport,
+    GpsReport,
     HeartbeatReport,
+    LandedReport,
     ParameterReport,
     PositionReport,
     Report,
+    SensorsReport,
     TextReport,
+    TimeReport,
+    VersionReport,
 )
 from vfguide.mavlink.setpoint_stream import SetpointStream
 from vfguide.mavlink.signing import Signing
@@ -40,8 +49,17 @@ from vfguide.state import Setpoint
 HEARTBEAT_S = 1.0
 """Between heartbeats, and between tries of what the autopilot has not answered to."""
 
+HANG_S = 2.0
+"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
+
+AWAKE_S = 1.0
+"""For so long after a hang what waited in buffers arrives."""
+
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
+
+CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
+"""In the place of a step in height."""
 
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
@@ -56,6 +74,7 @@ class Companion:
         adapter: AutopilotAdapter,
         *,
         engage: bool,
+        consent: ConsentStore | None = None,
         clock: SharedClock = SAME_CLOCK,
         inspect: bool = False,
         signing: Signing | None = None,
@@ -65,17 +84,34 @@ class Companion:
         Args:
             plan: its vehicle's part of the mission.
             adapter: how to speak to its autopilot.
-            engage: whether it may put the autopilot into the guided mode by itself, the first time.
+            engage: whether it may put the autopilot into the guided mode by itself, once in a flight.
+            consent: keeps what was agreed for the flight over restarts; forgotten with this object if absent.
             clock: the formation's; this companion's own if absent.
             inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
             signing: of the connection to the autopilot, if it is signed.
         """
         self._plan = plan
         self._adapter = adapter
-        self._engagement = Engagement(adapter, allowed=engage)
+        self._phase = FlightPhase(
+            adapter,
+            airspeed_min=plan.airframe.airspeed_min,
+            altitude_amsl=plan.altitude_amsl,
+            ground_amsl=plan.frame.altitude_m,
+        )
+        self._authority = ModeAuthority(
+            adapter,
+            EngageRule(allowed=engage, modes=plan.engage_from),
+            consent or MemoryStore(),
+            self._phase,
+        )
+        self._announcer = Announcer(plan.name)
+        self._call_time: float | None = None
+        self._awake_time = -math.inf
+        self._old_datagrams = 0
         self._patience = plan.patience
         self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
         self._own = OwnVehicle(plan)
+        self._clock = clock
         self._role = role_of(plan, clock)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
@@ -83,14 +119,15 @@ class Companion:
         self._distance = math.inf
         self._housekeeping_time = -math.inf
         self._altitude_time = -math.inf
+        self._altitude = plan.altitude_amsl
         self._setpoint: Setpoint[float] | None = None
         self._lyapunov = math.nan
         self._ready = False
         self._stopped = self._leaving = False
-        self._gate = Gate(plan)
+        self._guard = SetpointGuard(plan)
         self._stream = SetpointStream(adapter)
         self._commands = Acknowledgements()
-        self._inquiry = Inquiry(plan, adapter) if inspect else None
+        self._inquiry = Inquiry(plan, adapter) if inspect or plan.asks_response else None
         self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
 
     @property
@@ -101,7 +138,8 @@ class Companion:
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
-        return self._codec.counters + self._role.counters + self._gate.counters
+        own = self._own.counters + Counter({"old when it was read": self._old_datagrams})
+        return self._codec.counters + self._role.counters + self._guard.counters + own
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""
@@ -114,53 +152,101 @@ class Companion:
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
         out = Outgoing()
-        if self._stopped:
-            self._hear_out(data, now)
-            return out
         messages: list[MAVLink_message] = []
-        for report in self._codec.decode(data):
-            messages += self._take(report, now, out)
-        messages += self._housekeeping(now, out)
-        out.to_autopilot = self._encode(messages, now)
-        return out
+        if self._is_waking(now, out):
+            self._old_datagrams += 1
+        elif self._stopped:
+            messages += self._hear_out(data, now)
+        else:
+            for report in self._codec.decode(data):
+                if not isinstance(report, HeartbeatReport):
+                    self._authority.note_life(now)
+                messages += self._take(report, now, out)
+        return self._finish(messages, now, out)
 
     def poll(self, now: float) -> Outgoing:
         """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""
         out = Outgoing()
-        messages = self._change_mode(now, out)
-        messages += self._housekeeping(now, out)
-        out.to_autopilot = self._encode(messages, now)
-        return out
+        self._is_waking(now, out)
+        return self._finish([], now, out)
+
+    def tell(self, text: str, now: float) -> Outgoing:
+        """Warn operator and pilot of something that the program around it has found."""
+        out = Outgoing()
+        out.warn(text, now)
+        return self._finish([], now, out)
 
     def stop(self, now: float) -> Outgoing:
-        """The last words, to be repeated until `released`: what is steered goes back to its autopilot.
+        """The last words; then bytes and calls of `poll` are to go on until `released`.
 
-        From here on nothing is guided any more; what the autopilot says is heard for its answer alone.
+        From here on nothing is guided any more. A vehicle that was steered is handed back in answer to the
+        next heartbeats that show that it is still in the guided mode.
         """
         out = Outgoing()
         # An autopilot that was steered holds its last setpoint, also while it waits for the next.
-        if self._mode.steers or (self._engagement.engaged and self._setpoint is not None):
-            if not self._leaving:
-                out.events.append(Event(time_s=now, text="stopping: handing back"))
+        if self._authority.answers_for_vehicle and not self._stopped:
+            out.events.append(Event(time_s=now, text="stopping: handing back"))
             self._leaving = True
+            self._announcer.change("stopping, handing back to the autopilot; watch that it does")
         self._stopped = True
-        self._mode, self._engagement.may_enter = Mode.WAITING, False
-        if not self.released:
-            out.to_autopilot = self._codec.encode(self._adapter.hand_back())
-        return out
+        self._mode = Mode.WAITING
+        return self._finish([], now, out)
 
     @property
     def released(self) -> bool:
         """Whether a vehicle that was steered until the stop is seen to fly by itself, or none was."""
-        return not (self._leaving and self._engagement.engaged)
+        return not (self._leaving and self._authority.answers_for_vehicle)
 
-    def _hear_out(self, data: bytes, now: float) -> None:
+    def _hear_out(self, data: bytes, now: float) -> list[MAVLink_message]:
         """After the last words: has the autopilot taken over?"""
+        messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
             if isinstance(report, HeartbeatReport):
-                self._engagement.hear(report, self._mode, now)
-            elif isinstance(report, CommandReport):
-                self._engagement.hear_answer(report)
+                self._authority.hear(report, now)
+                messages += self._command_mode(now)
+                continue
+            self._authority.note_life(now)
+            if isinstance(report, CommandReport):
+                self._authority.hear_answer(report, now)
+        return messages
+
+    def _is_waking(self, now: float, out: Outgoing) -> bool:
+        """Whether what arrives now has waited while this process was stopped: then nothing goes by it."""
+        before, self._call_time = self._call_time, now
+        if before is not None and now - before > HANG_S:
+            self._awake_time = now + AWAKE_S
+            self._authority.forget()
+            self._telemetry_time = -math.inf
+            out.warn(
+                f"this companion stood still for {now - before:.0f} s, and steers again by what it hears"
+                " from now on; check the load of its computer",
+                now,
+            )
+        return now < self._awake_time
+
+    def _finish(self, messages: list[MAVLink_message], now: float, out: Outgoing) -> Outgoing:
+        """What is due by time, and texts for the pilot; in one datagram with the rest."""
+        if not self._stopped:
+            self._change_mode(now, out)
+        messages += self._housekeeping(now, out)
+        for text in self._authority.notices():
+            out.warn(text, now)
+        for event in out.events:
+            if event.tell:
+                self._announcer.warn(event.text, now)
+        messages += self._announcer.due(now)
+        out.to_autopilot = self._encode(messages, now)
+        return out
+
+    def _adopt(self, plan: FlightPlan) -> None:
+        """Fly by another plan from now on; what was known of the flight is learned anew, in a second."""
+        if plan is self._plan:
+            return
+        self._plan = plan
+        self._own = OwnVehicle(plan)
+        self._role = role_of(plan, self._clock)
+        self._guard = SetpointGuard(plan)
+        self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
@@ -174,15 +260,23 @@ class Companion:
     def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:
         match report:
             case PositionReport():
-                fix = self._own.take(report, now)
-                return [] if fix is None else self._guide(fix, now, out)
-            case AirspeedReport():
-                self._own.note_airspeed(report.airspeed, now)
+                return self._take_position(report, now, out)
+            case (
+                AirspeedReport() | TimeReport() | GpsReport() | EstimatorReport() | SensorsReport()
+            ):
+                self._own.note(report, now)
             case HeartbeatReport():
-                out.warn(self._engagement.hear(report, self._mode, now), now)
-                return self._change_mode(now, out)
+                out.warn(self._authority.hear(report, now), now)
+                self._change_mode(now, out)
+                return self._command_mode(now)
+            case LandedReport():
+                self._phase.hear_landed(report, now)
             case CommandReport():
+                self._authority.hear_answer(report, now)
                 out.warn(self._commands.answered(report, now), now)
+                out.tell(self._adapter.hear(report), now)
+            case VersionReport():
+                out.tell(self._adapter.hear(report), now)
             case ParameterReport():
                 if self._inquiry is not None:
                     self._inquiry.take(report)
@@ -192,49 +286,76 @@ class Companion:
                 out.events.append(Event(time_s=now, text=text, warning=worrying))
         return []
 
+    def _take_position(
+        self, report: PositionReport, now: float, out: Outgoing
+    ) -> list[MAVLink_message]:
+        """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
+        reboots = self._own.reboots
+        fix = self._own.take(report, now)
+        if self._own.reboots > reboots:
+            self._authority.rebooted()
+        if self._own.doubts:
+            self._phase.doubt_position()
+        elif fix is not None:
+            self._phase.hear_position(report, fix.state, now)
+        for words in [*self._own.words(), *self._role.words()]:
+            out.warn(words, now)
+        return [] if fix is None else self._guide(fix, now, out)
+
     def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
+        if not fix.steerable:
+            state = self._role.step(fix, Mode.WAITING).publish
+            out.to_link += [] if state is None else [state]
+            self._change_mode(now, out)
+            return []
         self._telemetry_time = now
         self._interval = fix.interval
-        if fix.rebooted:
-            self._start_anew(now, out)
         step = self._role.step(fix, self._mode)
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
-        messages = self._change_mode(now, out)
-        setpoint, complaint = self._gate.pass_on(step.setpoint, now)
+        self._change_mode(now, out)
+        setpoint, complaint = self._guard.pass_on(step.setpoint, now)
         out.warn(complaint, now)
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
-            return messages
+            return []
         self._ready = True
-        if self._mode.steers:
+        messages: list[MAVLink_message] = []
+        if self._mode.steers and self._authority.is_current(now):
+            self._authority.note_steering()
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
-            messages += self._steer(setpoint, now)
+            altitude = self._plan.altitude_amsl + step.climb_m
+            if step.climb_m != 0.0 and not self._adapter.holds_altitude:
+                out.warn(CANNOT_CLIMB, now)
+            messages += self._steer(self._asked(setpoint, altitude, fix), now)
             out.steered = True
             out.warn(self._obedience.watch(fix.state, setpoint), now)
             if not self._adapter.holds_altitude:
                 out.warn(self._obedience.watch_altitude(fix.place.altitude_amsl), now)
-        elif self._mode is not Mode.LOST and self._engagement.recognised:
-            ready = self._adapter.stay_ready(setpoint.course, self._reported(setpoint.speed))
+        elif self._mode is not Mode.LOST and self._authority.recognised:
+            ready = self._adapter.stay_ready(self._asked(setpoint, self._plan.altitude_amsl, fix))
             messages += self._stream.due(ready, now)
         return messages
 
-    def _start_anew(self, now: float, out: Outgoing) -> None:
-        """The autopilot has rebooted and forgotten everything."""
-        out.warn("the autopilot has rebooted", now)
-        self._engagement.rebooted(now)
-        if self._engagement.may_enter:
-            self._mode = Mode.WAITING
+    def _asked(self, setpoint: Setpoint[float], altitude: float, fix: Fix) -> AutopilotSetpoint:
+        """A setpoint as it is sent to the autopilot, with an altitude (m)."""
+        return AutopilotSetpoint(
+            course=setpoint.course,
+            speed=self._reported(setpoint.speed),
+            altitude_amsl=altitude,
+            latitude_deg=fix.place.latitude_deg,
+            longitude_deg=fix.place.longitude_deg,
+        )
 
-    def _steer(self, setpoint: Setpoint[float], now: float) -> list[MAVLink_message]:
-        """Messages that carry a setpoint, and now and then the altitude."""
-        flown = self._adapter.fly(setpoint.course, self._reported(setpoint.speed))
-        messages = self._stream.due(flown, now)
-        if now - self._altitude_time >= ALTITUDE_S:
-            self._altitude_time = now
-            messages += self._adapter.hold_altitude(self._plan.altitude_amsl)
+    def _steer(self, setpoint: AutopilotSetpoint, now: float) -> list[MAVLink_message]:
+        """Messages that carry a setpoint, and the altitude when it is new and now and then."""
+        messages = self._stream.due(self._adapter.fly(setpoint), now)
+        altitude = setpoint.altitude_amsl
+        if altitude != self._altitude or now - self._altitude_time >= ALTITUDE_S:
+            self._altitude_time, self._altitude = now, altitude
+            messages += self._adapter.hold_altitude(altitude)
         return messages
 
     def _reported(self, speed: float) -> float:
@@ -245,61 +366,85 @@ class Companion:
         shown = speed / self._own.calibration.scale
         return min(max(shown, airframe.airspeed_min), airframe.airspeed_max)
 
-    def _change_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
-        """Follow the supervisor; hand the vehicle back when the leader is lost."""
+    def _change_mode(self, now: float, out: Outgoing) -> None:
+        """Follow the supervisor."""
+        control = self._authority.control(now)
+        if self._plan.asks_response:
+            # Not steered by a response that the autopilot is about to put right.
+            control = Control.UNKNOWN
         situation = Situation(
-            engaged=self._engagement.engaged,
-            given_back=self._engagement.as_given_back,
+            control=control,
             telemetry_age=now - self._telemetry_time,
             leader_age=self._role.leader_age(now),
+            steered=self._authority.answers_for_vehicle,
             distance=self._distance,
         )
         before, self._mode = self._mode, next_mode(self._mode, situation, self._patience)
         if self._mode is before:
-            return []
+            return
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
         if not before.steers:
             self._altitude_time = -math.inf
         if self._mode.steers is not before.steers:
             self._stream.reset()
             self._obedience.reset()
-        messages = [status_text(f"vfguide {self._plan.name}: {self._mode.value}")]
-        if self._mode is Mode.LOST:
-            messages += self._engagement.give_back()
-        return messages
+        flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
+        returns_s = self._patience.telemetry_lost_s if situation.steered else None
+        self._announcer.change(mode_sentence(self._mode, control, flight_mode, guided, returns_s))
+
+    def _command_mode(self, now: float) -> list[MAVLink_message]:
+        """What the heartbeat that has just been heard is answered with."""
+        return self._authority.commands(self._wish(now), now)
+
+    def _wish(self, now: float) -> Wish:
+        """What this companion would like of the autopilot."""
+        if self._stopped:
+            return Wish.RETURN if self._leaving else Wish.NONE
+        deaf = now - self._telemetry_time > self._patience.telemetry_lost_s
+        longest_s = self._patience.prediction_s + self._patience.breakaway_s
+        gone = longest_s < self._role.leader_age(now) < math.inf
+        if gone or self._guard.closed(now) or deaf:
+            return Wish.RETURN
+        adapter = self._adapter
+        ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)
+        followable = self._role.leader_age(now) <= self._patience.leader_s
+        heard = now - self._telemetry_time <= self._patience.telemetry_s
+        informed = followable and heard and math.isfinite(self._interval)
+        waiting = self._mode in {Mode.WAITING, Mode.PILOT}
+        return Wish.STEER if waiting and ready and informed else Wish.NONE
 
     def _housekeeping(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """Heartbeat, and whatever the autopilot still has to be asked for."""
+        stamp = self._own.time_question(now) if self._authority.connected else None
+        messages = [] if stamp is None else [time_question(stamp)]
         if now - self._housekeeping_time < HEARTBEAT_S:
-            return []
+            return messages
         self._housekeeping_time = now
-        messages = [heartbeat()]
+        messages += self._heartbeats()
+        if self._stopped:
+            return messages
         silent = now - self._telemetry_time > self._patience.telemetry_s
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
-        engagement = self._engagement
-        if engagement.connected and (silent or slow):
+        authority = self._authority
+        if authority.connected and (silent or slow):
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         if not silent:
             for text in self._commands.overdue(now):
                 out.warn(text, now)
-        if engagement.connected and engagement.recognised and self._inquiry is not None:
-            messages += self._inquiry.requests(lambda text: out.warn(text, now))
-        if self._may_enter(now):
-            entering, complaint = engagement.enter()
-            messages += entering
-            out.warn(complaint, now)
-        if engagement.engaged and (self._mode is Mode.LOST or self._gate.closed(now)):
-            messages += self._adapter.hand_back()
-        elif engagement.engaged and now - self._telemetry_time > self._patience.telemetry_lost_s:
-            # It flies on along its last course; whether it hears this nobody knows.
-            messages += engagement.give_back()
+        if authority.connected and authority.recognised:
+            messages += self._questions(now, out)
         return messages
 
-    def _may_enter(self, now: float) -> bool:
-        """Whether the guided mode is to be entered: it may be, and there is something to fly."""
-        engagement = self._engagement
-        waiting = self._mode is Mode.WAITING and not engagement.engaged
-        ready = self._ready or not self._adapter.streams_before_engaging
-        followable = self._role.leader_age(now) <= self._patience.leader_s
-        informed = followable and math.isfinite(self._interval)
-        return engagement.may_enter and engagement.recognised and waiting and ready and informed
+    def _heartbeats(self) -> list[MAVLink_message]:
+        """Of this companion; while no pilot flies also of what the autopilot's fail-safe counts."""
+        if self._adapter.counts_ground_stations and self._mode is not Mode.PILOT:
+            return [heartbeat(), ground_station_heartbeat()]
+        return [heartbeat()]
+
+    def _questions(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+        """What is not known of the autopilot yet."""
+        messages = self._adapter.questions()
+        if self._inquiry is not None:
+            messages += self._inquiry.requests(lambda text: out.warn(text, now))
+            self._adopt(self._inquiry.plan)
+        return messages

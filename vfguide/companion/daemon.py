@@ -7,12 +7,12 @@ import math
 import signal
 import time
 from contextlib import AsyncExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
-from pathlib import Path
 from random import Random
 
 from vfguide.companion.clock import Clock
+from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
 from vfguide.companion.latency import Quantiles
 from vfguide.companion.outgoing import Outgoing, Snapshot
@@ -25,9 +25,10 @@ from vfguide.link.presence import Presence
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.signing import Signing
-from vfguide.record.guidance_log import SUFFIX, GuidanceLog, GuidanceStep
-from vfguide.record.tlog import TelemetryLog
+from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.recording import Recording
 
 logger = logging.getLogger(__name__)
 
@@ -38,8 +39,12 @@ ANNOUNCE_S = 1.0
 """Between presences, s of the companion's clock."""
 
 
-FAREWELLS, FAREWELL_S = 5, 0.1
-"""How often a vehicle is handed back at the end, and the real time between, s."""
+OTHERS_HEARD = 3
+"""Heartbeats of other vehicles, one a second, before a companion that has not heard its own complains."""
+
+FAREWELLS, FAREWELL_S = 60, 0.1
+"""Looks at the end for whether the vehicle flies by itself, and the real time between, s: three heartbeats
+may have to come, a second apart, and the mode before them to settle."""
 
 VERSION = version("vfguide")
 """Looked up once: it is read from a file."""
@@ -60,11 +65,13 @@ class Surroundings:
     clock: Clock
     """Its clock."""
     engage: bool
-    """Whether it may put the autopilot into the guided mode by itself, the first time."""
-    record: Path | None
-    """Directory for its telemetry log and what guidance did."""
+    """Whether it may put the autopilot into the guided mode by itself, once in a flight."""
+    record: Recording | None
+    """Keeps its telemetry and what guidance did; closed at the end."""
     signing_key: bytes | None = None
     """Of the connection to the autopilot, if it is signed."""
+    consent: ConsentStore | None = None
+    """Keeps what was agreed for the flight; in memory if absent."""
     by_mavsdk: bool = False
     """Whether MAVSDK keeps the connection to the autopilot."""
 
@@ -82,26 +89,34 @@ class Daemon:
         self._peer_clock = None if plan.leads else PeerClock()
         self._neighbours = plan.neighbours
         key = surroundings.signing_key
+        signing = None if key is None else Signing(key, time.time)
+        self._introduction = Introduction(plan.system_id, plan.component_id, signing=signing)
+        self._introduced = self._complained = False
+        self._shared_clock = shared_clock(self._peer_clock)
         self._companion = Companion(
             plan,
             adapter,
             engage=surroundings.engage,
-            clock=shared_clock(self._peer_clock),
+            consent=surroundings.consent,
+            clock=self._shared_clock,
             inspect=True,
-            signing=None if key is None else Signing(key, time.time),
+            signing=signing,
         )
-        self._log = None if surroundings.record is None else TelemetryLog(time.time())
-        self._guidance_log = None if surroundings.record is None else GuidanceLog()
-        self._began = self._clock.now()
+        self._record = surroundings.record
         self._connection: Connection | None = None
         self._link: Link | None = None
         self._response = Quantiles()
         self._leader_age = Quantiles()
         self._announced = -ANNOUNCE_S
-        self._stopped = False
 
     async def run(self, stop: asyncio.Event) -> None:
         """Fly until told to stop; then hand back and close everything."""
+        try:
+            await self._fly(stop)
+        finally:
+            self._close_record()
+
+    async def _fly(self, stop: asyncio.Event) -> None:
         random = Random()
         where = self._surroundings
         async with AsyncExitStack() as stack:
@@ -111,6 +126,7 @@ class Daemon:
                     self._take_mavlink,
                     random=random,
                     by_mavsdk=where.by_mavsdk,
+                    introduction=self._introduction,
                 )
             )
             self._link = await stack.enter_async_context(
@@ -130,33 +146,32 @@ class Daemon:
             while not stop.is_set():
                 self._dispatch(self._companion.poll(self._clock.now()))
                 self._announce()
+                self._tell_of_record()
+                self._complain_of_others()
                 try:
                     async with asyncio.timeout(self._clock.real_seconds(POLL_S)):
                         await stop.wait()
                 except TimeoutError:
                     continue
             await self._take_leave()
-        self._write_log()
 
     async def _take_leave(self) -> None:
         """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
-        self._stopped = True
+        self._dispatch(self._companion.stop(self._clock.now()))
         for _ in range(FAREWELLS):
-            self._dispatch(self._companion.stop(self._clock.now()))
             if self._companion.released:
                 return
             await asyncio.sleep(FAREWELL_S)
+            self._dispatch(self._companion.poll(self._clock.now()))
         logger.warning(
-            "the autopilot has not answered: it may still be in its guided mode",
+            "the autopilot does not show that it has left its guided mode: take it by hand",
             extra={"vehicle": self._name},
         )
 
     def _take_mavlink(self, datagram: bytes) -> None:
         """One datagram in, one out, at once."""
-        if self._stopped:
-            # Handed back: its telemetry brings no more setpoints, only its answer.
-            self._companion.receive_mavlink(datagram, self._clock.now())
-            return
+        if not self._introduced:
+            self._introduced = self._introduction.is_given_by(datagram)
         began = time.perf_counter()
         now = self._clock.now()
         out = self._companion.receive_mavlink(datagram, now)
@@ -164,10 +179,8 @@ class Daemon:
         if out.steered:
             self._response.add(time.perf_counter() - began)
             self._leader_age.add(self._companion.leader_age(now))
-        if self._log is not None:
-            self._log.add(now - self._began, datagram)
-        if self._guidance_log is not None and (out.steered or out.events):
-            self._guidance_log.add(guidance_step(now, self._companion.snapshot))
+        if self._record is not None:
+            self._record.add_datagram(now, datagram)
 
     def _take_link(self, data: bytes) -> None:
         self._companion.receive_link(data, self._clock.now())
@@ -179,8 +192,10 @@ class Daemon:
         """Send what the companion wants sent, and log what it has to say."""
         if out.to_autopilot and self._connection is not None:
             self._connection.send(out.to_autopilot)
-            if self._log is not None:
-                self._log.add(self._clock.now() - self._began, out.to_autopilot)
+            if self._record is not None:
+                self._record.add_datagram(self._clock.now(), out.to_autopilot)
+        if self._record is not None and (out.steered or out.events):
+            self._record.add_step(self._step())
         if self._link is not None:
             for data in out.to_link:
                 self._link.publish(data)
@@ -219,13 +234,34 @@ class Daemon:
             figures[f"{name}_max"] = round(values.greatest * 1e3, 3)
         return figures
 
-    def _write_log(self) -> None:
-        record = self._surroundings.record
-        if record is not None and self._log is not None:
-            record.mkdir(parents=True, exist_ok=True)
-            self._log.write(record / f"{self._name}.tlog")
-        if record is not None and self._guidance_log is not None:
-            self._guidance_log.write(record / f"{self._name}{SUFFIX}")
+    def _step(self) -> GuidanceStep:
+        """What the companion did last, for the record."""
+        now = self._clock.now()
+        step = guidance_step(now, self._companion.snapshot)
+        return replace(step, formation_time_s=self._shared_clock.from_own(now))
+
+    def _tell_of_record(self) -> None:
+        """A full disk ends no flight: the pilot gets a text when it begins, and one when it is over."""
+        if self._record is not None:
+            for text in self._record.news():
+                self._dispatch(self._companion.tell(text, self._clock.now()))
+
+    def _complain_of_others(self) -> None:
+        """A companion at another vehicle's port would wait for ever: say so once its own does not come."""
+        if self._introduced or self._complained:
+            return
+        text = self._introduction.complaint()
+        if text is not None and self._introduction.others.total() >= OTHERS_HEARD:
+            self._complained = True
+            logger.warning(text, extra={"vehicle": self._name})
+
+    def _close_record(self) -> None:
+        if self._record is None:
+            return
+        missing = self._record.close()
+        if missing:
+            text = f"{self._record.directory}: {missing} entries of the record are missing"
+            logger.warning(text, extra={"vehicle": self._name})
 
 
 def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:

@@ -1,26 +1,34 @@
-"""A follower's part: hold the slot, keep clear of the others, and tell them where one is."""
+"""A follower's part: hold the slot, keep clear of the others, and publish the own state for them."""
 
+import cmath
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 
 from vfguide.angles import wrap_angle
+from vfguide.companion.avoidance import KeepClear
 from vfguide.companion.foresight import Law
 from vfguide.companion.hearing import Hearing
-from vfguide.companion.lookout import standpoint_of
 from vfguide.companion.motion_report import GAP_S, MotionReport
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, FollowerTask, course_settings, speed_settings
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.supervisor import Mode
-from vfguide.companion.traffic import Traffic, kept_distance, obstacle_of
+from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
 from vfguide.guidance.controller import FormationController, formation_controller
 from vfguide.guidance.course_law import sliding_course_rate
-from vfguide.guidance.formation import predict_leader, slot_motion
-from vfguide.guidance.separation import Obstacle, carried_on
+from vfguide.guidance.follower import field_motion
+from vfguide.guidance.formation import formation_error, predict_leader, slot_motion
+from vfguide.guidance.intended_motion import (
+    IntendedMotion,
+    intended_at_first,
+    intended_motion,
+    planned_motion,
+)
+from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.virtual_leader import carry_along_path
 from vfguide.state import LeaderState, Setpoint, VehicleState
@@ -31,12 +39,27 @@ CARRY_S = 0.25
 MOST_STEPS = 240
 """A minute of them: after a longer gap in telemetry they are longer."""
 
-TELL_S = 0.2
+PUBLISH_S = 0.2
 """Between states for the other followers: they move little relative to each other in that time."""
 
-TELL_IN_SLOT_S = 0.4
-"""The same from a slot, where everybody knows how one flies on. One state may get lost before the others
-take the silence for that of somebody without a companion."""
+PUBLISH_IN_SLOT_S = 0.4
+"""The same from a slot of a formation that flies straight on: so would its autopilot without a companion."""
+
+STRAIGHT_RAD_S = 0.05
+"""Slower turns of the own course count as flying straight on: 2 m in 2 s at 20 m/s."""
+
+PUBLISH_FREE_S = 0.1
+"""The same of a vehicle that is not under guidance: the others have to look out for it alone."""
+
+LEAST_SETTLE_S = 1.0
+GREATEST_SETTLE_S = 60.0
+"""Bounds of the time constant with which a follower is thought to reach its slot."""
+
+HANDED_BACK_S = 5.0
+"""Longer than it takes an autopilot to be handed back after the formation has broken up."""
+
+WIND_S = 5.0
+"""Memory of the mean wind."""
 
 IN_SLOT_M = 2.0
 """From the slot: nearer a follower is in it."""
@@ -56,10 +79,14 @@ class FollowerRole:
         self._plan = plan
         self._task = task
         self._clock = clock
-        self._leader = Hearing(plan.frame, clock)
-        self._traffic = Traffic(task.spacing, plan.frame, clock, plan.settings.field)
+        # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
+        broken_up_s = plan.patience.prediction_s + plan.patience.breakaway_s + HANDED_BACK_S
+        self._leader = Hearing(plan.frame, clock, moved_s=broken_up_s)
+        self._traffic = Traffic(plan.others, plan.frame, clock)
+        self._keep_clear = KeepClear(plan, self._traffic)
+        self._leader_name = next(one.name for one in plan.others if one.leads)
         self._report = MotionReport(plan)
-        self._told_time = -math.inf
+        self._published_time = -math.inf
         self._distance = math.inf
         self._avoiding = False
         self._controller = formation_controller(plan.settings, task.slot, plan.airframe)
@@ -70,6 +97,8 @@ class FollowerRole:
             if plan.airframe.lags
         )
         self._carried: LeaderState[float] | None = None
+        self._intended: IntendedMotion | None = None
+        self._wind = (0.0, 0.0)
         self._breakaway_course: float | None = None
 
     @property
@@ -79,17 +108,37 @@ class FollowerRole:
 
     @property
     def leader(self) -> LeaderState[float] | None:
-        """Newest leader state, times on the follower's clock."""
-        return self._leader.newest
+        """Newest leader state as slots are fixed to it, times on the follower's clock."""
+        return None if self._intended is None else self._intended.motion
+
+    def _intend(self) -> None:
+        """Find out how the leader means to fly, by what it was just heard to do."""
+        heard, before = self._leader.newest, self._intended
+        if heard is None:
+            return
+        planned = planned_motion(heard, self._task.leader, self._wind)
+        passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
+        follows_path = self._plan.settings.slot_frame == "path" and heard.steered
+        if before is None or not follows_path or not 0.0 < passed_s <= GAP_S:
+            self._intended = intended_at_first(heard, planned)
+        else:
+            self._intended = intended_motion(before, heard, planned)
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state if it is sound and newer than the one before."""
         if self._leader.take(data, now):
             self._carried = self._breakaway_course = None
+            self._intend()
+        self._traffic.note(self._leader_name, self._leader)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
         self._traffic.receive(vehicle, data, now)
+
+    def words(self) -> list[str]:
+        """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""
+        heard = [f"the leader {words}" for words in self._leader.words()] + self._traffic.words()
+        return heard + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; infinite before the first."""
@@ -97,87 +146,102 @@ class FollowerRole:
 
     def step(self, fix: Fix, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
-        told = self._tell(fix)
+        motion = self._report.note(fix)
+        self._note_wind(fix)
+        publish = self._own_state(fix, motion, mode)
         leader = self._leader_at(fix)
         if leader is None:
-            return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=told)
-        if not mode.steers or mode is Mode.BREAKAWAY:
+            return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=publish)
+        breaks_away = mode is Mode.BREAKAWAY
+        if fix.moved or not mode.steers or breaks_away:
             for controller in (self._controller, *self._late_controllers):
                 controller.reset()
-        obstacles = self._obstacles(fix, leader)
-        guidance = self._controller.step(fix.state, leader, period=fix.period, obstacles=obstacles)
+        guidance = self._controller.step(fix.state, leader, period=fix.period, held=self._avoiding)
         setpoint = guidance.setpoint
         if fix.foresight is not None:
             course_law, speed_law = (
-                self._law(controller, fix, leader, obstacles)
-                for controller in self._late_controllers
+                self._law(controller, fix, leader) for controller in self._late_controllers
             )
             setpoint = fix.foresight.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
-        self._avoiding = bool(guidance.avoiding)
-        breaks_away = mode is Mode.BREAKAWAY
+        if breaks_away:
+            setpoint = self._away(fix, leader)
+        now = predict_leader(leader, fix.state.time_s)
+        avoidance = self._keep_clear.step(
+            fix,
+            motion.turn_rate,
+            self._wanted(fix, now, setpoint if breaks_away else None),
+            leader=now,
+            astray=self._distance,
+            steered=mode.steers,
+        )
+        self._avoiding = mode.steers and avoidance.setpoint is not None
         return RoleStep(
-            setpoint=self._away(fix, leader) if breaks_away else setpoint,
+            setpoint=avoidance.setpoint or setpoint,
             distance=self._distance,
             lyapunov=guidance.lyapunov,
-            publish=told,
+            publish=publish,
+            climb_m=avoidance.climb_m,
         )
 
-    def _law(
-        self,
-        controller: FormationController,
-        fix: Fix,
-        leader: LeaderState[float],
-        obstacles: Sequence[Obstacle[float]],
-    ) -> Law:
-        """What a controller asks for of the vehicle as it will be, among the others as they will be."""
+    def _note_wind(self, fix: Fix) -> None:
+        """The mean wind, in which the leader's speed is planned."""
+        state, (north, east) = fix.state, self._wind
+        if not math.isfinite(fix.interval):
+            self._wind = state.wind_north, state.wind_east
+            return
+        self._wind = (
+            low_pass(north, state.wind_north, fix.interval, WIND_S),
+            low_pass(east, state.wind_east, fix.interval, WIND_S),
+        )
+
+    def _law(self, controller: FormationController, fix: Fix, leader: LeaderState[float]) -> Law:
+        """What a controller asks for of the vehicle as it will be."""
 
         def law(ahead: VehicleState[float]) -> Setpoint[float]:
-            after_s = ahead.time_s - fix.state.time_s
-            moved = [carried_on(obstacle, after_s) for obstacle in obstacles]
-            return controller.step(ahead, leader, period=fix.period, obstacles=moved).setpoint
+            return controller.step(ahead, leader, period=fix.period, held=self._avoiding).setpoint
 
         return law
 
-    def _tell(self, fix: Fix) -> bytes | None:
-        """The own state for the other followers, now and then."""
-        motion = self._report.note(fix)
+    def _wanted(
+        self, fix: Fix, leader: LeaderState[float], away: Setpoint[float] | None
+    ) -> WantedMotion:
+        """Where guidance goes: onto the slot, as the dual field does, or straight away from the others."""
+        state = fix.state
+        if away is not None and self._breakaway_course is not None:
+            velocity = cmath.rect(state.ground_speed, self._breakaway_course)
+            return WantedMotion(
+                velocity=velocity, base_velocity=velocity, turn_rate=0.0, settle_s=HORIZON_S
+            )
+        slot = slot_motion(leader, self._task.slot)
+        error = formation_error(slot, state)
+        desired = field_motion(slot, error, self._plan.settings.field)
+        velocity = cmath.rect(desired.speed, desired.course)
+        base = cmath.rect(slot.speed, slot.course)
+        settle_s = self._distance / max(abs(velocity - base), 1e-3)
+        return WantedMotion(
+            velocity=velocity,
+            base_velocity=base,
+            turn_rate=slot.turn_rate,
+            settle_s=min(max(settle_s, LEAST_SETTLE_S), GREATEST_SETTLE_S),
+        )
+
+    def _own_state(self, fix: Fix, motion: LeaderState[float], mode: Mode) -> bytes | None:
+        """The own state for the other vehicles, now and then; most often of a vehicle that is not steered."""
         now = fix.state.time_s
         time_s = self._clock.from_own(now)
         in_slot = self._distance < IN_SLOT_M and not self._avoiding
-        interval = TELL_IN_SLOT_S if in_slot else TELL_S
+        straight = abs(motion.turn_rate) < STRAIGHT_RAD_S
+        interval = PUBLISH_IN_SLOT_S if in_slot and straight else PUBLISH_S
+        if not mode.steers:
+            interval = PUBLISH_FREE_S
         # Half a period early is nearer to the time than half a period late.
-        due = now - self._told_time >= interval - 0.5 * fix.period
-        if not (due and self._task.spacing and math.isfinite(time_s)):
+        due = now - self._published_time >= interval - 0.5 * fix.period
+        if not (due and math.isfinite(time_s)):
             return None
-        self._told_time = now
-        return self._report.message(motion, fix, time_s)
-
-    def _obstacles(self, fix: Fix, leader: LeaderState[float]) -> list[Obstacle[float]]:
-        """Whoever may be in the way, now."""
-        now = fix.state.time_s
-        linked = self.leader_age(now) <= self._plan.patience.leader_s
-        slot = self._task.slot
-        keep = kept_distance(math.hypot(slot.forward, slot.right), self._distance)
-        leading = predict_leader(leader, now)
-        here = standpoint_of(
-            fix.state,
-            slot_motion(leading, slot),
-            self._distance,
-            aims_off=max(one.aims_off for one in (self._controller, *self._late_controllers)),
-            avoiding=self._avoiding,
-        )
-        airframe = self._plan.airframe
-        return self._traffic.obstacles(
-            here,
-            linked=linked,
-            leading=[obstacle_of(leading, keep)],
-            lead_s=max(
-                airframe.course_dead_time + airframe.course_lag,
-                airframe.speed_dead_time + airframe.speed_lag,
-            ),
-        )
+        self._published_time = now
+        return self._report.message(motion, fix, time_s, steered=mode.steers)
 
     def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path."""

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.parameters import FlightNeeds, request_parameters
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_parameters
 from vfguide.mavlink.reports import ParameterReport
 
 TRIES = 4
@@ -20,7 +20,8 @@ class Inquiry:
     """Asks for the parameters that matter, and finds what does not fit the flight."""
 
     def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:
-        self._plan = plan
+        self.plan = plan
+        """With what the autopilot said of itself, once it has and where it is asked for."""
         self._adapter = adapter
         self._known: dict[str, float] = {}
         self._tries = 0
@@ -41,16 +42,35 @@ class Inquiry:
         missing = [name for name in wanted if name not in self._known]
         if missing and self._tries < TRIES:
             self._tries += 1
-            plan = self._plan
+            plan = self.plan
             return request_parameters(plan.system_id, plan.component_id, missing)
         self._told = True
         if not self._known:
             tell(
                 "the autopilot does not answer for its parameters: limits and fail-safe not checked"
             )
-        for warning in self._adapter.parameter_warnings(self._known, flight_needs(self._plan)):
+        if self.plan.asks_response:
+            response = self._adapter.response(self._known, flight_needs(self.plan))
+            self.plan = flown_by(self.plan, response)
+            tell(response_sentence(response, self.plan))
+        for warning in self._adapter.parameter_warnings(self._known, flight_needs(self.plan)):
             tell(warning)
         return []
+
+
+def response_sentence(response: AutopilotResponse, plan: FlightPlan) -> str:
+    """What is flown by, for the pilot."""
+    airframe = plan.airframe
+    if response.alpha is None or response.beta is None:
+        return (
+            "the autopilot's parameters do not tell how it answers: flown by what the mission declares,"
+            f" alpha {airframe.alpha:.2f} and beta {airframe.beta:.2f} 1/s"
+        )
+    return (
+        f"flown by the autopilot's own parameters: alpha {airframe.alpha:.2f}, beta {airframe.beta:.2f} 1/s,"
+        f" {airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s, {math.degrees(airframe.max_bank):.0f}"
+        " degrees of bank"
+    )
 
 
 def flight_needs(plan: FlightPlan) -> FlightNeeds:
@@ -63,5 +83,6 @@ def flight_needs(plan: FlightPlan) -> FlightNeeds:
         max_bank=airframe.max_bank,
         alpha=airframe.alpha,
         rate_hz=plan.rate_hz,
+        system_id=plan.system_id,
         slips=plan.slips,
     )

@@ -1,32 +1,52 @@
-"""The leader's part: follow the path, and tell the others."""
+"""The leader's part: follow the path, publish its state, keep clear of those that have left the formation."""
 
+import cmath
 import math
 from collections import Counter
 
+from vfguide.companion.avoidance import KeepClear
 from vfguide.companion.motion_report import MotionReport
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import RoleStep
+from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.traffic import Traffic
 from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
+from vfguide.guidance.path_field import desired_course
+from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.settings import GuidanceSettings
+from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import VehicleState
 
 
 class LeaderRole:
-    """Follows the path and tells the others."""
+    """Follows the path and publishes its state."""
 
-    def __init__(self, plan: FlightPlan, task: LeaderTask) -> None:
+    def __init__(self, plan: FlightPlan, task: LeaderTask, clock: SharedClock) -> None:
+        """Make a leader that has heard no follower yet.
+
+        Args:
+            plan: its part of the mission.
+            task: its path.
+            clock: that the formation shares: the leader's own.
+        """
         self._plan = plan
         self._task = task
         self._report = MotionReport(plan)
         self._speed_estimate: float | None = None
-        self.counters: Counter[str] = Counter()
-        """Nothing: the leader listens to nobody."""
+        self._traffic = Traffic(plan.others, plan.frame, clock)
+        self._keep_clear = KeepClear(plan, self._traffic)
+
+    @property
+    def counters(self) -> Counter[str]:
+        """States of followers that were not used, by reason."""
+        return self._traffic.counters
 
     def step(self, fix: Fix, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
-        del mode
+        if fix.moved:
+            self._speed_estimate = None
         guidance = self._guidance(fix.state, self._plan.settings, fix.period)
         setpoint = guidance.setpoint
         if fix.foresight is not None:
@@ -36,11 +56,37 @@ class LeaderRole:
             )
         self._speed_estimate = guidance.speed_estimate
         motion = self._report.note(fix)
+        # Steered followers keep clear of the leader, not it of them: their places depend on its course.
+        avoidance = self._keep_clear.step(
+            fix,
+            motion.turn_rate,
+            self._wanted(fix.state),
+            leader=None,
+            astray=0.0,
+            steered=mode.steers,
+        )
         return RoleStep(
-            setpoint=setpoint,
+            setpoint=avoidance.setpoint or setpoint,
             distance=abs(guidance.cross_track_error),
             lyapunov=math.nan,
-            publish=self._report.message(motion, fix, fix.state.time_s),
+            publish=self._report.message(motion, fix, fix.state.time_s, steered=mode.steers),
+            climb_m=avoidance.climb_m,
+        )
+
+    def _wanted(self, state: VehicleState[float]) -> WantedMotion:
+        """Along the field around the path, turning with it."""
+        point = self._task.path.nearest(state.north, state.east)
+        gains = self._task.path_gains
+        course = desired_course(point, gains.gain, gains.approach_angle)
+        speed = ground_speed_on_course(
+            self._task.airspeed, course, state.wind_north, state.wind_east
+        )
+        velocity = cmath.rect(speed, course)
+        return WantedMotion(
+            velocity=velocity,
+            base_velocity=velocity,
+            turn_rate=point.curvature * speed,
+            settle_s=HORIZON_S,
         )
 
     def _guidance(
@@ -57,12 +103,16 @@ class LeaderRole:
         )
 
     def receive(self, data: bytes, now: float) -> None:
-        """The leader listens to nobody."""
+        """The leader follows no vehicle."""
         del data, now
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """The leader has the right of way: the others keep clear of it."""
-        del vehicle, data, now
+        """Take a state of a follower."""
+        self._traffic.receive(vehicle, data, now)
+
+    def words(self) -> list[str]:
+        """What the pilot should know of the followers' states, and of keeping clear of them."""
+        return self._traffic.words() + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
         """The leader knows itself."""

@@ -21,20 +21,23 @@ class MotionReport:
     def note(self, fix: Fix) -> LeaderState[float]:
         """Take a navigated state; the motion as it is now known."""
         state, before = fix.state, self._motion
-        if before is None or not 0.0 < state.time_s - before.told.time_s <= GAP_S:
+        if before is None or fix.moved or not 0.0 < state.time_s - before.told.time_s <= GAP_S:
             self._motion = motion_at_first(state)
         else:
             time_constant = self._plan.settings.rate_filter_s
             self._motion = estimated_motion(before, state, self._plan.airframe, time_constant)
         return self._motion.told
 
-    def message(self, motion: LeaderState[float], fix: Fix, time_s: float) -> bytes:
+    def message(
+        self, motion: LeaderState[float], fix: Fix, time_s: float, *, steered: bool
+    ) -> bytes:
         """The motion as bytes for the link.
 
         Args:
             motion: what `note` has made of the fix.
             fix: the same.
             time_s: of the fix, s on the clock that the formation shares.
+            steered: whether this companion steers the vehicle.
         """
         self._sequence = (self._sequence + 1) % 2**32
         place = fix.place
@@ -50,5 +53,6 @@ class MotionReport:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                steered=steered,
             )
         )

@@ -1,4 +1,4 @@
-"""Whether the vehicle does what it is told: its course follows the setpoints, its altitude stays.
+"""Whether the vehicle obeys: its course follows the setpoints, its altitude stays.
 
 An autopilot may acknowledge every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings,
 ArduPlane does not turn where it is given no lateral acceleration.
@@ -24,7 +24,7 @@ PATIENCE_S = 4.0
 """How long that has to last, on top of the memory."""
 
 ALTITUDE_M = 20.0
-"""Farther from the altitude of the mission than this is told."""
+"""Farther from the altitude of the mission than this is worth a text."""
 
 GAP_S = 1.0
 
@@ -49,12 +49,12 @@ class Obedience:
         before, self._before = self._before, (state, setpoint)
         if before is None:
             return None
-        earlier, told = before
+        earlier, asked = before
         period = state.time_s - earlier.time_s
         if not 0.0 < period <= GAP_S:
             return None
         turned = wrap_angle(state.course - earlier.course) / period
-        expected = expected_turn_rate(earlier, told, self._airframe)
+        expected = expected_turn_rate(earlier, asked, self._airframe)
         self._expected = low_pass(self._expected, expected, period, MEMORY_S)
         self._turned = low_pass(self._turned, turned, period, MEMORY_S)
         return self._judge(state.time_s)

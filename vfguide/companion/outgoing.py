@@ -16,6 +16,8 @@ class Event:
     """What, in one line."""
     warning: bool = False
     """Whether it is something to worry about."""
+    tell: bool = False
+    """Whether the pilot gets it as a text; texts of the autopilot reach the pilot anyway."""
 
 
 @dataclass(slots=True)
@@ -31,10 +33,15 @@ class Outgoing:
     events: list[Event] = field(default_factory=list)
     """In the order in which they happened."""
 
+    def tell(self, text: str | None, now: float) -> None:
+        """Add an event, if there is one."""
+        if text is not None:
+            self.events.append(Event(time_s=now, text=text))
+
     def warn(self, text: str | None, now: float) -> None:
         """Add an event to worry about, if there is one."""
         if text is not None:
-            self.events.append(Event(time_s=now, text=text, warning=True))
+            self.events.append(Event(time_s=now, text=text, warning=True, tell=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

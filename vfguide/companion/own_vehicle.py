@@ -1,21 +1,49 @@
 """The companion's own vehicle, as far as telemetry tells: reports in, navigated states out."""
 
 import math
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.boot_clock import BootClock
+from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.autopilot_clock import AutopilotClock, Reading
+from vfguide.companion.distrust import AirspeedGate, Doubt, FrozenPosition
 from vfguide.companion.foresight import SLIPPING, Foresight
+from vfguide.companion.navigation_health import NavigationHealth
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plausibility import (
+    STAYED_S,
+    InnovationGate,
+    Judgement,
+    Motion,
+    Verdict,
+    reach_of,
+)
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
-from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity
-from vfguide.mavlink.reports import PositionReport
+from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity, polar
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    EstimatorReport,
+    GpsReport,
+    PositionReport,
+    SensorsReport,
+    TimeReport,
+)
 from vfguide.state import Setpoint, VehicleState
 
 GAP_S = 1.0
 """After a silence longer than this the filter starts anew."""
+
+CARRIED = frozenset({Verdict.CARRIED, Verdict.ADRIFT})
+"""Where the place is the one that the velocity leads to."""
+
+WAIT_S = 0.3
+"""Reports that keep one waiting longer than their stamps say may come of a clock that stood still."""
+
+SLIP_S = 0.1
+"""After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
 
 AIRSPEED_FRESH_S = 2.0
 """An airspeed older than this is not used."""
@@ -58,8 +86,12 @@ class Fix:
     """Mean interval between reports, s."""
     interval: float
     """Since the report before, s; infinite for the first."""
-    rebooted: bool
-    """Whether the autopilot has started anew since the report before."""
+    altitude_amsl: float
+    """m above mean sea level; NaN while the reported one is doubted."""
+    moved: bool = False
+    """Whether the vehicle is believed to be elsewhere than by the report before: what was learned is void."""
+    steerable: bool = True
+    """Whether it is certain enough to steer by; where it is not, it is published all the same."""
     foresight: Foresight | None = None
     """Where the vehicle will be when setpoints take effect; None where they do at once."""
 
@@ -73,10 +105,20 @@ class OwnVehicle:
         # Only the leader's law has an observer; a follower has nothing to fly by without its speed.
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
-        self._clock = BootClock()
+        self._clock = AutopilotClock()
+        self._gate = InnovationGate(reach_of(plan.airframe), moved_s=STAYED_S)
+        self._doubt = Doubt()
+        self._altitude = AltitudeGate()
+        self._reading: Reading | None = None
+        self.reboots = 0
+        """How often the autopilot has started anew, as its boot time says."""
+        self._counters: Counter[str] = Counter()
+        self._frozen = FrozenPosition()
+        self._health = NavigationHealth()
+        self._airspeed_gate = AirspeedGate(plan.airframe)
         self._airspeed = 0.0
         self._airspeed_time = -math.inf
-        # Whoever holds a ground speed is told nothing in terms of the airspeed.
+        # An autopilot that holds a ground speed gets no airspeed.
         self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
         self._calibration = calibration_of(slips=plan.slips)
         self._slips = plan.slips
@@ -88,8 +130,13 @@ class OwnVehicle:
         self._foresight = Foresight(plan.airframe, memory=memory) if plan.airframe.lags else None
 
     @property
+    def doubts(self) -> bool:
+        """Whether the position that was reported last is not believed."""
+        return self._gate.doubts
+
+    @property
     def calibration(self) -> Calibration:
-        """True airspeed over the reported one; autopilots are told airspeeds of the kind that they report."""
+        """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
         return self._calibration
 
     def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
@@ -103,48 +150,160 @@ class OwnVehicle:
 
     def note_airspeed(self, airspeed: float, now: float) -> None:
         """Take an airspeed report."""
+        state = self._state
+        expected = None if state is None else state.airspeed / self._calibration.scale
+        if not self._airspeed_gate.passes(airspeed, expected, now):
+            return
         self._airspeed = airspeed
         self._airspeed_time = now
 
     def take(self, report: PositionReport, now: float) -> Fix | None:
-        """What a position report leads to; None where it is not newer than the one before."""
-        rebooted = self._clock.rebooted(report.boot_time_s, now)
-        if rebooted:
-            self._clock.reset()
-            self._state = None
-        time_s = self._clock.shared_time(report.boot_time_s, now)
-        previous = self._state
+        """What a position report leads to; None where it is not newer than the one before, or false."""
+        reading, before = self._clock.read(report.boot_time_s, now), self._reading
+        if reading is None:
+            self._counters["boot time not believed"] += 1
+            return None
+        if reading.rebooted:
+            self.reboots += 1
+            self._state = before = None
+            self._gate.forget()
+            self._altitude = AltitudeGate()
+        previous, time_s = self._state, reading.time_s
+        if before is not None and reading.boot_time_s <= before.boot_time_s:
+            return None
+        self._reading = reading
+        sample = self._sample(report, time_s, now)
+        judgement = self._judge(report, sample, reading, before)
+        self._doubt.note(judgement, now)
+        if judgement.verdict is Verdict.REFUSED:
+            return None
         if previous is not None and time_s <= previous.time_s:
             return None
-        sample = self._sample(report, time_s, now)
+        moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
-        if previous is None or interval > GAP_S:
+        used = sample
+        if judgement.verdict in CARRIED:
+            used = replace(sample, north=judgement.north, east=judgement.east)
+        if previous is None or interval > GAP_S or moved or slip_s(before, reading) > SLIP_S:
             self._period = self._nominal_period
-            state = first_state(sample)
+            state = first_state(used)
         else:
             self._period += PERIOD_SHARE * (interval - self._period)
             step = navigate_blind if self._blind else navigate
-            state = step(previous, sample, self._filters)
+            state = step(previous, used, self._filters)
         self._state = state
         self._calibrate(report, interval, now)
         if self._foresight is not None:
             self._foresight.observe(state)
-        latitude, longitude = self._frame.shifted(
-            report.latitude_deg,
-            report.longitude_deg,
-            state.north - sample.north,
-            state.east - sample.east,
-        )
-        place = Place(
-            latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
-        )
         return Fix(
             state=state,
-            place=place,
+            place=self._place(report, sample, judgement, state),
             period=self._period,
             interval=interval,
-            rebooted=rebooted,
+            altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
+            moved=moved,
+            steerable=judgement.verdict is not Verdict.ADRIFT,
             foresight=self._foresight,
+        )
+
+    def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
+        """A reported altitude (m), NaN while it is doubted."""
+        before = self._altitude.doubted
+        altitude = self._altitude.judge(altitude_amsl, time_s)
+        if self._altitude.doubted is not before:
+            self._doubt.say(
+                "the altitude steps: not believed, the others are kept clear of at every height;"
+                " check the barometer"
+                if self._altitude.doubted
+                else "the altitude is believed again"
+            )
+        return altitude
+
+    def time_question(self, now: float) -> int | None:
+        """The stamp (ns) of a question for the autopilot's time, or None while none is due."""
+        return self._clock.ask(now)
+
+    def note(
+        self,
+        report: AirspeedReport | TimeReport | GpsReport | EstimatorReport | SensorsReport,
+        now: float,
+    ) -> None:
+        """Take what the autopilot says beside its positions."""
+        match report:
+            case AirspeedReport():
+                self.note_airspeed(report.airspeed, now)
+            case TimeReport():
+                self._clock.answer(report.stamp, report.autopilot_ns, now)
+            case _:
+                self._health.take(report, now)
+
+    def words(self) -> list[str]:
+        """What a pilot should know of the reports, each once: one sentence each."""
+        words = self._doubt.words()
+        words += [word for word in (self._airspeed_gate.word, self._clock.word) if word is not None]
+        return words
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Reports that were not used, by reason."""
+        return self._counters + self._doubt.counters + self._airspeed_gate.counters
+
+    def _judge(
+        self,
+        report: PositionReport,
+        sample: Sample[float],
+        reading: Reading,
+        before: Reading | None,
+    ) -> Judgement:
+        """Whether a report can be true, after the one before."""
+        state, velocity = self._state, (sample.velocity_north, sample.velocity_east)
+        if self._blind and state is not None:
+            # What is not used cannot be wrong, and does not show where the vehicle goes.
+            velocity = polar(state.ground_speed, state.course)
+        motion = Motion(
+            time_s=reading.boot_time_s,
+            north=sample.north,
+            east=sample.east,
+            velocity_north=velocity[0],
+            velocity_east=velocity[1],
+        )
+        slack_s = slip_s(before, reading)
+        if before is not None:
+            waited_s = reading.read_s - before.read_s
+            waited_s -= reading.boot_time_s - before.boot_time_s
+            slack_s = max(slack_s, waited_s if waited_s > WAIT_S else 0.0)
+        place = (report.latitude_deg, report.longitude_deg)
+        fault = self._health.fault(reading.read_s)
+        if motion.speed < LEAST_CALIBRATED:
+            airspeed = self._known_airspeed(reading.read_s)
+            fault = fault or self._frozen.fault(place, airspeed, reading.boot_time_s)
+        if state is None and place == (0.0, 0.0):
+            fault = "a position of 0, 0"
+        return self._gate.judge(motion, fault=fault, slack_s=slack_s)
+
+    def _known_airspeed(self, now: float) -> float:
+        """As reported, m/s; NaN where none is fresh."""
+        return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan
+
+    def _place(
+        self,
+        report: PositionReport,
+        sample: Sample[float],
+        judgement: Judgement,
+        state: VehicleState[float],
+    ) -> Place:
+        """The navigated position on the ellipsoid."""
+        if judgement.verdict in CARRIED:
+            latitude, longitude = self._frame.to_geodetic(state.north, state.east)
+        else:
+            latitude, longitude = self._frame.shifted(
+                report.latitude_deg,
+                report.longitude_deg,
+                state.north - sample.north,
+                state.east - sample.east,
+            )
+        return Place(
+            latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
         )
 
     def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
@@ -203,3 +362,10 @@ class OwnVehicle:
             heading=heading,
             airspeed=max(airspeed, LEAST_AIRSPEED),
         )
+
+
+def slip_s(before: Reading | None, reading: Reading) -> float:
+    """What the autopilot's clock was found to have lost since the reading before, s; 0 before the first."""
+    if before is None:
+        return 0.0
+    return (reading.time_s - before.time_s) - (reading.boot_time_s - before.boot_time_s)

@@ -1,7 +1,7 @@
 """From a mission file to what one companion has to know: radians, metres, and its own part only."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -28,6 +28,7 @@ from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.detected import DetectedAutopilot
+from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.controller import ControllerType, Pid
 from vfguide.mission.flight_path import CirclePath, FlightPath, LinePath
@@ -65,8 +66,24 @@ class FollowerTask:
     """What the mission tells about the leader."""
     airspeed: float
     """To fly away at when the formation breaks up, m/s."""
-    spacing: Mapping[str, float]
-    """The other followers, and how far their slots are from this one, m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherVehicle:
+    """Another vehicle of the formation, as far as keeping clear of it needs it."""
+
+    name: str
+    """Of the vehicle."""
+    rank: int
+    """Its place in the mission, the leader first: no two have the same."""
+    leads: bool
+    """Whether it is the leader."""
+    slot: Slot[float]
+    """Its slot; the leader's is at its own place."""
+    spacing: float
+    """From that slot to one's own, m, level."""
+    lateral_acceleration: float
+    """g tan(phi_max), m/s²: how hard it can turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,12 +106,22 @@ class FlightPlan:
     """The laws' gains and switches."""
     airframe: Airframe
     """Response and limits."""
+    asks_response: bool
+    """Whether response and limits are the autopilot's to tell."""
     slips: bool
     """Whether the vehicle's nose leaves the direction of flight in turns."""
     patience: Patience
     """How long silences are borne."""
+    engage_from: tuple[str, ...]
+    """Modes of the autopilot out of which it may be engaged by itself, by name."""
     task: LeaderTask | FollowerTask
     """What to fly: a path as the leader, or a slot as a follower."""
+    height: float
+    """Of the altitude above the mission's origin, m."""
+    rank: int
+    """Its own place in the mission, the leader first."""
+    others: tuple[OtherVehicle, ...]
+    """All other vehicles of the formation."""
 
     @property
     def leads(self) -> bool:
@@ -103,15 +130,15 @@ class FlightPlan:
 
     @property
     def neighbours(self) -> tuple[str, ...]:
-        """Vehicles that this one keeps clear of, besides the leader."""
-        return () if isinstance(self.task, LeaderTask) else tuple(self.task.spacing)
+        """Vehicles that this one hears, besides the leader."""
+        return tuple(one.name for one in self.others if not one.leads)
 
 
 def flight_plan(mission: Mission, name: str) -> FlightPlan:
     """The part of the vehicle with this name.
 
     Raises:
-        KeyError: nobody of this name flies in the mission.
+        KeyError: the mission has no vehicle of this name.
     """
     vehicle = mission.vehicles[name]
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
@@ -131,10 +158,39 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         altitude_amsl=height,
         settings=guidance_settings(mission),
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
+        asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
         patience=Patience(**mission.patience.model_dump()),
+        engage_from=vehicle.engage_from,
         task=task,
+        height=height - mission.origin.altitude_amsl_m,
+        rank=formation_of(mission).index(name),
+        others=other_vehicles(mission, name),
     )
+
+
+def formation_of(mission: Mission) -> list[str]:
+    """Names of all vehicles by rank."""
+    return [mission.leader.vehicle, *mission.followers_by_name]
+
+
+def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
+    """The plan with what the autopilot says of itself; limits are the tighter of its own and the declared."""
+    airframe = plan.airframe
+    lowest = max(airframe.airspeed_min, response.airspeed_min or 0.0)
+    highest = min(airframe.airspeed_max, response.airspeed_max or math.inf)
+    if lowest >= highest:
+        # They leave nothing to fly at: what does not fit is told elsewhere.
+        lowest, highest = airframe.airspeed_min, airframe.airspeed_max
+    flown = replace(
+        airframe,
+        alpha=response.alpha or airframe.alpha,
+        beta=response.beta or airframe.beta,
+        airspeed_min=lowest,
+        airspeed_max=highest,
+        max_bank=min(airframe.max_bank, response.max_bank or math.inf),
+    )
+    return replace(plan, airframe=flown, asks_response=False)
 
 
 def course_settings(plan: FlightPlan) -> GuidanceSettings:
@@ -196,6 +252,7 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
         component_id=vehicle.component_id,
         hold=vehicle.plant,
         lateral_acceleration=GRAVITY * math.tan(math.radians(vehicle.max_bank_deg)),
+        px4_steering=vehicle.px4_steering,
     )
     return ADAPTERS[vehicle.autopilot](address)
 
@@ -213,19 +270,37 @@ def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset)
             rate_filter_s=mission.controller.rate_filter_s,
         ),
         airspeed=min(max(leads.airspeed, lowest), highest),
-        spacing=slot_spacing(mission, offset),
     )
 
 
-def slot_spacing(mission: Mission, offset: SlotOffset) -> dict[str, float]:
-    """Distance (m, level) from this slot to those of all other followers, by name."""
-    return {
-        other.vehicle: math.hypot(
-            other.slot.forward_m - offset.forward_m, other.slot.right_m - offset.right_m
+def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
+    """All vehicles but the one of this name."""
+    own = slot_of(mission, name)
+    found = []
+    for rank, other in enumerate(formation_of(mission)):
+        if other == name:
+            continue
+        slot = slot_of(mission, other)
+        bank = math.radians(mission.vehicles[other].max_bank_deg)
+        found.append(
+            OtherVehicle(
+                name=other,
+                rank=rank,
+                leads=rank == 0,
+                slot=slot,
+                spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
+                lateral_acceleration=GRAVITY * math.tan(bank),
+            )
         )
-        for other in mission.followers
-        if other.slot is not offset
-    }
+    return tuple(found)
+
+
+def slot_of(mission: Mission, name: str) -> Slot[float]:
+    """The slot of a vehicle, the leader's at its own place."""
+    if name == mission.leader.vehicle:
+        return Slot(forward=0.0, right=0.0)
+    offset = mission.followers_by_name[name].slot
+    return Slot(forward=offset.forward_m, right=offset.right_m)
 
 
 def leader_task(mission: Mission) -> LeaderTask:
@@ -295,6 +370,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
+        slot_frame=chosen.slot_frame,
         rate_feedforward=chosen.rate_feedforward,
         law=LAWS[chosen.type],
         pid=pid_gains(chosen.pid),

@@ -21,6 +21,8 @@ class RoleStep:
     """W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
+    climb_m: float = 0.0
+    """To be added to the altitude of the mission, m."""
 
 
 class Role(Protocol):
@@ -38,6 +40,9 @@ class Role(Protocol):
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""
+
+    def words(self) -> list[str]:
+        """What a pilot should know of what came over the link, each once: one sentence each."""
 
     def leader_age(self, now: float) -> float:
         """Seconds since the newest leader state was true."""

@@ -11,5 +11,5 @@ def role_of(plan: FlightPlan, clock: SharedClock) -> LeaderRole | FollowerRole:
     """The part that a plan asks for, in a formation that shares this clock."""
     task = plan.task
     if isinstance(task, LeaderTask):
-        return LeaderRole(plan, task)
+        return LeaderRole(plan, task, clock)
     return FollowerRole(plan, task, clock)

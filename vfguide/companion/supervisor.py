@@ -1,7 +1,9 @@
 """When a companion steers and when it keeps quiet: a pure function of what it knows.
 
 waiting -> joining -> tracking <-> predicting -> breakaway -> lost -> waiting
-and pilot, from wherever it steers, the moment the autopilot leaves its guided mode
+and pilot, from everywhere, once the autopilot has left its guided mode by another hand than this one's
+
+A vehicle that this companion has not steered is not given back: without a leader it waits.
 """
 
 import math
@@ -23,7 +25,7 @@ class Mode(Enum):
     BREAKAWAY = "breakaway"
     """The leader has been silent for too long: steering away from the others."""
     LOST = "lost"
-    """Away from the others: the vehicle goes back to its autopilot, until the leader is heard again."""
+    """Away from the others: the vehicle goes back to its autopilot."""
     PILOT = "pilot"
     """The pilot has taken over: silent until the guided mode comes back."""
 
@@ -36,18 +38,35 @@ class Mode(Enum):
 STEERING = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING, Mode.BREAKAWAY})
 
 
+class Control(Enum):
+    """In whose hands a vehicle is."""
+
+    UNKNOWN = "unknown"
+    """No heartbeat of late."""
+    DISARMED = "disarmed"
+    """Its motor is off."""
+    FREE = "free"
+    """Not in the guided mode, and it has not been in this flight."""
+    GUIDED = "guided"
+    """The autopilot obeys."""
+    RETURNED = "returned"
+    """The autopilot's own, as the companion handed it back."""
+    PILOT = "pilot"
+    """The pilot has left the guided mode, or a fail-safe has."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
     """What the supervisor decides by."""
 
-    engaged: bool
-    """The autopilot is in the mode in which it obeys."""
+    control: Control
+    """In whose hands the vehicle is."""
     telemetry_age: float
     """s since the newest position; infinite before the first."""
     leader_age: float
     """s since the newest leader state was true; 0 for the leader itself, infinite before the first."""
-    given_back: bool = False
-    """The autopilot is in the mode that the companion itself gave it back in."""
+    steered: bool
+    """Whether it flies by what this companion has sent, and would go on by it."""
     distance: float
     """m from the slot, or from the path for the leader; infinite while not known."""
 
@@ -74,8 +93,8 @@ class Patience:
 
 def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
     """The mode that follows from a mode and a situation."""
-    if not situation.engaged:
-        return mode_when_disengaged(mode, situation, patience)
+    if situation.control is not Control.GUIDED:
+        return mode_when_not_guided(mode, situation, patience)
     # Not "above": an age that is no number counts as silence.
     if not situation.telemetry_age <= patience.telemetry_s:
         return Mode.WAITING
@@ -87,13 +106,14 @@ def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
     return Mode.TRACKING if situation.distance <= bound else Mode.JOINING
 
 
-def mode_when_disengaged(mode: Mode, situation: Situation, patience: Patience) -> Mode:
-    """The autopilot does not obey: it never did, it was given back for lack of a leader, or a pilot flies."""
-    if mode is Mode.LOST:
-        return Mode.WAITING if situation.leader_age <= patience.leader_s else Mode.LOST
-    # A leader that comes back while the vehicle is being handed back: that was no pilot either.
-    ours = mode is Mode.WAITING or situation.given_back
-    return Mode.WAITING if ours else Mode.PILOT
+def mode_when_not_guided(mode: Mode, situation: Situation, patience: Patience) -> Mode:
+    """The autopilot does not obey: a pilot flies, it was handed back, or it never did."""
+    if situation.control is Control.PILOT:
+        return Mode.PILOT
+    if situation.control is Control.UNKNOWN and mode in {Mode.PILOT, Mode.LOST}:
+        return mode
+    returned = mode is Mode.LOST and situation.control is Control.RETURNED
+    return Mode.LOST if returned and not situation.leader_age <= patience.leader_s else Mode.WAITING
 
 
 def mode_when_leader_is_silent(situation: Situation, patience: Patience) -> Mode:
@@ -101,4 +121,6 @@ def mode_when_leader_is_silent(situation: Situation, patience: Patience) -> Mode
     if situation.leader_age <= patience.prediction_s:
         return Mode.PREDICTING
     breaking_up = situation.leader_age <= patience.prediction_s + patience.breakaway_s
-    return Mode.BREAKAWAY if breaking_up else Mode.LOST
+    if breaking_up:
+        return Mode.BREAKAWAY
+    return Mode.LOST if situation.steered else Mode.WAITING

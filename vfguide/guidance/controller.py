@@ -1,15 +1,12 @@
 """What keeps a follower on its slot, with whatever it has to remember: one of these for each follower."""
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from vfguide.guidance.follower import FollowerGuidance, follower_step, learning_step
+from vfguide.guidance.follower import FollowerGuidance, learning_step
 from vfguide.guidance.formation import Slot, formation_error, predict_leader, slot_motion
 from vfguide.guidance.pid import PidMemory, first_memory, pid_step
-from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.settings import GuidanceSettings, MpcWeights, PidGains
 from vfguide.guidance.slot_integral import aimed_error, learned, no_offset
 from vfguide.state import Airframe, LeaderState, VehicleState
@@ -18,19 +15,18 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 class FormationController(Protocol):
     """A law that keeps a slot."""
 
-    @property
-    def aims_off(self) -> float:
-        """How far from the slot the law aims, m."""
-
     def step(
         self,
         state: VehicleState[float],
         leader: LeaderState[float],
         *,
         period: float,
-        obstacles: Sequence[Obstacle[float]] = (),
+        held: bool = False,
     ) -> FollowerGuidance[float]:
-        """Setpoint for a navigated state, by the newest leader state, however old; clear of the others."""
+        """Setpoint for a navigated state, by the newest leader state, however old.
+
+        `held` says that something else was flown than what the step before asked for.
+        """
 
     def reset(self) -> None:
         """Forget what was learnt: the setpoints are not being followed."""
@@ -45,18 +41,13 @@ class FieldController:
         self._airframe = airframe
         self._offset = no_offset(0.0)
 
-    @property
-    def aims_off(self) -> float:
-        """Length of the offset that was learned, m."""
-        return math.hypot(self._offset.ahead, self._offset.right)
-
     def step(
         self,
         state: VehicleState[float],
         leader: LeaderState[float],
         *,
         period: float,
-        obstacles: Sequence[Obstacle[float]] = (),
+        held: bool = False,
     ) -> FollowerGuidance[float]:
         """One step of the dual field."""
         guidance, self._offset = learning_step(
@@ -66,8 +57,8 @@ class FieldController:
             self._settings,
             self._airframe,
             period=period,
-            obstacles=obstacles,
             offset=self._offset,
+            held=held,
         )
         return guidance
 
@@ -77,9 +68,7 @@ class FieldController:
 
 
 class BaselineController(ABC):
-    """A baseline, which leaves it to the dual field to keep clear of others."""
-
-    aims_off = 0.0
+    """A law to compare with, which forgets what it learned while something else is flown."""
 
     def __init__(self, settings: GuidanceSettings, slot: Slot[float], airframe: Airframe) -> None:
         self._settings = settings
@@ -92,22 +81,11 @@ class BaselineController(ABC):
         leader: LeaderState[float],
         *,
         period: float,
-        obstacles: Sequence[Obstacle[float]] = (),
+        held: bool = False,
     ) -> FollowerGuidance[float]:
-        """One step of the baseline, or of the dual field where it keeps clear of somebody."""
-        if obstacles:
-            clear = follower_step(
-                state,
-                leader,
-                self._slot,
-                self._settings,
-                self._airframe,
-                period=period,
-                obstacles=obstacles,
-            )
-            if clear.avoiding:
-                self.reset()
-                return clear
+        """One step of the baseline."""
+        if held:
+            self.reset()
         if self._settings.predict_leader:
             leader = predict_leader(leader, state.time_s)
         return self._keep(state, leader, period)

@@ -1,11 +1,10 @@
 """One guidance step of a follower: onto its slot by the dual field."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Generic
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, Number, atan2, hypot, like, where
+from vfguide.elementwise import BoolArray, Number, like
 from vfguide.guidance.course_law import sliding_course_rate
 from vfguide.guidance.formation import (
     FieldGains,
@@ -19,12 +18,10 @@ from vfguide.guidance.formation import (
     predict_leader,
     slot_motion,
 )
-from vfguide.guidance.separation import Obstacle, separated_velocity
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.slot_integral import Offset, aimed_error, learned
 from vfguide.guidance.speed_law import sliding_acceleration
-from vfguide.guidance.wind_triangle import compose
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 
@@ -42,8 +39,6 @@ class FollowerGuidance(Generic[Number]):
     """V~_f, m/s."""
     lyapunov: Number
     """W, m²."""
-    avoiding: bool | BoolArray
-    """Whether it keeps clear of somebody instead of following the field."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +63,6 @@ def follower_step(
     airframe: Airframe,
     *,
     period: float,
-    obstacles: Sequence[Obstacle[Number]] = (),
     offset: Offset[Number] | None = None,
 ) -> FollowerGuidance[Number]:
     """Setpoint of a follower; it remembers nothing between steps.
@@ -80,7 +74,6 @@ def follower_step(
         settings: the mission's gains and switches.
         airframe: response and limits.
         period: since the step before, s.
-        obstacles: the other vehicles, now.
         offset: b, what the field's integral has learned; nothing if absent.
     """
     if settings.predict_leader:
@@ -94,18 +87,16 @@ def follower_step(
     gains, sliding = settings.field, settings.sliding
     aimed = error if offset is None else aimed_error(error, offset, gains)
     desired = field_motion(motion, aimed, gains)
-    clear, avoiding = separated_motion(desired, motion, state, obstacles)
-    course_error = wrap_angle(state.course - clear.course)
-    speed_error = state.ground_speed - clear.speed
+    course_error = wrap_angle(state.course - desired.course)
+    speed_error = state.ground_speed - desired.speed
     layer = sliding.layer(period)
-    course_rate = sliding_course_rate(course_error, clear.course_rate, sliding.kappa, layer)
+    course_rate = sliding_course_rate(course_error, desired.course_rate, sliding.kappa, layer)
     if not settings.answers_course_error:
         course_rate = motion.turn_rate
     acceleration = sliding_acceleration(
         speed_error,
-        # Whoever keeps clear of somebody is not drawn to the slot as well.
-        where(avoiding, like(0.0, aimed.along_track), aimed.along_track),
-        clear.acceleration,
+        aimed.along_track,
+        desired.acceleration,
         gain=sliding.kappa,
         layer=layer,
         rho=sliding.rho,
@@ -123,7 +114,6 @@ def follower_step(
         course_error=course_error,
         speed_error=speed_error,
         lyapunov=lyapunov(error, course_error, speed_error, sliding.rho),
-        avoiding=avoiding,
     )
 
 
@@ -135,10 +125,13 @@ def learning_step(
     airframe: Airframe,
     *,
     period: float,
-    obstacles: Sequence[Obstacle[Number]] = (),
     offset: Offset[Number],
+    held: bool | BoolArray = False,
 ) -> tuple[FollowerGuidance[Number], Offset[Number]]:
-    """(guidance, offset for the next step) of a follower whose field learns; the rest as `follower_step`."""
+    """(guidance, offset for the next step) of a follower whose field learns; the rest as `follower_step`.
+
+    Nothing is learned while `held`, when something else than the guidance is flown, nor at a limit.
+    """
     guidance = follower_step(
         state,
         leader,
@@ -146,7 +139,6 @@ def learning_step(
         settings,
         airframe,
         period=period,
-        obstacles=obstacles,
         offset=offset,
     )
     after = learned(
@@ -154,7 +146,7 @@ def learning_step(
         guidance.error,
         settings.field,
         period=period,
-        held=guidance.avoiding | guidance.setpoint.limited,
+        held=held | guidance.setpoint.limited,
     )
     return guidance, after
 
@@ -175,27 +167,3 @@ def field_motion(
         speed=motion.speed + push,
         acceleration=motion.acceleration + push_rate,
     )
-
-
-def separated_motion(
-    desired: DesiredMotion[Number],
-    motion: SlotMotion[Number],
-    state: VehicleState[Number],
-    obstacles: Sequence[Obstacle[Number]],
-) -> tuple[DesiredMotion[Number], bool | BoolArray]:
-    """The desired motion, changed where it would bring the follower too close to somebody; and whether it is.
-
-    How fast the change goes is not known: the rates are then those of the slot's motion alone.
-    """
-    north, east, avoiding = separated_velocity(
-        (state.north, state.east),
-        compose(desired.speed, like(0.0, desired.speed), desired.course),
-        obstacles,
-    )
-    clear = DesiredMotion(
-        course=where(avoiding, atan2(east, north), desired.course),
-        course_rate=where(avoiding, motion.turn_rate, desired.course_rate),
-        speed=where(avoiding, hypot(north, east), desired.speed),
-        acceleration=where(avoiding, motion.acceleration, desired.acceleration),
-    )
-    return clear, avoiding

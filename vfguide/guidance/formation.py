@@ -63,6 +63,10 @@ class SlotMotion(Generic[Number]):
     """dchi_s/dt, rad/s."""
     acceleration: Number
     """dV_s/dt, m/s²."""
+    drift_north: Number | float = 0.0
+    """Of the leader, and with it of the slot: see `LeaderState`, m/s."""
+    drift_east: Number | float = 0.0
+    """m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +96,15 @@ def predict_leader(leader: LeaderState[Number], time_s: float) -> LeaderState[Nu
     chord = (leader.ground_speed + leader.acceleration * (age / 2.0)) * age
     return LeaderState(
         time_s=time_s,
-        north=leader.north + chord * cos(mean_course),
-        east=leader.east + chord * sin(mean_course),
+        north=leader.north + chord * cos(mean_course) + leader.drift_north * age,
+        east=leader.east + chord * sin(mean_course) + leader.drift_east * age,
         course=leader.course + mean_turn_rate * age,
         ground_speed=leader.ground_speed + leader.acceleration * age,
         acceleration=leader.acceleration,
         turn_rate=leader.turn_rate + leader.turn_acceleration * age,
         turn_acceleration=leader.turn_acceleration,
+        drift_north=leader.drift_north,
+        drift_east=leader.drift_east,
     )
 
 
@@ -132,6 +138,8 @@ def slot_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[N
         speed=speed,
         turn_rate=leader.turn_rate + (along * right_rate - right * along_rate) / (speed * speed),
         acceleration=(along * along_rate + right * right_rate) / speed,
+        drift_north=leader.drift_north,
+        drift_east=leader.drift_east,
     )
 
 
@@ -155,14 +163,20 @@ def formation_error(
     along, right = resolve(
         motion.north - follower.north, motion.east - follower.east, motion.course
     )
+    drift_along, drift_right = resolve(
+        motion.drift_north + 0.0 * along, motion.drift_east + 0.0 * along, motion.course
+    )
     relative_course = wrap_angle(follower.course - motion.course)
     return FormationError(
         along_track=along,
         cross_track=right,
         along_track_rate=motion.speed
+        + drift_along
         - follower.ground_speed * cos(relative_course)
         + motion.turn_rate * right,
-        cross_track_rate=-follower.ground_speed * sin(relative_course) - motion.turn_rate * along,
+        cross_track_rate=drift_right
+        - follower.ground_speed * sin(relative_course)
+        - motion.turn_rate * along,
     )
 
 

@@ -286,7 +286,6 @@ class Predictive:
             course_error=relative_course,
             speed_error=speed_error,
             lyapunov=lyapunov(error, relative_course, speed_error, rho),
-            avoiding=False,
         )
 
     def _bounds(

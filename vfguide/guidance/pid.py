@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Generic
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, Number, clip, like, where
+from vfguide.elementwise import BoolArray, Number, clip, where
 from vfguide.guidance.follower import FollowerGuidance
 from vfguide.guidance.formation import FormationError, SlotMotion, lyapunov
 from vfguide.guidance.low_pass import low_pass
@@ -150,7 +150,6 @@ def pid_step(
         course_error=course_error,
         speed_error=speed_error,
         lyapunov=lyapunov(error, course_error, speed_error, rho),
-        avoiding=like(0.0, speed_error) > 0.0,
     )
     remembered = PidMemory(lateral=lateral, longitudinal=longitudinal, limited=setpoint.limited)
     return guidance, remembered

@@ -1,117 +1,213 @@
-"""Keeping clear of the others: what a follower's dual field asks for, less what would bring it too close.
+"""What keeps clear of what: the least change of a wanted motion that keeps the distances from all others.
 
-Toward each of the others the closing speed is held below `CLOSING_RATE` times the distance left, a control
-barrier function: h = d - keep, dh/dt >= -gamma h (Ames et al., "Control Barrier Functions: Theory and
-Applications", 2019). Rigid slots keep their distances, so in a formation that flies as it should nothing is
-ever taken off, turning or not. What is taken off a wish to go through somebody becomes a wish to go round,
-as a rule to the right: a barrier alone would let two vehicles wait for each other for ever.
+A barrier of predicted manoeuvres. For a manoeuvre m that this vehicle can really fly (its turn rate, bank,
+speed range and delays are in its track) and for everything u that the others may do,
+
+    h(m) = min over others, u, t of  |p_own(t; m) - p_other(t; u)| - keep
+
+is a lower bound of the room that is left. What is wanted is flown as long as h(wanted) >= 0; else the
+manoeuvre that changes least among those with h >= 0, and where there is none the one that intrudes least.
+A manoeuvre that was clear is there again a step later: clear stays clear as long as the others do what they
+were thought to be able to (backup barriers: Gurriet, Mote, Singletary, Nilsson, Feron, Ames, 2020; why turn
+and speed bounds have to be inside a barrier: Molnar, Kannan, Cunningham, Dunlap, Hobbs, Ames, 2024).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Generic
+from dataclasses import dataclass
 
-from vfguide.elementwise import BoolArray, Number, greater_of, hypot, like, where
+import numpy as np
 
-CLOSING_RATE = 0.4
-"""gamma, 1/s: slower than both responses of an aircraft, which have to follow."""
+from vfguide.elementwise import FloatArray
+from vfguide.guidance.predicted_tracks import (
+    HORIZON_S,
+    TIMES,
+    Agility,
+    ComplexArray,
+    Manoeuvres,
+    OwnMotion,
+    WantedMotion,
+    own_tracks,
+)
 
-LEFT_M_S = 2.0
-"""Whoever wants to pass somebody on the left by this speed or more, relative to that one, does; all others
-go to the right, so that two who meet head on do the same. Any two see the same side of each other."""
+FLOOR_M = 7.0
+"""Everything is done to prevent less than this: the 5 m of the promise, and what predictions are off."""
 
-PASSES = 3
-"""Over all the others: what one takes off may bring nearer to the next."""
+INTRUSION = 100.0
+"""Cost of coming within the floor, relative to that of coming within the kept distance."""
 
-LEAST_DISTANCE = 0.1
-"""m: from nearer than this no direction leads away."""
+PATIENCE_S = 4.0
+"""Time constant with which what is predicted counts less: what is far ahead may still change."""
+
+TURN_COST = 0.12
+"""Of turning away, times 1 - cos of the angle."""
+
+SPEED_COST = 0.01
+"""Of each m/s of another airspeed than the wanted one."""
+
+SPEEDS = 5
+"""Airspeeds that are looked at beside the wanted one."""
+
+CHANGE_COST = 0.04
+"""Of changing sides."""
+
+LEFT_COST = 0.004
+"""Of going left: two that meet head on both go right."""
+
+TURNS_RAD: FloatArray = np.radians(
+    [0, 6, -6, 12, -12, 20, -20, 30, -30, 45, -45, 65, -65, 90, -90, 120, -120, 150, -150]
+)
+"""Turns away from the wanted heading that are looked at; the wanted motion itself comes first."""
+
+
+ESCAPES_RAD: FloatArray = np.radians([0.0, 179.0, -179.0])
+"""Straight on, and half a turn to either side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle(Generic[Number]):
-    """Another vehicle, where it is now and how it moves."""
+class Others:
+    """What the others may do, one row for each possibility of each of them."""
 
-    north: Number
-    """m."""
-    east: Number
-    """m."""
-    velocity_north: Number
-    """m/s."""
-    velocity_east: Number
-    """m/s."""
-    keep: Number
-    """Distance from it that is not to be fallen short of, m."""
-
-
-def carried_on(obstacle: Obstacle[Number], after_s: float) -> Obstacle[Number]:
-    """An obstacle some time later (s), by its velocity."""
-    return replace(
-        obstacle,
-        north=obstacle.north + obstacle.velocity_north * after_s,
-        east=obstacle.east + obstacle.velocity_east * after_s,
-    )
+    tracks: ComplexArray
+    """Places at `TIMES`, m."""
+    horizon_s: FloatArray
+    """Up to when each is looked at, s."""
+    keep: FloatArray
+    """Distance to be kept, m."""
+    floor: FloatArray
+    """Distance that is not to be fallen short of if anything can be done, m."""
+    weight: FloatArray
+    """How much it counts where not all can be had."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bearing(Generic[Number]):
-    """An obstacle as a vehicle sees it."""
+class Clearance:
+    """What to fly."""
 
-    toward_north: Number
-    """Unit vector toward it."""
-    toward_east: Number
-    """Unit vector toward it."""
-    greatest: Number
-    """Greatest own velocity in that direction, m/s: the obstacle's own plus gamma (d - keep)."""
-    own: Number
-    """The obstacle's velocity in that direction, m/s."""
-    own_right: Number
-    """The obstacle's velocity to the right of that direction, m/s."""
+    turn: float
+    """Away from the wanted heading, rad, positive right."""
+    airspeed: float
+    """m/s; NaN for the wanted one."""
+    changed: bool
+    """Whether this is not what was wanted."""
+    nearest: FloatArray
+    """Closest approach to each possibility, m."""
+    wanted_nearest: FloatArray
+    """The same for what was wanted, m."""
 
 
-def bearing_of(north: Number, east: Number, obstacle: Obstacle[Number]) -> Bearing[Number]:
-    """How an obstacle is seen from a place (m), and how fast it may be approached."""
-    apart_north, apart_east = obstacle.north - north, obstacle.east - east
-    distance = greater_of(hypot(apart_north, apart_east), LEAST_DISTANCE)
-    toward_north, toward_east = apart_north / distance, apart_east / distance
-    own = obstacle.velocity_north * toward_north + obstacle.velocity_east * toward_east
-    return Bearing(
-        toward_north=toward_north,
-        toward_east=toward_east,
-        greatest=own + CLOSING_RATE * (distance - obstacle.keep),
-        own=own,
-        own_right=obstacle.velocity_east * toward_north - obstacle.velocity_north * toward_east,
+WANTED = Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan))
+"""What guidance wants."""
+
+
+def manoeuvres_of(agility: Agility) -> Manoeuvres:
+    """Everything that is looked at: each turn at the wanted airspeed and at some from lowest to highest."""
+    speeds = np.array([np.nan, *np.linspace(agility.speed_min, agility.speed_max, SPEEDS)])
+    return Manoeuvres(
+        turn=np.tile(TURNS_RAD, len(speeds)), airspeed=np.repeat(speeds, len(TURNS_RAD))
     )
 
 
-def separated_velocity(
-    place: tuple[Number, Number],
-    wanted: tuple[Number, Number],
-    obstacles: Sequence[Obstacle[Number]],
-) -> tuple[Number, Number, bool | BoolArray]:
-    """The velocity nearest to the wanted one, more or less, that keeps clear of all obstacles.
+def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
+    """Distances (m) of closest approach in each interval of `TIMES`: manoeuvre, possibility, interval.
+
+    Between two times both fly straight; beyond the horizon of a possibility the distance is infinite.
+    """
+    apart = tracks[:, None, :] - others.tracks[None, :, :]
+    start, way = apart[..., :-1], np.diff(apart, axis=-1)
+    square = np.maximum(way.real * way.real + way.imag * way.imag, 1e-9)
+    share = np.clip(-(start.real * way.real + start.imag * way.imag) / square, 0.0, 1.0)
+    distance = np.abs(start + share * way)
+    return np.where(TIMES[:-1] < others.horizon_s[:, None], distance, np.inf)
+
+
+def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
+    """Cost of each manoeuvre for what it does to the distances; 0 where all are kept.
+
+    How long and how deep a kept distance is fallen short of, and how far the floor is: a vehicle that
+    lies about its place, and is already nearer than anything can change, adds the same to all manoeuvres.
 
     Args:
-        place: (north, east) of the vehicle, m.
-        wanted: (north, east) velocity that guidance asks for, m/s.
-        obstacles: the others.
-
-    Returns:
-        north and east velocity in m/s, and whether they are not the wanted ones.
+        distance: see `closest_approaches`.
+        others: what the others may do.
     """
-    north, east = wanted
-    bearings = [bearing_of(*place, obstacle) for obstacle in obstacles]
-    taken = like(0.0, north)
-    for number in range(PASSES):
-        for seen in bearings:
-            closing = north * seen.toward_north + east * seen.toward_east
-            excess = greater_of(closing - seen.greatest, 0.0)
-            taken = taken + excess
-            north, east = north - excess * seen.toward_north, east - excess * seen.toward_east
-            if number == 0:
-                # Of what was wanted toward the obstacle; being pushed away is no reason to go round.
-                around = excess - greater_of(seen.own - seen.greatest, 0.0)
-                around = greater_of(around, 0.0)
-                rightward = wanted[1] * seen.toward_north - wanted[0] * seen.toward_east
-                around = where(rightward - seen.own_right < -LEFT_M_S, -around, around)
-                north, east = north - around * seen.toward_east, east + around * seen.toward_north
-    return north, east, taken > 0.0
+    fade = np.exp(-TIMES[:-1] / PATIENCE_S)
+    keep, floor = others.keep[:, None], others.floor[:, None]
+    within = np.maximum(1.0 - distance / keep, 0.0) * fade
+    below = np.maximum(1.0 - distance / floor, 0.0) * fade
+    lasting = within.sum(axis=2) * (TIMES[1] / HORIZON_S)
+    cost: FloatArray = (lasting + INTRUSION * below.max(axis=2) ** 2) @ others.weight
+    return cost
+
+
+def change_cost(manoeuvres: Manoeuvres, airspeed: float, side: float) -> FloatArray:
+    """Cost of each manoeuvre for not being the wanted one (m/s), after a turn to a side (rad)."""
+    turn = manoeuvres.turn
+    cost = TURN_COST * (1.0 - np.cos(turn)) + LEFT_COST * (turn < 0.0)
+    faster = np.abs(manoeuvres.airspeed - airspeed)
+    cost = cost + SPEED_COST * np.where(np.isnan(faster), 0.0, faster)
+    if side != 0.0:
+        cost = cost + CHANGE_COST * (turn * side < 0.0)
+    return cost
+
+
+def keep_clear(
+    own: OwnMotion,
+    wanted: WantedMotion,
+    others: Others,
+    agility: Agility,
+    manoeuvres: Manoeuvres,
+    *,
+    side: float = 0.0,
+) -> Clearance:
+    """The manoeuvre to fly.
+
+    Args:
+        own: the vehicle now.
+        wanted: what guidance wants.
+        others: what the others may do.
+        agility: how the vehicle answers.
+        manoeuvres: that may be flown instead.
+        side: turn (rad) that was flown the step before, whose sign is kept where that is as good.
+    """
+    distance = closest_approaches(own_tracks(own, wanted, WANTED, agility), others)
+    cost = intrusion_cost(distance, others)
+    before = distance.min(axis=2)[0]
+    if cost[0] <= 0.0:
+        return Clearance(
+            turn=0.0, airspeed=np.nan, changed=False, nearest=before, wanted_nearest=before
+        )
+    distance = closest_approaches(own_tracks(own, wanted, manoeuvres, agility), others)
+    total = intrusion_cost(distance, others) + change_cost(
+        manoeuvres, abs(wanted.velocity - own.wind), side
+    )
+    best = int(total.argmin())
+    return Clearance(
+        turn=float(manoeuvres.turn[best]),
+        airspeed=float(manoeuvres.airspeed[best]),
+        changed=best != 0,
+        nearest=distance[best].min(axis=1),
+        wanted_nearest=before,
+    )
+
+
+def escape_tracks(own: OwnMotion, agility: Agility) -> ComplexArray:
+    """Tracks of every full manoeuvre: on, left and right at the bank limit, at three airspeeds."""
+    straight = WantedMotion(
+        velocity=own.velocity, base_velocity=own.velocity, turn_rate=0.0, settle_s=HORIZON_S
+    )
+    speeds = np.array([np.nan, agility.speed_min, agility.speed_max])
+    full = Manoeuvres(turn=np.tile(ESCAPES_RAD, 3), airspeed=np.repeat(speeds, len(ESCAPES_RAD)))
+    return own_tracks(own, straight, full, agility)
+
+
+def escape_distance(own: OwnMotion, agility: Agility, tracks: ComplexArray) -> float:
+    """Distance (m) that one full manoeuvre keeps from all tracks that another may fly; the best one's."""
+    count = len(tracks)
+    others = Others(
+        tracks=tracks,
+        horizon_s=np.full(count, HORIZON_S),
+        keep=np.ones(count),
+        floor=np.ones(count),
+        weight=np.ones(count),
+    )
+    nearest = closest_approaches(escape_tracks(own, agility), others)
+    return float(nearest.min(axis=(1, 2)).max())

@@ -127,6 +127,8 @@ class GuidanceSettings:
     """Let the leader change its airspeed where a slot would need one that its follower does not have."""
     rate_feedforward: bool = True
     """Let a follower's field know how the slot's course and speed change."""
+    slot_frame: Literal["leader", "path"] = "leader"
+    """What slots turn with; `path`: see `intended_motion`."""
     answers_course_error: bool = True
     """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
     law: FollowerLaw = "field"

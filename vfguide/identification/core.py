@@ -14,8 +14,8 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.identification.recording import Recording
 from vfguide.identification.steps import Phase, Segment, segments
 from vfguide.mavlink.acknowledgements import Acknowledgements
-from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import heartbeat, status_text
+from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
+from vfguide.mavlink.announcements import NOTICE, heartbeat, status_texts
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
@@ -24,6 +24,7 @@ from vfguide.mavlink.reports import (
     PositionReport,
     Report,
     TextReport,
+    VersionReport,
 )
 from vfguide.state import Setpoint
 
@@ -149,6 +150,9 @@ class Identification:
                 return self._note_mode(report, now, answer)
             case CommandReport():
                 say(answer, now, self._commands.answered(report, now), warning=True)
+                say(answer, now, self._adapter.hear(report))
+            case VersionReport():
+                say(answer, now, self._adapter.hear(report))
             case TextReport():
                 say(
                     answer,
@@ -179,7 +183,7 @@ class Identification:
         if self.stage is Stage.WAITING:
             if not self._engaged or self._stranger is not None:
                 cruise = self._plan.airframe.cruise
-                return self._adapter.stay_ready(state.course, cruise)
+                return self._adapter.stay_ready(self._asked(state.course, cruise, fix))
             self._began, self._base = state.time_s, state.course
             self._height = fix.place.altitude_amsl
             self.stage = Stage.FLYING
@@ -199,7 +203,18 @@ class Identification:
         setpoint = Setpoint(course=course, speed=segment.speed, limited=False)
         if segment.phase is not Phase.SETTLE:
             say(answer, now, self._obedience.watch(state, setpoint), warning=True)
-        return self._adapter.fly(course, segment.speed)
+        return self._adapter.fly(self._asked(course, segment.speed, fix))
+
+    def _asked(self, course: float, speed: float, fix: Fix) -> AutopilotSetpoint:
+        """A course and a speed at the height at which the flight began."""
+        began = math.isfinite(self._height)
+        return AutopilotSetpoint(
+            course=course,
+            speed=speed,
+            altitude_amsl=self._height if began else fix.place.altitude_amsl,
+            latitude_deg=fix.place.latitude_deg,
+            longitude_deg=fix.place.longitude_deg,
+        )
 
     def _segment(self, elapsed_s: float) -> Segment | None:
         """What is flown after a time; None at the end."""
@@ -225,10 +240,14 @@ class Identification:
         rate_hz = self._plan.rate_hz
         if self._connected and self._interval * rate_hz * RATE_SHARE > 1.0:
             messages += self._adapter.request_telemetry(rate_hz)
-        known = math.isfinite(self._interval) and self._stranger is None
+        if self._connected and self._stranger is None:
+            messages += self._adapter.questions()
+        heard = math.isfinite(self._interval) and self._stranger is None
+        known = heard and self._adapter.is_ready
         if self._may_engage and known and self._armed and self.stage is Stage.WAITING:
             messages += self._adapter.engage()
-            messages.append(status_text(f"vfguide {self._plan.name}: identification"))
+            text = f"vfguide {self._plan.name}: identification"
+            messages += status_texts(text, NOTICE, 1)
         return messages
 
 

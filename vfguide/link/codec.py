@@ -1,9 +1,12 @@
 """Leader states as bytes and back: compact, versioned, checked.
 
-Layout, little-endian: "VFLS", version (u8), three bytes of zero, sequence number (u32), then as f64 the
-time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course (rad),
+Layout, little-endian: "VFLS", version (u8), flags (u8), two bytes of zero, sequence number (u32), then as f64
+the time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course (rad),
 ground speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), then the CRC-32 of
 all that (u32). 88 bytes. Position is geodetic, so that no two vehicles have to agree on an origin.
+
+The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
+receivers that know none skip it: both directions take such a sender for one that its companion steers.
 """
 
 import math
@@ -13,8 +16,11 @@ from dataclasses import dataclass
 
 MAGIC = b"VFLS"
 VERSION = 1
-LAYOUT = struct.Struct("<4sB3xI9d")
+LAYOUT = struct.Struct("<4sBB2xI9d")
 CHECKSUM = struct.Struct("<I")
+NOT_STEERED = 0x01
+"""Flag: a pilot or the autopilot itself flies the sender."""
+
 SIZE = LAYOUT.size + CHECKSUM.size
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0)
@@ -49,6 +55,8 @@ class LeaderMessage:
     """omega, rad/s."""
     turn_acceleration: float
     """domega/dt, rad/s²."""
+    steered: bool = True
+    """Whether the sender's companion steers it, and with that keeps it clear of the others."""
 
 
 def encode(message: LeaderMessage) -> bytes:
@@ -56,6 +64,7 @@ def encode(message: LeaderMessage) -> bytes:
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
+        0 if message.steered else NOT_STEERED,
         message.sequence,
         message.time_s,
         message.latitude_deg,
@@ -78,7 +87,7 @@ def decode(data: bytes) -> LeaderMessage:
     """
     if len(data) != SIZE:
         raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
-    magic, version, sequence, *values = LAYOUT.unpack_from(data)
+    magic, version, flags, sequence, *values = LAYOUT.unpack_from(data)
     if magic != MAGIC:
         raise LinkDataError("not a leader state")
     if version != VERSION:
@@ -102,4 +111,5 @@ def decode(data: bytes) -> LeaderMessage:
         acceleration=acceleration,
         turn_rate=turn_rate,
         turn_acceleration=turn_acceleration,
+        steered=not flags & NOT_STEERED,
     )

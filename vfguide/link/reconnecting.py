@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import secrets
 import ssl
 from contextlib import suppress
 from dataclasses import replace
@@ -24,8 +25,8 @@ STABLE_S = 5.0
 GOODBYE_S = 0.5
 """s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
 
-ODD_LOSSES = 3
-"""Connections in a row that stood, but not for long."""
+IDENTIFIER_BYTES = 8
+"""Of chance in the name of a client."""
 
 
 class Reconnecting:
@@ -41,8 +42,11 @@ class Reconnecting:
         self._stop = asyncio.Event()
         self._topic = parts.topics.presence(parts.topics.vehicle)
         # The same name each time: the broker then ends what is left of an earlier connection before this one
-        # speaks, and not some seconds later, with "offline".
-        self._identifier = self._topic.removesuffix("/presence")
+        # speaks, and not some seconds later, with "offline". Nobody can guess it: a broker ends the
+        # connection of a client when another calls itself the same, whatever that other may read or write.
+        self._identifier = (
+            f"{self._topic.removesuffix('/presence')}/{secrets.token_hex(IDENTIFIER_BYTES)}"
+        )
 
     def stop(self) -> None:
         """Say goodbye; `run` ends soon after, within seconds even if the broker does not answer."""
@@ -65,9 +69,6 @@ class Reconnecting:
             if self._stop.is_set():
                 return
             failures = 1 if loop.time() - began >= STABLE_S else failures + 1
-            if self._parts.status.connected and failures >= ODD_LOSSES:
-                # A broker lets the newer one of two clients with the same name stay.
-                reason += f", again and again: does another client call itself {self._identifier}?"
             self._parts.status.down(reason)
             with suppress(TimeoutError):
                 async with asyncio.timeout(retry_delay(failures, self._random.random())):

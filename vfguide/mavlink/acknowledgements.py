@@ -27,6 +27,9 @@ REASONS: dict[tuple[int, int], str] = {
         "a ground speed, which it does not hold"
     ),
     (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_DENIED): (
+        "not in Guided Course, or a course that it does not take"
+    ),
     (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_UNSUPPORTED): (
         "this firmware was built without guided commands"
     ),
@@ -35,7 +38,7 @@ REASONS: dict[tuple[int, int], str] = {
         "outside its airspeeds, or a kind of speed that it does not hold"
     ),
     (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED): (
-        "setpoints have to arrive first, at 2 Hz or more"
+        "it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more"
     ),
     (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_DENIED): (
         "it has no such mode, or no position to fly it by"
@@ -90,7 +93,7 @@ class Acknowledgements:
         self._silent.update(found)
         return [
             f"autopilot does not answer {name_of('MAV_CMD', command)} for {SILENCE_S:g} s:"
-            " it does not know it, or does not hear"
+            " check the companion's uplink, and whether its firmware has it"
             for command in found
         ]
 

@@ -1,21 +1,60 @@
 """What differs between autopilots, behind one interface; one file for each of them."""
 
+import math
 from collections.abc import Mapping
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.mavlink.parameters import FlightNeeds
-from vfguide.mavlink.reports import ParameterReport
+from vfguide.angles import wrap_course
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
+from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 from vfguide.state import Hold
 
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
+GPS_RAW_INT = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
 VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
+
+Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
+"""How a PX4 is steered: by what its version has, or by one of `px4_steering`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotSetpoint:
+    """What an autopilot is asked to fly, and where it is when it is asked."""
+
+    course: float
+    """Over ground, rad."""
+    speed: float
+    """The one that the vehicle's hold is of, m/s."""
+    altitude_amsl: float
+    """m above mean sea level."""
+    latitude_deg: float
+    """Of the vehicle now, degrees: some autopilots are given a course as a point ahead."""
+    longitude_deg: float
+    """Of the vehicle now, degrees."""
+
+
+HEALTH_US = 500_000
+"""Between the autopilot's words of its own health: found bad within two seconds."""
 
 
 class AutopilotAdapter(Protocol):
-    """How one kind of autopilot wants to be spoken to. Makes messages; sends and remembers nothing."""
+    """How one kind of autopilot wants to be spoken to.
+
+    Makes messages and sends none. It remembers what the autopilot is, and nothing of the flight.
+    """
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether enough is known of the autopilot to steer it; until then it is not engaged."""
+
+    @property
+    def counts_ground_stations(self) -> bool:
+        """Whether only the silence of a ground station can tell the autopilot that a companion has died."""
 
     @property
     def streams_before_engaging(self) -> bool:
@@ -34,14 +73,31 @@ class AutopilotAdapter(Protocol):
         """Whether each course setpoint cancels the speed, so that neither may be sent without the other."""
 
     @property
+    def engaged_name(self) -> str:
+        """What ground stations call the mode in which setpoints are obeyed."""
+
+    @property
+    def heartbeat_shows_flight(self) -> bool:
+        """Whether a heartbeat of an armed vehicle is ACTIVE in the air only."""
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters that `parameter_warnings` wants to know."""
 
     def recognise(self, autopilot: int) -> str | None:
         """None if this adapter can speak to this MAV_AUTOPILOT, or else what is wrong, in words."""
 
+    def questions(self) -> list[MAVLink_message]:
+        """What has to be asked before the autopilot can be steered; to be called once a second."""
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """Take an answer of the autopilot; one sentence for the operator where it decides the steering."""
+
     def parameter_value(self, report: ParameterReport) -> float:
         """The value in a report, in the way in which this autopilot packs it."""
+
+    def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
+        """How the vehicle answers by these parameters; nothing where this autopilot's do not tell."""
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What in the autopilot's parameters does not fit the flight, one line each.
@@ -57,6 +113,15 @@ class AutopilotAdapter(Protocol):
     def is_handed_back(self, custom_mode: int) -> bool:
         """Whether this is the mode that `hand_back` leads to."""
 
+    def mode_name(self, custom_mode: int) -> str:
+        """What ground stations call a mode."""
+
+    def goes_home(self, custom_mode: int) -> bool:
+        """Whether a vehicle in this mode returns or lands."""
+
+    def denies_guided(self, report: CommandReport) -> bool:
+        """Whether this answer says that the autopilot is not in its guided mode."""
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Ask for position and airspeed at this rate."""
 
@@ -66,10 +131,10 @@ class AutopilotAdapter(Protocol):
     def hand_back(self) -> list[MAVLink_message]:
         """Leave it for a loiter that the autopilot flies by itself."""
 
-    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
-        """Hold a course over ground (rad) and a speed (m/s), the one that the vehicle's hold is of."""
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """Hold a course over ground and a speed."""
 
-    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """What an autopilot that is not engaged has to hear so that it can be; it changes nothing."""
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
@@ -79,10 +144,16 @@ class AutopilotAdapter(Protocol):
 class Vehicle:
     """Address of an autopilot and the declared facts that its messages need."""
 
-    __slots__ = ("component_id", "hold", "lateral_acceleration", "system_id")
+    __slots__ = ("component_id", "hold", "lateral_acceleration", "px4_steering", "system_id")
 
     def __init__(
-        self, *, system_id: int, component_id: int, hold: Hold, lateral_acceleration: float
+        self,
+        *,
+        system_id: int,
+        component_id: int,
+        hold: Hold,
+        lateral_acceleration: float,
+        px4_steering: Px4Steering = "auto",
     ) -> None:
         """Collect the facts.
 
@@ -91,11 +162,13 @@ class Vehicle:
             component_id: MAVLink component of the autopilot.
             hold: what its speed loop acts on.
             lateral_acceleration: g tan(phi_max), m/s²: what a turn may take.
+            px4_steering: how it is steered if it is a PX4.
         """
         self.system_id = system_id
         self.component_id = component_id
         self.hold = hold
         self.lateral_acceleration = lateral_acceleration
+        self.px4_steering = px4_steering
 
 
 def command_long(vehicle: Vehicle, command: int, *parameters: float) -> MAVLink_message:
@@ -117,17 +190,34 @@ def command_int(
     )
 
 
-def telemetry_at(vehicle: Vehicle, rate_hz: float) -> list[MAVLink_message]:
-    """SET_MESSAGE_INTERVAL for the two messages that guidance lives on."""
+def telemetry_at(
+    vehicle: Vehicle, rate_hz: float, *, estimator: int | None = None
+) -> list[MAVLink_message]:
+    """SET_MESSAGE_INTERVAL for the two messages that guidance lives on, and for what tells of their quality.
+
+    Args:
+        vehicle: the vehicle.
+        rate_hz: of position and airspeed, Hz.
+        estimator: the message in which this autopilot tells of its estimator, if that is known.
+    """
     interval_us = round(1e6 / rate_hz)
+    health_us = max(HEALTH_US, interval_us)
+    intervals = [(VFR_HUD, interval_us), (GLOBAL_POSITION_INT, interval_us)]
+    if estimator is not None:
+        intervals += [(number, health_us) for number in (SYS_STATUS, GPS_RAW_INT, estimator)]
     command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-    return [
-        command_long(vehicle, command, message_id, interval_us)
-        for message_id in (VFR_HUD, GLOBAL_POSITION_INT)
-    ]
+    return [command_long(vehicle, command, *wanted) for wanted in intervals]
 
 
 def set_mode(vehicle: Vehicle, main_mode: int, sub_mode: int = 0) -> MAVLink_message:
     """MAV_CMD_DO_SET_MODE with a custom mode."""
     custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     return command_long(vehicle, mavlink.MAV_CMD_DO_SET_MODE, custom, main_mode, sub_mode)
+
+
+def compass_degrees(course: float) -> float:
+    """Degrees in [0, 360) for an angle in radians, also after single precision has rounded them.
+
+    360 is denied; to a thousandth of a degree nothing below it rounds up to it.
+    """
+    return round(math.degrees(wrap_course(course)), 3) % 360.0

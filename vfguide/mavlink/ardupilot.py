@@ -1,20 +1,58 @@
 """ArduPlane: GUIDED mode, course, airspeed and altitude by commands that it holds until the next."""
 
-import math
 from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_course
-from vfguide.mavlink.adapter import Vehicle, command_int, set_mode, telemetry_at
-from vfguide.mavlink.arduplane_parameters import NAMES, arduplane_warnings
-from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.adapter import (
+    AutopilotSetpoint,
+    Vehicle,
+    command_int,
+    compass_degrees,
+    set_mode,
+    telemetry_at,
+)
+from vfguide.mavlink.arduplane_parameters import NAMES, arduplane_response, arduplane_warnings
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.recognition import other_autopilot
-from vfguide.mavlink.reports import ParameterReport
+from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 
 GUIDED = 15
 LOITER = 12
+
+MODES = [
+    "MANUAL",
+    "CIRCLE",
+    "STABILIZE",
+    "TRAINING",
+    "ACRO",
+    "FBWA",
+    "FBWB",
+    "CRUISE",
+    "AUTOTUNE",
+    "-",
+    "AUTO",
+    "RTL",
+    "LOITER",
+    "TAKEOFF",
+    "AVOID_ADSB",
+    "GUIDED",
+    "INITIALISING",
+    "QSTABILIZE",
+    "QHOVER",
+    "QLOITER",
+    "QLAND",
+    "QRTL",
+    "QAUTOTUNE",
+    "QACRO",
+    "THERMAL",
+    "LOITER_ALT_QLAND",
+    "AUTOLAND",
+]
+"""Names, from number 0."""
+
+HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 
 COURSE_OVER_GROUND = 0
 AIRSPEED, GROUND_SPEED = 0, 1
@@ -23,11 +61,15 @@ AIRSPEED, GROUND_SPEED = 0, 1
 class ArduPlane:
     """Adapter for ArduPlane."""
 
+    is_ready = True
+    counts_ground_stations = False
     streams_before_engaging = False
     holds_altitude = True
     keep_alive_s = 0.5
     """It holds commands for ever: repetitions are for those that were lost on the way."""
     parts_belong_together = False
+    engaged_name = "GUIDED"
+    heartbeat_shows_flight = True
     parameters = NAMES
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -39,9 +81,22 @@ class ArduPlane:
         """Anything but ArduPilot is another one."""
         return other_autopilot(autopilot, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
+    def questions(self) -> list[MAVLink_message]:
+        """Nothing: every version is steered alike."""
+        return []
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """Nothing depends on it."""
+        del report
+        return None
+
     def parameter_value(self, report: ParameterReport) -> float:
         """ArduPilot converts whole numbers to real ones."""
         return report.value
+
+    def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
+        """By GUIDED_P, TECS_TIME_CONST and its limits."""
+        return arduplane_response(parameters, needs)
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
@@ -55,9 +110,27 @@ class ArduPlane:
         """LOITER."""
         return custom_mode == LOITER
 
+    def mode_name(self, custom_mode: int) -> str:
+        """As in its manual."""
+        return MODES[custom_mode] if custom_mode < len(MODES) else f"mode {custom_mode}"
+
+    def goes_home(self, custom_mode: int) -> bool:
+        """RTL, and what lands."""
+        return self.mode_name(custom_mode) in HOMEWARD
+
+    def denies_guided(self, report: CommandReport) -> bool:
+        """Courses and altitudes fail in every other mode, and for no other reason."""
+        guided_only = {
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+            mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+        }
+        return report.command in guided_only and report.result == mavlink.MAV_RESULT_FAILED
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Position and airspeed at this rate."""
-        return telemetry_at(self._vehicle, rate_hz)
+        return telemetry_at(
+            self._vehicle, rate_hz, estimator=mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+        )
 
     def engage(self) -> list[MAVLink_message]:
         """Enter GUIDED; entering it again while in it changes nothing."""
@@ -67,7 +140,7 @@ class ArduPlane:
         """Enter LOITER."""
         return [set_mode(self._vehicle, LOITER)]
 
-    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """GUIDED_CHANGE_HEADING with a course, GUIDED_CHANGE_SPEED.
 
         The lateral acceleration is what a turn may take: 0 would be accepted and the aircraft would
@@ -79,26 +152,20 @@ class ArduPlane:
                 vehicle,
                 mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
                 COURSE_OVER_GROUND,
-                compass_degrees(course),
+                compass_degrees(setpoint.course),
                 vehicle.lateral_acceleration,
             ),
-            command_int(vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, speed),
+            command_int(
+                vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, setpoint.speed
+            ),
         ]
 
-    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """Nothing: GUIDED can be entered at any time."""
-        del course, speed
+        del setpoint
         return []
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """GUIDED_CHANGE_ALTITUDE; a climb rate of 0 leaves it to the autopilot."""
         command = mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE
         return [command_int(self._vehicle, command, altitude=altitude_amsl)]
-
-
-def compass_degrees(course: float) -> float:
-    """Degrees in [0, 360) for an angle in radians, also after single precision has rounded them.
-
-    360 is denied; to a thousandth of a degree nothing below it rounds up to it.
-    """
-    return round(math.degrees(wrap_course(course)), 3) % 360.0

@@ -7,14 +7,26 @@ import math
 from collections.abc import Mapping
 
 from vfguide.guidance.limits import GRAVITY
-from vfguide.mavlink.parameters import FlightNeeds, airspeed_warnings, bank_warning, first_known
+from vfguide.mavlink.parameters import (
+    AutopilotResponse,
+    FlightNeeds,
+    airspeed_warnings,
+    bank_warning,
+    first_known,
+)
 
 NAMES = (
-    *("FS_GCS_ENABL", "GUIDED_P", "SCHED_LOOP_RATE", "TECS_TIME_CONST"),
+    *("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT", "MAV_GCS_SYSID", "SYSID_MYGCS"),
+    *("GUIDED_P", "SCHED_LOOP_RATE", "TECS_TIME_CONST"),
     *("AIRSPEED_MIN", "AIRSPEED_MAX", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"),
     *("ROLL_LIMIT_DEG", "LIM_ROLL_CD"),
 )
 """Those that matter here; of each pair of limits the second name is the one before version 4.5."""
+
+HEARTBEAT, HEARTBEAT_OR_RADIO = 1.0, 2.0
+"""Values of FS_GCS_ENABL that cover GUIDED; 3 covers AUTO only."""
+
+SHORTEST_LONG_S, LONGEST_LONG_S = 3.0, 15.0
 
 LEAST_GUIDED_P = 10_000.0
 """Centidegrees of bank for a radian of course error: with less, a course of 30 degrees takes over 3 s."""
@@ -25,8 +37,36 @@ MOST_TECS_TIME_CONST = 3.0
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what GUIDED_P gives."""
 
+SLIP_TURN_SHARE = 0.745
+"""What a vehicle that slips turns of what its bank says, measured on the simulated plane."""
+
+BETA_TIME_CONST = 2.0
+"""beta times TECS_TIME_CONST: 1.0 1/s at 2 s was measured, and 0.45 at 5 s."""
+
 LEAST_TURN_SHARE = 0.5
 """A vehicle that slips turns at least this much of what its bank says; the simulated plane does 0.745."""
+
+
+def arduplane_response(parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
+    """How the vehicle answers, and its limits."""
+    known = dict(parameters)
+    gain, time_const = known.get("GUIDED_P", 0.0), known.get("TECS_TIME_CONST", 0.0)
+    share = SLIP_TURN_SHARE if needs.slips else 1.0
+    roll = known.get("ROLL_LIMIT_DEG", known.get("LIM_ROLL_CD", math.nan) / 100.0)
+    lowest = first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN")
+    highest = first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX")
+    return AutopilotResponse(
+        alpha=share * alpha_of(gain, needs.airspeed) if gain > 0.0 else None,
+        beta=BETA_TIME_CONST / time_const if time_const > 0.0 else None,
+        airspeed_min=None if lowest is None else lowest[1],
+        airspeed_max=None if highest is None else highest[1],
+        max_bank=math.radians(roll) if roll > 0.0 else None,
+    )
+
+
+def alpha_of(guided_p: float, airspeed: float) -> float:
+    """1/s, of coordinated turns whose bank is GUIDED_P (0.01 degrees per rad) times the course error."""
+    return math.radians(guided_p / 100.0) * GRAVITY / airspeed
 
 
 def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
@@ -36,7 +76,7 @@ def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> l
     if roll is None and "LIM_ROLL_CD" in known:
         roll = ("LIM_ROLL_CD (in degrees)", known["LIM_ROLL_CD"] / 100.0)
     return [
-        *failsafe_warning(known),
+        *failsafe_warnings(known, needs),
         *course_warnings(known, needs),
         *loop_warning(known, needs),
         *speed_warning(known),
@@ -49,16 +89,40 @@ def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> l
     ]
 
 
-def failsafe_warning(parameters: Mapping[str, float]) -> list[str]:
-    """ArduPlane holds commands that stop for ever; one fail-safe alone would notice."""
-    if parameters.get("FS_GCS_ENABL", 1.0) != 0.0:
-        return []
-    return [
-        (
-            "FS_GCS_ENABL is 0: should this companion fall silent, the aircraft flies its last course on"
-            " for ever; set it to 1, and MAV_GCS_SYSID to whose heartbeats count"
+def failsafe_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+    """ArduPlane holds commands that stop for ever: only the fail-safe for lost heartbeats notices.
+
+    In GUIDED it acts where FS_LONG_ACTN is not 0. Heartbeats count by the system that they come from, of any
+    type and component: a companion's come from the vehicle's own.
+    """
+    enabled = parameters.get("FS_GCS_ENABL", HEARTBEAT)
+    if enabled not in {HEARTBEAT, HEARTBEAT_OR_RADIO}:
+        covers = "is 0" if enabled == 0.0 else f"is {enabled:g}, which leaves GUIDED out"
+        return [
+            (
+                f"FS_GCS_ENABL {covers}: should this companion fall silent, the aircraft flies its last"
+                f" course on for ever; set it to 1, MAV_GCS_SYSID to {needs.system_id}, FS_LONG_ACTN to 1:"
+                " silence then leads to RTL, out of a pilot's MANUAL and FBWA too"
+            )
+        ]
+    warnings = []
+    station = first_known(dict(parameters), "MAV_GCS_SYSID", "SYSID_MYGCS")
+    if station is not None and station[1] != needs.system_id:
+        warnings.append(
+            f"{station[0]} is {station[1]:g}: a ground station's heartbeats keep the fail-safe off after this"
+            f" companion has fallen silent; set it to {needs.system_id}, the vehicle's own system"
         )
-    ]
+    if parameters.get("FS_LONG_ACTN", 1.0) == 0.0:
+        warnings.append(
+            "FS_LONG_ACTN is 0: should this companion fall silent, GUIDED goes on; set it to 1 for RTL"
+        )
+    after_s = parameters.get("FS_LONG_TIMEOUT", SHORTEST_LONG_S)
+    if not SHORTEST_LONG_S <= after_s <= LONGEST_LONG_S:
+        warnings.append(
+            f"FS_LONG_TIMEOUT is {after_s:g} s: a companion that starts anew needs {SHORTEST_LONG_S:g}, and"
+            f" after {LONGEST_LONG_S:g} a formation is torn; set it to 5"
+        )
+    return warnings
 
 
 def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
@@ -66,7 +130,7 @@ def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list
     gain = parameters.get("GUIDED_P")
     if gain is None:
         return []
-    alpha = math.radians(gain / 100.0) * GRAVITY / needs.airspeed
+    alpha = alpha_of(gain, needs.airspeed)
     warnings = []
     if gain < LEAST_GUIDED_P:
         warnings.append(

@@ -12,11 +12,17 @@ from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
+    EstimatorReport,
+    GpsReport,
     HeartbeatReport,
+    LandedReport,
     ParameterReport,
     PositionReport,
     Report,
+    SensorsReport,
     TextReport,
+    TimeReport,
+    VersionReport,
 )
 from vfguide.mavlink.signing import Signing
 
@@ -73,12 +79,24 @@ def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
         autopilot=message.autopilot,
         custom_mode=message.custom_mode,
         armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        status=message.system_status,
     )
+
+
+def landed_report(message: MAVLink_message) -> LandedReport:
+    """EXTENDED_SYS_STATE."""
+    return LandedReport(state=message.landed_state)
 
 
 def command_report(message: MAVLink_message) -> CommandReport:
     """COMMAND_ACK."""
     return CommandReport(command=message.command, result=message.result)
+
+
+def version_report(message: MAVLink_message) -> VersionReport:
+    """AUTOPILOT_VERSION: major and minor are the two upper bytes of the firmware's version."""
+    version = message.flight_sw_version
+    return VersionReport(major=version >> 24, minor=version >> 16 & 0xFF)
 
 
 def text_report(message: MAVLink_message) -> TextReport:
@@ -98,13 +116,58 @@ def parameter_report(message: MAVLink_message) -> ParameterReport | None:
     return ParameterReport(name=name, value=value, whole=whole)
 
 
+def time_report(message: MAVLink_message) -> TimeReport | None:
+    """TIMESYNC, or None where it is a question."""
+    if message.tc1 == 0:
+        return None
+    return TimeReport(stamp=message.ts1, autopilot_ns=message.tc1)
+
+
+def gps_report(message: MAVLink_message) -> GpsReport:
+    """GPS_RAW_INT; an accuracy of 0 is one that the receiver does not tell."""
+    millimetres = message.h_acc
+    return GpsReport(
+        fix_type=message.fix_type, accuracy=millimetres * 1e-3 if millimetres else None
+    )
+
+
+def estimator_report(message: MAVLink_message) -> EstimatorReport:
+    """EKF_STATUS_REPORT or ESTIMATOR_STATUS, whose flags have the same values up to 512.
+
+    The flag of a position that is held constant says nothing: PX4 1.18 shows it of every aircraft at rest;
+    ArduPilot takes back the flag of the position with it.
+    """
+    flags = message.flags
+    return EstimatorReport(
+        has_position=bool(flags & mavlink.ESTIMATOR_POS_HORIZ_ABS),
+        has_velocity=bool(flags & mavlink.ESTIMATOR_VELOCITY_HORIZ),
+    )
+
+
+def sensors_report(message: MAVLink_message) -> SensorsReport:
+    """SYS_STATUS."""
+    expected = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    failing = expected & ~message.onboard_control_sensors_health
+    return SensorsReport(
+        gps=not failing & mavlink.MAV_SYS_STATUS_SENSOR_GPS,
+        attitude=not failing & mavlink.MAV_SYS_STATUS_AHRS,
+    )
+
+
 REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position_report,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: airspeed_report,
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat_report,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: landed_report,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: command_report,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT: text_report,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: version_report,
     mavlink.MAVLINK_MSG_ID_PARAM_VALUE: parameter_report,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: time_report,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: gps_report,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: estimator_report,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_report,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: sensors_report,
 }
 """What is listened to. Everything else is passed over and counted."""
 

@@ -16,6 +16,7 @@ from typing import Protocol
 from vfguide.errors import InputError
 from vfguide.mavlink.address import Address, NetworkAddress, SerialAddress, Transport
 from vfguide.mavlink.datagram import UdpCaller, open_udp_port
+from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.mavsdk import MavsdkChannel
 from vfguide.mavlink.reconnecting import ReconnectingStream
 from vfguide.mavlink.serial_port import dial_serial
@@ -89,7 +90,12 @@ class OpenConnection:
 
 @asynccontextmanager
 async def open_connection(
-    address: Address, receive: Receive, *, random: Random, by_mavsdk: bool = False
+    address: Address,
+    receive: Receive,
+    *,
+    random: Random,
+    by_mavsdk: bool = False,
+    introduction: Introduction | None = None,
 ) -> AsyncIterator[Connection]:
     """Connect to an autopilot, for as long as the context lasts.
 
@@ -101,12 +107,16 @@ async def open_connection(
         receive: called from the event loop with whole frames, as they come; it must not raise.
         random: keeps companions that lost the same peer from coming back in step.
         by_mavsdk: whether MAVSDK keeps the connection.
+        introduction: by which a sender at a UDP port becomes the peer; any MAVLink if absent.
 
     Raises:
         InputError: this computer cannot listen at the address, or has no MAVSDK.
     """
     status = Status(address)
-    async with channel_of(address, receive, status, random, by_mavsdk=by_mavsdk) as channel:
+    opening = channel_of(
+        address, receive, status, random, by_mavsdk=by_mavsdk, introduction=introduction
+    )
+    async with opening as channel:
         try:
             yield OpenConnection(channel, status)
         finally:
@@ -114,7 +124,13 @@ async def open_connection(
 
 
 def channel_of(
-    address: Address, receive: Receive, status: Status, random: Random, *, by_mavsdk: bool
+    address: Address,
+    receive: Receive,
+    status: Status,
+    random: Random,
+    *,
+    by_mavsdk: bool,
+    introduction: Introduction | None,
 ) -> AbstractAsyncContextManager[Channel]:
     """What opens and closes a channel of the kind that the address asks for."""
     if by_mavsdk:
@@ -124,7 +140,7 @@ def channel_of(
         return running(ReconnectingStream(dial, receive, status, random), status)
     match address.transport:
         case Transport.UDP_IN:
-            return listening(address, open_udp_port(address, receive, status))
+            return listening(address, open_udp_port(address, receive, status, introduction))
         case Transport.UDP_OUT:
             return running(UdpCaller(address, receive, status, random), status)
         case Transport.TCP_IN:

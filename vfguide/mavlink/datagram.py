@@ -1,4 +1,4 @@
-"""UDP: waiting at a port for whoever speaks, or speaking first to one host."""
+"""UDP: waiting at a port for an autopilot, or speaking first to one host."""
 
 import asyncio
 import select
@@ -10,6 +10,7 @@ from typing import cast
 
 from vfguide.backoff import retry_delay
 from vfguide.mavlink.address import NetworkAddress
+from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.status import Status, reason_of
 from vfguide.mavlink.udp_peer import Endpoint, UdpPeer
 
@@ -23,13 +24,11 @@ RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
 class UdpSocket(asyncio.DatagramProtocol):
     """One socket and its peer."""
 
-    def __init__(
-        self, receive: Callable[[bytes], None], status: Status, given: Endpoint | None = None
-    ) -> None:
+    def __init__(self, receive: Callable[[bytes], None], status: Status, peer: UdpPeer) -> None:
         self._loop = asyncio.get_running_loop()
         self._receive = receive
         self._status = status
-        self._peer = UdpPeer(given)
+        self._peer = peer
         self._transport: asyncio.DatagramTransport | None = None
         self._poll = select.poll()
         self.lost: asyncio.Future[None] = self._loop.create_future()
@@ -47,11 +46,13 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Endpoint) -> None:
         """Hand on what the peer says, at once."""
-        before = self._peer.endpoint
+        before, rival = self._peer.endpoint, self._peer.rival
         if len(data) > LARGEST_DATAGRAM:
             self._status.counters["oversized datagrams"] += 1
         elif not self._peer.admits(addr, data, self._loop.time()):
             self._status.counters["datagrams of strangers"] += 1
+            if self._peer.rival not in {None, rival}:
+                self._status.warn(f"{addr[0]} port {addr[1]} says that it is this vehicle, too")
         else:
             if self._peer.endpoint != before:
                 self._report()
@@ -94,16 +95,22 @@ class UdpSocket(asyncio.DatagramProtocol):
 
 @asynccontextmanager
 async def open_udp_port(
-    address: NetworkAddress, receive: Callable[[bytes], None], status: Status
+    address: NetworkAddress,
+    receive: Callable[[bytes], None],
+    status: Status,
+    introduction: Introduction | None,
 ) -> AsyncIterator[UdpSocket]:
-    """Wait at a port of this computer.
+    """Wait at a port of this computer; without an introduction for anybody who speaks MAVLink.
 
     Raises:
         OSError: this computer does not let it.
     """
     loop = asyncio.get_running_loop()
+    peer = UdpPeer()
+    if introduction is not None:
+        peer = UdpPeer(introduces=introduction.is_given_by, silence_s=introduction.silence_s)
     _, port = await loop.create_datagram_endpoint(
-        lambda: UdpSocket(receive, status), local_addr=(address.host, address.port)
+        lambda: UdpSocket(receive, status, peer), local_addr=(address.host, address.port)
     )
     try:
         yield port
@@ -151,7 +158,7 @@ class UdpCaller:
     async def _speak(self) -> None:
         loop = asyncio.get_running_loop()
         family, host = await self._find(loop)
-        self._socket = peer = UdpSocket(self._receive, self._status, host)
+        self._socket = peer = UdpSocket(self._receive, self._status, UdpPeer(host))
         try:
             await loop.create_datagram_endpoint(lambda: peer, family=family)
             await asyncio.shield(peer.lost)

@@ -5,12 +5,17 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle, telemetry_at
+from vfguide.mavlink.adapter import (
+    AutopilotAdapter,
+    AutopilotSetpoint,
+    Vehicle,
+    telemetry_at,
+)
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.recognition import autopilot_name
-from vfguide.mavlink.reports import ParameterReport
+from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 
 ADAPTERS: dict[int, Callable[[Vehicle], AutopilotAdapter]] = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPlane,
@@ -25,6 +30,16 @@ class DetectedAutopilot:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._found: AutopilotAdapter | None = None
+
+    @property
+    def is_ready(self) -> bool:
+        """As the one that was found; never before."""
+        return self._found is not None and self._found.is_ready
+
+    @property
+    def counts_ground_stations(self) -> bool:
+        """As the one that was found."""
+        return self._found is not None and self._found.counts_ground_stations
 
     @property
     def streams_before_engaging(self) -> bool:
@@ -47,6 +62,16 @@ class DetectedAutopilot:
         return self._found is None or self._found.parts_belong_together
 
     @property
+    def engaged_name(self) -> str:
+        """As the one that was found."""
+        return "the guided mode" if self._found is None else self._found.engaged_name
+
+    @property
+    def heartbeat_shows_flight(self) -> bool:
+        """As the one that was found."""
+        return self._found is not None and self._found.heartbeat_shows_flight
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """As the one that was found."""
         return () if self._found is None else self._found.parameters
@@ -63,9 +88,22 @@ class DetectedAutopilot:
         self._found = make(self._vehicle)
         return None
 
+    def questions(self) -> list[MAVLink_message]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.questions()
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """As the one that was found."""
+        return None if self._found is None else self._found.hear(report)
+
     def parameter_value(self, report: ParameterReport) -> float:
         """As the one that was found."""
         return report.value if self._found is None else self._found.parameter_value(report)
+
+    def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
+        """As the one that was found."""
+        found = self._found
+        return AutopilotResponse() if found is None else found.response(parameters, needs)
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """As the one that was found."""
@@ -79,6 +117,18 @@ class DetectedAutopilot:
         """As the one that was found; never before."""
         return self._found is not None and self._found.is_handed_back(custom_mode)
 
+    def mode_name(self, custom_mode: int) -> str:
+        """As the one that was found; a number before."""
+        return f"mode {custom_mode}" if self._found is None else self._found.mode_name(custom_mode)
+
+    def goes_home(self, custom_mode: int) -> bool:
+        """As the one that was found; never before."""
+        return self._found is not None and self._found.goes_home(custom_mode)
+
+    def denies_guided(self, report: CommandReport) -> bool:
+        """As the one that was found; never before."""
+        return self._found is not None and self._found.denies_guided(report)
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """All autopilots understand this alike."""
         return telemetry_at(self._vehicle, rate_hz)
@@ -91,13 +141,13 @@ class DetectedAutopilot:
         """As the one that was found."""
         return [] if self._found is None else self._found.hand_back()
 
-    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """As the one that was found."""
-        return [] if self._found is None else self._found.fly(course, speed)
+        return [] if self._found is None else self._found.fly(setpoint)
 
-    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """As the one that was found."""
-        return [] if self._found is None else self._found.stay_ready(course, speed)
+        return [] if self._found is None else self._found.stay_ready(setpoint)
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """As the one that was found."""

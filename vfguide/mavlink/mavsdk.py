@@ -1,11 +1,13 @@
-"""A connection that MAVSDK keeps: frames in and out, velocities and modes by its offboard plugin.
+"""A connection that MAVSDK keeps: frames in and out, setpoints of offboard and modes by its plugins.
 
 The companion is the same as on a connection of our own and speaks PX4's messages. What MAVSDK has a call for
 goes by that call; the rest goes through as it is. What arrives is handed on as frames again.
 
-MAVSDK repeats the last velocity every 50 ms from a thread of its own, also while this process hangs: the
-autopilot's fail-safe then sees a stream that is alive. A watchdog here ends the offboard mode when velocities
-stop coming, which helps against everything but a process that hangs. Prefer `autopilot: px4` for flight.
+Guided Course has no call: its commands go by MavlinkDirect, and so does the heartbeat of a ground station.
+In offboard MAVSDK repeats the last setpoint every 50 ms from a thread of its own, also while this process
+hangs: the autopilot's fail-safe then sees a stream that is alive. A watchdog here ends the offboard mode when
+setpoints stop coming, which helps against everything but a process that hangs. Prefer `autopilot: px4` for
+flight in offboard.
 
 Whatever ends a MAVSDK is followed by another one. MAVSDK opens a serial port that was unplugged never again
 and says nothing of it: one that hears nothing is ended here.
@@ -32,7 +34,7 @@ from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.framing import frames_of
-from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD
+from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
 from vfguide.mavlink.status import Status, reason_of
 
 logger = logging.getLogger(__name__)
@@ -47,7 +49,7 @@ WATCH_S = 0.25
 """Between looks of the watchdog."""
 
 SILENCE_S = 1.0
-"""Velocities that stop for longer than this end the offboard mode."""
+"""Setpoints of offboard that stop for longer than this end it."""
 
 MISTAKES = frozenset({"BIND_ERROR", "CONNECTION_URL_INVALID", "BAUDRATE_UNKNOWN"})
 """What MAVSDK says of an address that will not do. Anything else, such as a missing device, may pass."""
@@ -56,9 +58,15 @@ HEARD: dict[str, type[MAVLink_message]] = {
     "GLOBAL_POSITION_INT": mavlink.MAVLink_global_position_int_message,
     "VFR_HUD": mavlink.MAVLink_vfr_hud_message,
     "HEARTBEAT": mavlink.MAVLink_heartbeat_message,
+    "EXTENDED_SYS_STATE": mavlink.MAVLink_extended_sys_state_message,
     "COMMAND_ACK": mavlink.MAVLink_command_ack_message,
     "STATUSTEXT": mavlink.MAVLink_statustext_message,
     "PARAM_VALUE": mavlink.MAVLink_param_value_message,
+    "TIMESYNC": mavlink.MAVLink_timesync_message,
+    "SYS_STATUS": mavlink.MAVLink_sys_status_message,
+    "GPS_RAW_INT": mavlink.MAVLink_gps_raw_int_message,
+    "ESTIMATOR_STATUS": mavlink.MAVLink_estimator_status_message,
+    "AUTOPILOT_VERSION": mavlink.MAVLink_autopilot_version_message,
 }
 """What companions listen to, by the name that MAVSDK gives it."""
 
@@ -95,7 +103,7 @@ class Plugins:
     direct: Any
     """Messages as they are."""
     offboard: Any
-    """Velocities, and the offboard mode."""
+    """Setpoints of offboard, and its mode."""
     action: Any
     """Hold."""
     own: tuple[int, int]
@@ -133,7 +141,7 @@ class MavsdkChannel:
         self._packer = MAVLink(None)
         self._parser = MAVLink(None)
         self._plugins: Plugins | None = None
-        self._velocity_time = math.inf
+        self._setpoint_time = math.inf
         self._heard_time = -math.inf
         self._offboard = self._opened = False
 
@@ -215,12 +223,12 @@ class MavsdkChannel:
 
     def _watch(self, plugins: Plugins) -> None:
         """End the offboard mode when nobody steers any more."""
-        if time.monotonic() - self._velocity_time <= SILENCE_S:
+        if time.monotonic() - self._setpoint_time <= SILENCE_S:
             return
-        self._velocity_time = math.inf
-        # MAVSDK takes offboard for active as soon as it has a velocity, whoever flies.
+        self._setpoint_time = math.inf
+        # MAVSDK takes offboard for active as soon as it has a setpoint, whoever flies.
         if self._offboard and plugins.offboard.is_active():
-            logger.warning("velocities have stopped: MAVSDK is told to end offboard")
+            logger.warning("setpoints have stopped: MAVSDK is told to end offboard")
             plugins.offboard.stop_async(ignored)
 
     def _hear(self, heard: Heard, _user_data: object) -> None:
@@ -255,17 +263,20 @@ class MavsdkChannel:
 
     def _say(self, plugins: Plugins, message: MAVLink_message) -> None:
         """One message of the companion, by MAVSDK's own call where there is one."""
-        mode = wanted_mode(message)
-        if message.get_type() == "HEARTBEAT":
+        mode, name = wanted_mode(message), message.get_type()
+        if name == "HEARTBEAT" and message.type != mavlink.MAV_TYPE_GCS:
             return
         try:
-            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-                self._velocity_time = time.monotonic()
+            if name == "SET_POSITION_TARGET_LOCAL_NED":
+                self._setpoint_time = time.monotonic()
                 plugins.offboard.set_velocity_ned(velocity_of(message))
-            elif mode == MAIN_MODE_OFFBOARD:
+            elif name == "SET_POSITION_TARGET_GLOBAL_INT":
+                self._setpoint_time = time.monotonic()
+                plugins.offboard.set_position_global(position_of(message))
+            elif mode == (MAIN_MODE_OFFBOARD, 0):
                 plugins.offboard.start_async(ignored)
-            elif mode == MAIN_MODE_AUTO:
-                self._velocity_time = math.inf
+            elif mode == (MAIN_MODE_AUTO, SUB_MODE_LOITER):
+                self._setpoint_time = math.inf
                 plugins.action.hold_async(ignored)
             else:
                 plugins.direct.send_message(direct_message(message))
@@ -348,8 +359,15 @@ def velocity_of(message: MAVLink_message) -> object:
     return kind(message.vx, message.vy, message.vz, course)
 
 
-def wanted_mode(message: MAVLink_message) -> int | None:
-    """PX4's main mode that a message asks for, or None."""
+def position_of(message: MAVLink_message) -> object:
+    """A position setpoint as MAVSDK wants it; the yaw, which a fixed wing ignores, is north."""
+    kind = import_module("mavsdk.plugins.offboard").PositionGlobalYaw
+    above_sea = kind.AltitudeType.AMSL
+    return kind(message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt, 0.0, above_sea)
+
+
+def wanted_mode(message: MAVLink_message) -> tuple[int, int] | None:
+    """PX4's main and sub mode that a message asks for, or None."""
     if getattr(message, "command", None) != mavlink.MAV_CMD_DO_SET_MODE:
         return None
-    return int(message.param2)
+    return int(message.param2), int(message.param3)

@@ -24,8 +24,26 @@ class FlightNeeds:
     """Course response that the laws count on, 1/s."""
     rate_hz: float
     """Position reports that will be asked for, per second."""
+    system_id: int
+    """MAVLink system of vehicle and companion."""
     slips: bool = False
     """Whether it turns less than its bank says."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotResponse:
+    """How an autopilot flies, by its own parameters; None where they do not tell."""
+
+    alpha: float | None = None
+    """Course response, 1/s."""
+    beta: float | None = None
+    """Speed response, 1/s."""
+    airspeed_min: float | None = None
+    """m/s."""
+    airspeed_max: float | None = None
+    """m/s."""
+    max_bank: float | None = None
+    """rad."""
 
 
 def request_parameters(

@@ -1,123 +1,254 @@
-"""PX4, fixed wing: offboard mode, the course as a velocity setpoint, the speed as a command.
+"""PX4, fixed wing: how it is steered is decided by its version, and by whether it takes Guided Course.
 
-What a fixed wing makes of a velocity setpoint (PX4 1.14 to 1.17, its fixed-wing mode manager):
+Measured on PX4 1.18.0-beta1 in software (simulated airplane, 20 commands a second); the ways, and what is
+known of other versions, are told in `px4_steering`.
 
-- the course is that of the north and east velocity; their length is ignored;
-- all three velocities have to be finite, or the setpoint is none;
-- the third is taken for a rate of climb without a change of sign, although the message counts it down: 0 is
-  the one value that every version understands, and it locks the altitude at which offboard was entered;
-- each setpoint cancels the airspeed that was commanded before it: the command has to follow each of them.
+| | course | lag behind a ramp of 6 degrees a second | airspeed |
+|---|---|---|---|
+| Guided Course | within 0.6 degrees | 1.20 s | by 178 |
+| position ahead | within 0.5 degrees | 1.09 s | by 178, after each position |
+
+- Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM.
+- Airspeed: 0.1 1/s with default parameters; 0.6 with FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX those
+  of the aircraft and FW_T_TAS_TC 2. 178 accepts everything, NaN and 99 m/s too. Height within 1 m.
+- A companion that dies in Guided Course leaves an aircraft that flies on. Heartbeats of companions are not
+  counted, those of ground stations are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the
+  companion sends such a heartbeat beside its own, except while a pilot flies.
+- Offboard: COM_OBL_RC_ACT 1.7 s after the last setpoint. Its default 0 is a return to the launch without a
+  remote control; 5 loiters.
+- A mode that PX4 does not have is answered with TEMPORARILY_REJECTED.
 """
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.mavlink.adapter import Vehicle, command_long, set_mode, telemetry_at
-from vfguide.mavlink.parameters import FlightNeeds
+from vfguide.mavlink.adapter import (
+    AutopilotSetpoint,
+    Px4Steering,
+    Vehicle,
+    command_long,
+    set_mode,
+    telemetry_at,
+)
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.px4_parameters import NAMES, px4_warnings
+from vfguide.mavlink.px4_steering import (
+    MAIN_MODE_AUTO,
+    SUB_MODE_LOITER,
+    GuidedCourse,
+    PositionAhead,
+    Steering,
+    VelocityAlong,
+)
 from vfguide.mavlink.recognition import other_autopilot
-from vfguide.mavlink.reports import ParameterReport
+from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 
-MAIN_MODE_AUTO, SUB_MODE_LOITER = 4, 3
-MAIN_MODE_OFFBOARD = 6
+STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
+    "guided-course": GuidedCourse,
+    "position": PositionAhead,
+    "velocity": VelocityAlong,
+}
+"""By the mission's words for them."""
 
-IGNORE_POSITION = 0b111
-IGNORE_ACCELERATION = 0b111 << 6
-IGNORE_YAW = 0b1 << 10
-IGNORE_YAW_RATE = 0b1 << 11
-VELOCITY_ONLY = IGNORE_POSITION | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
-"""Set exactly: PX4 ignores a field only where its bit says so."""
+MAIN_MODES = {
+    1: "MANUAL",
+    2: "ALTITUDE",
+    3: "POSITION",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    9: "SIMPLE",
+    10: "TERMINATION",
+}
+AUTO_MODES = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "HOLD",
+    4: "MISSION",
+    5: "RETURN",
+    6: "LAND",
+    8: "FOLLOW",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+    19: "GUIDED_COURSE",
+}
+"""Names as ground stations show them."""
 
-AIRSPEED, GROUND_SPEED = 0, 1
-KEEP_THROTTLE = -1.0
+HOMEWARD = frozenset({"RETURN", "LAND", "PRECLAND", "TERMINATION"})
+
+TRIES = 4
+"""How often the version is asked for, once a second."""
+
+REFUSALS = 3
+"""Of Guided Course in a row, once a second, before it is taken for a mode that this PX4 does not have."""
 
 
 class Px4:
     """Adapter for PX4."""
 
-    streams_before_engaging = True
-    holds_altitude = False
-    keep_alive_s = 0.2
-    """Offboard ends when the stream is slower than 2 Hz; a radio may lose one of two."""
-    parts_belong_together = True
+    heartbeat_shows_flight = False
+    """It is ACTIVE as soon as it is armed."""
     parameters = NAMES
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._speed_type = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
+        self._steering: Steering | None = None
+        self._tries = self._refusals = 0
+        if vehicle.px4_steering != "auto":
+            self._steering = STEERINGS[vehicle.px4_steering](vehicle)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether its version is known, or will not be told."""
+        return self._steering is not None
+
+    @property
+    def counts_ground_stations(self) -> bool:
+        """In Guided Course."""
+        return self._steering is not None and self._steering.counts_ground_stations
+
+    @property
+    def streams_before_engaging(self) -> bool:
+        """For offboard."""
+        return self._steering is None or self._steering.streams_before_engaging
+
+    @property
+    def holds_altitude(self) -> bool:
+        """Not by velocities."""
+        return self._steering is None or self._steering.holds_altitude
+
+    @property
+    def keep_alive_s(self) -> float:
+        """As long as this way of steering bears, s."""
+        return 0.0 if self._steering is None else self._steering.keep_alive_s
+
+    @property
+    def parts_belong_together(self) -> bool:
+        """In offboard."""
+        return self._steering is None or self._steering.parts_belong_together
+
+    @property
+    def engaged_name(self) -> str:
+        """Of the mode that it is steered in."""
+        if self._steering is None:
+            return "its guided mode"
+        return self.mode_name(self._steering.main_mode << 16 | self._steering.sub_mode << 24)
 
     def recognise(self, autopilot: int) -> str | None:
         """Anything but PX4 is another one."""
         return other_autopilot(autopilot, mavlink.MAV_AUTOPILOT_PX4)
 
+    def questions(self) -> list[MAVLink_message]:
+        """Its version, until it is known; one that does not tell it is steered as most can be."""
+        if self._steering is not None:
+            return []
+        if self._tries >= TRIES:
+            self._steering = PositionAhead(self._vehicle)
+            return []
+        self._tries += 1
+        wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        return [command_long(self._vehicle, mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)]
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """Choose the steering by the version, and again when Guided Course is refused."""
+        if isinstance(report, VersionReport):
+            if self._steering is not None:
+                return None
+            self._steering = STEERINGS[steering_of(report)](self._vehicle)
+            return f"PX4 {report.major}.{report.minor}: {steering_sentence(self._steering)}"
+        if report.command != mavlink.MAV_CMD_DO_SET_MODE:
+            return None
+        accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
+        self._refusals = 0 if accepted else self._refusals + 1
+        chosen = self._vehicle.px4_steering == "auto"
+        in_course = isinstance(self._steering, GuidedCourse)
+        if self._refusals < REFUSALS or not (chosen and in_course):
+            return None
+        self._steering = PositionAhead(self._vehicle)
+        return f"Guided Course is refused: {steering_sentence(self._steering)}"
+
     def parameter_value(self, report: ParameterReport) -> float:
         """PX4 puts the bytes of whole numbers into the field of a real one."""
         return report.value if report.whole is None else float(report.whole)
 
+    def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
+        """Nothing yet: what is declared counts."""
+        del parameters, needs
+        return AutopilotResponse()
+
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
-        return px4_warnings(parameters, needs)
+        stops_by = None if self._steering is None else self._steering.stops_by
+        return px4_warnings(parameters, needs, stops_by)
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """Offboard: the main mode is the third byte of the custom mode."""
-        return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
+        """Guided Course or offboard, whichever it is steered in."""
+        return self._steering is not None and self._steering.is_engaged(custom_mode)
 
     def is_handed_back(self, custom_mode: int) -> bool:
         """Hold: main mode auto, sub mode loiter."""
         return custom_mode >> 16 == SUB_MODE_LOITER << 8 | MAIN_MODE_AUTO
 
+    def mode_name(self, custom_mode: int) -> str:
+        """The main mode is the third byte, the sub mode the fourth."""
+        main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
+        names, number = (AUTO_MODES, sub) if main == MAIN_MODE_AUTO else (MAIN_MODES, main)
+        return names.get(number, f"mode {main}/{sub}")
+
+    def goes_home(self, custom_mode: int) -> bool:
+        """Return, and what lands."""
+        return self.mode_name(custom_mode) in HOMEWARD
+
+    def denies_guided(self, report: CommandReport) -> bool:
+        """A course is denied outside Guided Course; setpoints of offboard are not answered."""
+        command = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING
+        denied = report.command == command and report.result == mavlink.MAV_RESULT_DENIED
+        return denied and isinstance(self._steering, GuidedCourse)
+
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Position and airspeed at this rate."""
-        return telemetry_at(self._vehicle, rate_hz)
+        return telemetry_at(
+            self._vehicle, rate_hz, estimator=mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
+        )
 
     def engage(self) -> list[MAVLink_message]:
-        """Enter offboard; refused unless setpoints are already arriving."""
-        return [set_mode(self._vehicle, MAIN_MODE_OFFBOARD)]
+        """Enter the mode; offboard is refused unless setpoints are already arriving."""
+        steering = self._steering
+        return (
+            []
+            if steering is None
+            else [set_mode(self._vehicle, steering.main_mode, steering.sub_mode)]
+        )
 
     def hand_back(self) -> list[MAVLink_message]:
         """Enter hold, PX4's loiter."""
         return [set_mode(self._vehicle, MAIN_MODE_AUTO, SUB_MODE_LOITER)]
 
-    def fly(self, course: float, speed: float) -> list[MAVLink_message]:
-        """A velocity along the course, whose length is ignored, and then the speed by DO_CHANGE_SPEED."""
-        return [
-            self._velocity(course, speed),
-            command_long(
-                self._vehicle,
-                mavlink.MAV_CMD_DO_CHANGE_SPEED,
-                self._speed_type,
-                speed,
-                KEEP_THROTTLE,
-            ),
-        ]
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """As it is steered."""
+        return [] if self._steering is None else self._steering.fly(setpoint)
 
-    def stay_ready(self, course: float, speed: float) -> list[MAVLink_message]:
-        """The stream of setpoints without which offboard cannot be entered, by the pilot neither.
-
-        PX4 ignores them in every other mode. The speed command is left out: that one it would obey.
-        """
-        return [self._velocity(course, speed)]
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """The stream of setpoints without which offboard cannot be entered, by the pilot neither."""
+        return [] if self._steering is None else self._steering.stay_ready(setpoint)
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Nothing: velocity setpoints keep the altitude at which offboard was entered."""
-        del altitude_amsl
-        return []
+        """As it is steered."""
+        return [] if self._steering is None else self._steering.hold_altitude(altitude_amsl)
 
-    def _velocity(self, course: float, speed: float) -> MAVLink_message:
-        """SET_POSITION_TARGET_LOCAL_NED with a velocity and nothing else."""
-        vehicle = self._vehicle
-        velocity = (speed * math.cos(course), speed * math.sin(course), 0.0)
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            0,
-            vehicle.system_id,
-            vehicle.component_id,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            VELOCITY_ONLY,
-            *(0.0, 0.0, 0.0),
-            *velocity,
-            *(0.0, 0.0, 0.0),
-            *(0.0, 0.0),
-        )
+
+def steering_of(version: VersionReport) -> Px4Steering:
+    """How a version is steered; one that does not know itself (0) by positions, which most understand."""
+    number = (version.major, version.minor)
+    if number >= (1, 18):
+        return "guided-course"
+    return "velocity" if (0, 0) < number <= (1, 14) else "position"
+
+
+def steering_sentence(steering: Steering) -> str:
+    """What an operator has to know of it."""
+    silent = "it and every ground station fall" if steering.counts_ground_stations else "it falls"
+    return f"this companion steers {steering.name}; should {silent} silent, {steering.stops_by} decides"

@@ -41,6 +41,16 @@ class HeartbeatReport:
     """Mode, in the autopilot's own numbers."""
     armed: bool
     """Whether the motors are armed."""
+    status: int
+    """MAV_STATE: ArduPlane is ACTIVE only while it flies, both are CRITICAL in a fail-safe."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LandedReport:
+    """EXTENDED_SYS_STATE."""
+
+    state: int
+    """MAV_LANDED_STATE."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +61,16 @@ class CommandReport:
     """MAV_CMD."""
     result: int
     """MAV_RESULT."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VersionReport:
+    """AUTOPILOT_VERSION."""
+
+    major: int
+    """Of the autopilot's firmware; 0 where it does not know."""
+    minor: int
+    """Of the autopilot's firmware."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +95,57 @@ class ParameterReport:
     """The value field's bytes as a whole number, where the type is one: what PX4 means then."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeReport:
+    """TIMESYNC, the answer to a question."""
+
+    stamp: int
+    """The asker's own, ns."""
+    autopilot_ns: int
+    """The autopilot's clock when it answered, ns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GpsReport:
+    """GPS_RAW_INT."""
+
+    fix_type: int
+    """GPS_FIX_TYPE."""
+    accuracy: float | None
+    """Horizontal, m; None where the receiver does not say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorReport:
+    """EKF_STATUS_REPORT (ArduPilot) or ESTIMATOR_STATUS (PX4)."""
+
+    has_position: bool
+    """Whether it knows the horizontal position on earth."""
+    has_velocity: bool
+    """Whether it knows the horizontal velocity."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorsReport:
+    """SYS_STATUS: whether what is present and enabled is healthy."""
+
+    gps: bool
+    """The receiver."""
+    attitude: bool
+    """Attitude and heading reference."""
+
+
 Report = (
-    PositionReport | AirspeedReport | HeartbeatReport | CommandReport | TextReport | ParameterReport
+    PositionReport
+    | AirspeedReport
+    | HeartbeatReport
+    | LandedReport
+    | CommandReport
+    | TextReport
+    | ParameterReport
+    | TimeReport
+    | GpsReport
+    | EstimatorReport
+    | SensorsReport
+    | VersionReport
 )

@@ -1,7 +1,7 @@
 """Setpoints that change nothing are not sent again, except now and then in case one was lost."""
 
-import math
 from collections.abc import Sequence
+from math import isfinite
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -57,8 +57,8 @@ def kind_of(message: MAVLink_message) -> Kind:
 
 def content_of(message: MAVLink_message) -> Content:
     """The fields of a message, as finely as they matter."""
-    values = (getattr(message, name) for name in message.get_fieldnames())
-    return tuple(
-        round(value, DIGITS) if isinstance(value, float) and math.isfinite(value) else value
-        for value in values
-    )
+    content = []
+    for name in message.fieldnames:
+        value = getattr(message, name)
+        content.append(round(value, DIGITS) if type(value) is float and isfinite(value) else value)
+    return tuple(content)

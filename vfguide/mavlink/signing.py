@@ -62,20 +62,24 @@ class Signing:
 
     def accepts(self, frame: Frame) -> bool:
         """Whether a frame is signed with the key, and newer than those before it in its stream."""
+        if not self.vouches_for(frame):
+            return False
+        stamp, stream = stamp_and_stream(frame)
+        self._streams[stream] = stamp
+        self._newest = max(self._newest, stamp)
+        return True
+
+    def vouches_for(self, frame: Frame) -> bool:
+        """The same, without taking the frame: it may be accepted afterwards."""
         content = frame.content
         if content[0] != MAGIC_2 or not content[2] & SIGNED:
             return False
         digest = hashlib.sha256(self._key + content[: DIGEST.start]).digest()[:6]
         if not hmac.compare_digest(digest, content[DIGEST]):
             return False
-        stamp = int.from_bytes(content[TIME_STAMP], "little")
-        stream = (frame.system_id, frame.component_id, content[-SIGNATURE])
+        stamp, stream = stamp_and_stream(frame)
         last = self._streams.get(stream)
-        if stamp <= (self._now() - PATIENCE if last is None else last):
-            return False
-        self._streams[stream] = stamp
-        self._newest = max(self._newest, stamp)
-        return True
+        return stamp > (self._now() - PATIENCE if last is None else last)
 
     def prepare(self, encoder: MAVLink) -> None:
         """Let an encoder sign what it packs next, at this end's time."""
@@ -88,3 +92,10 @@ class Signing:
         """Time in the units of time stamps: the clock's, or that of the newest packet heard."""
         units = round((self._clock() - EPOCH_S) * UNITS_PER_S)
         return max(self._newest, min(max(units, 0), LATEST))
+
+
+def stamp_and_stream(frame: Frame) -> tuple[int, tuple[int, int, int]]:
+    """Time stamp of a signed frame, and the stream in which those have to rise."""
+    content = frame.content
+    stamp = int.from_bytes(content[TIME_STAMP], "little")
+    return stamp, (frame.system_id, frame.component_id, content[-SIGNATURE])

@@ -32,6 +32,10 @@ class Status:
         """There is nobody to send to."""
         self._change(connected=False, detail=reason)
 
+    def warn(self, text: str) -> None:
+        """Something else is odd about it."""
+        logger.warning("MAVLink %s: %s", self._address, text, extra=self._fields(text))
+
     def close(self) -> None:
         """The connection ends because it is no longer wanted; what follows is no news."""
         self._closed, self.connected = True, False

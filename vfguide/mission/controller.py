@@ -145,6 +145,9 @@ class Controller(Section):
     give_way: Switch = True
     """Let the leader change its airspeed when a slot would leave its follower's airspeed range."""
 
+    slot_frame: Literal["leader", "path"] = "leader"
+    """What slots turn with: the leader's course as measured, or as its path has it where gusts shake it."""
+
     pid: Pid = Pid()
     """Gains of the baseline `pid`."""
 

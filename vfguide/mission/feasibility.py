@@ -13,6 +13,7 @@ from vfguide.mission.loop_limits import (
 )
 from vfguide.mission.model import Mission
 from vfguide.mission.predicted_error import precision
+from vfguide.mission.separation_limits import distance_kept_from_strays
 from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
 from vfguide.mission.start_limits import (
     below_ground,
@@ -41,6 +42,7 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     slots_beyond_centre,
     turns_beyond_bank,
     slots_out_of_airspeed,
+    distance_kept_from_strays,
     field_beyond_bank,
     followers_field_beyond_bank,
     fields_beyond_the_loop,

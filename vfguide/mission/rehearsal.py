@@ -16,21 +16,50 @@ from vfguide.mission.quantity import (
 )
 
 
-class CalmWind(Section):
+class Gust(Section):
+    """A gust that all vehicles meet at once: from nothing to its greatest and back, (1 - cos) / 2."""
+
+    at_s: NotNegative
+    """When it begins, s from the start of the rehearsal."""
+
+    for_s: Positive
+    """How long it lasts, s."""
+
+    north_m_s: Coordinate = 0.0
+    """Greatest, toward north, m/s."""
+
+    east_m_s: Coordinate = 0.0
+    """Greatest, toward east, m/s."""
+
+
+class Air(Section):
+    """What is in the air beside its mean wind; docs/emulator.md explains it."""
+
+    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+    """Dryden turbulence by MIL-F-8785C at low altitude, W20 of 15, 30 or 45 knots. Neighbours share it."""
+
+    gusts: tuple[Gust, ...] = ()
+    """Gusts that come and go."""
+
+    roughness_m: Annotated[Positive, Field(le=0.5)] | None = None
+    """Roughness of the ground, m: the wind grows with the logarithm of the height; if absent it does not."""
+
+
+class CalmWind(Air):
     """No wind."""
 
     type: Literal["calm"]
     """`calm`."""
 
 
-class ArticleWind(Section):
+class ArticleWind(Air):
     """The article's wind: 5 + 3 cos(0.1 t) m/s, blowing toward 135° + 180° sin(0.1 t)."""
 
     type: Literal["article"]
     """`article`."""
 
 
-class SteadyWind(Section):
+class SteadyWind(Air):
     """The same wind everywhere, all the time."""
 
     type: Literal["steady"]
@@ -91,9 +120,9 @@ class Start(Section):
 class Emulator(Section):
     """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
 
-    plant: Literal["course-hold", "heading-hold", "bank"] | None = None
+    plant: Literal["course-hold", "heading-hold", "bank", "npfg"] | None = None
     """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,
-    as ArduPlane does it."""
+    as ArduPlane does it; `npfg`: lateral acceleration from it, as PX4 does."""
 
     guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
     """`bank`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
@@ -146,6 +175,9 @@ class Rehearsal(Section):
 
     link_loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
     """Share of leader states that never arrive, 0 to below 1."""
+
+    sensors: Literal["ideal", "rtk", "sbas", "standalone"] = "ideal"
+    """GNSS receivers of this grade, and airspeed sensors, barometers and clocks like real ones."""
 
     position_noise_m: Annotated[NotNegative, Field(le=1000.0)] = 0.0
     """Standard deviation of the noise on each position report, m."""

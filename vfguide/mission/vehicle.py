@@ -18,6 +18,9 @@ def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
     return airspeed_range
 
 
+EngageMode = Literal["LOITER", "CRUISE", "FBWB", "TAKEOFF", "HOLD", "POSITION", "ALTITUDE"]
+"""By their names on ground stations. What returns, lands or flies a mission is none of them."""
+
 AirspeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ascending)]
 
 
@@ -33,6 +36,11 @@ class Vehicle(Section):
     autopilot: Literal["auto", "ardupilot", "px4", "mavsdk"] = "ardupilot"
     """Which autopilot flies it; decides how setpoints and modes are spoken. `auto` finds out from its
     heartbeat, `mavsdk` is PX4 spoken to by way of MAVSDK."""
+
+    px4_steering: Literal["auto", "guided-course", "position", "velocity"] = "auto"
+    """How a PX4 is steered. `auto`: Guided Course from 1.18 on, positions ahead in offboard on 1.15 to 1.17,
+    velocities before. Of a companion that dies NAV_DLL_ACT takes care in Guided Course, COM_OBL_RC_ACT in
+    offboard."""
 
     plant: Literal["course-hold", "heading-hold"] = "heading-hold"
     """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
@@ -64,6 +72,14 @@ class Vehicle(Section):
     slips: Switch = False
     """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
     does: wind and direction through the air are then found from the ground velocity, slowly."""
+
+    response: Literal["declared", "auto"] = "declared"
+    """`auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
+    TECS_TIME_CONST), limits the tighter of its own and these; what is declared counts until it has told."""
+
+    engage_from: tuple[EngageMode, ...] = ("LOITER", "HOLD")
+    """Modes out of which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,
+    CRUISE, FBWB, TAKEOFF; PX4's HOLD, POSITION, ALTITUDE, TAKEOFF."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""

@@ -26,7 +26,7 @@ from vfguide.record.vehicle import (
 
 __all__ = ["Acceptance", "FlightMode", "FlightRecord", "IntegerArray", "Role", "VehicleRecord"]
 
-FlightMode = Literal["lockstep", "live"]
+FlightMode = Literal["lockstep", "live", "recorded"]
 
 FORMAT = "vfguide-flight-record"
 """Says in each file what it is."""
@@ -78,7 +78,8 @@ class FlightRecord:
     wind: str
     """Type of the wind that blew, such as `calm` or `article`."""
     mode: FlightMode
-    """`lockstep` in virtual time, `live` over real sockets."""
+    """`lockstep` in virtual time, `live` over real sockets, `recorded` by companions on a real flight: there
+    positions are estimates, and NaN where nothing was recorded."""
     rate_hz: float
     """Position reports per second, 1/s."""
     seed: int
@@ -93,6 +94,8 @@ class FlightRecord:
     """Whether it was stopped before its end."""
     latency: Latency | None = None
     """How quick the programs were, of a live flight."""
+    notes: tuple[str, ...] = ()
+    """What a reader has to know of where the figures come from, a sentence each."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -175,6 +178,7 @@ def _describe(record: FlightRecord) -> dict[str, object]:
         "acceptance": asdict(record.acceptance),
         "interrupted": record.interrupted,
         "latency": None if record.latency is None else describe_latency(record.latency),
+        "notes": list(record.notes),
         "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
     }
 
@@ -183,7 +187,7 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
     """A record from its parts; LookupError, TypeError or ValueError where one is missing or misshapen."""
     mode = description["mode"]
     if mode not in get_args(FlightMode):
-        raise ValueError("mode is neither lockstep nor live")
+        raise ValueError(f"mode is none of {', '.join(get_args(FlightMode))}")
     return FlightRecord(
         time_s=floats(arrays, "time_s"),
         vehicles=tuple(
@@ -206,6 +210,7 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         # Records of earlier versions have neither.
         interrupted=bool(description.get("interrupted", False)),
         latency=compose_latency(latency) if (latency := description.get("latency")) else None,
+        notes=tuple(str(note) for note in description.get("notes", ())),
     )
 
 

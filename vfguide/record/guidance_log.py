@@ -1,19 +1,40 @@
 """What a companion did, step by step, as a file of comma-separated values beside its telemetry log.
 
-What was sent is in the telemetry log, too; this adds why: the mode, the limits, the Lyapunov function.
+What was sent is in the telemetry log, too; this adds why: the mode, the limits, the Lyapunov function; and
+the formation's clock, by which the recordings of several aircraft fit together. A line is whole once its
+line feed is written: what a killed companion leaves is read up to there.
 """
 
 import csv
 import math
 from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 SUFFIX = ".guidance.csv"
 """Follows the vehicle's name."""
 
-COLUMNS = ("time_s", "mode", "course_rad", "speed_m_s", "limited", "lyapunov_m2")
+COLUMNS = (
+    "time_s",
+    "mode",
+    "course_rad",
+    "speed_m_s",
+    "limited",
+    "lyapunov_m2",
+    "formation_time_s",
+)
+
+HEADER = (",".join(COLUMNS) + "\n").encode()
+"""First line of the file."""
+
+GREATEST_SIZE = 256 * 1024**2
+"""Characters; ten hours at 20 Hz are 60 MB. Nothing is read beyond."""
+
+LONGEST_LINE = 1000
+"""Characters; a step takes a tenth of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,26 +53,15 @@ class GuidanceStep:
     """Whether a limit of the vehicle cut it."""
     lyapunov_m2: float
     """W, m²; NaN for the leader."""
+    formation_time_s: float = math.nan
+    """The same moment on the leader's clock, s; NaN while that is not known."""
 
 
-class GuidanceLog:
-    """Collects steps, written all at once: a control loop waits for no disk."""
-
-    def __init__(self) -> None:
-        self._steps: list[GuidanceStep] = []
-
-    def add(self, step: GuidanceStep) -> None:
-        """Note a step."""
-        self._steps.append(step)
-
-    def write(self, path: Path) -> None:
-        """Write what was collected."""
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            for step in self._steps:
-                numbers = (step.course_rad, step.speed_m_s, int(step.limited), step.lyapunov_m2)
-                writer.writerow((f"{step.time_s:.6f}", step.mode, *numbers))
+def encode_step(step: GuidanceStep) -> bytes:
+    """A step as one line of the file."""
+    numbers = (step.course_rad, step.speed_m_s, int(step.limited), step.lyapunov_m2)
+    fields = (f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}")
+    return (",".join(str(field) for field in fields) + "\n").encode()
 
 
 class GuidanceTrack:
@@ -67,22 +77,35 @@ class GuidanceTrack:
         count = bisect_right(self._times_s, time_s)
         return self._steps[count - 1] if count else None
 
+    @property
+    def steps(self) -> Sequence[GuidanceStep]:
+        """All of them."""
+        return self._steps
 
-def read_guidance(path: Path, *, zero_s: float = 0.0) -> GuidanceTrack:
+
+def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
     """What a companion did.
 
     Args:
-        path: of the file. One that is missing or cut off holds what can be read of it: a companion that is
-            killed leaves none.
+        paths: files of one companion's starts. One that is missing or cut off holds what can be read of it.
         zero_s: the companion's clock at time 0 of the flight.
     """
     steps: list[GuidanceStep] = []
-    with (
-        suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
-        path.open(newline="", encoding="utf-8") as file,
-    ):
-        steps.extend(_step(row, zero_s) for row in csv.DictReader(file))
+    for path in paths:
+        with (
+            suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
+            path.open(newline="", encoding="utf-8") as file,
+        ):
+            steps.extend(_step(row, zero_s) for row in csv.DictReader(_whole_lines(file)))
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+
+
+def _whole_lines(file: TextIO) -> Iterator[str]:
+    """Lines with their line feed, of as much as a companion could have written."""
+    left = GREATEST_SIZE
+    while (line := file.readline(LONGEST_LINE)).endswith("\n") and left > 0:
+        left -= len(line)
+        yield line
 
 
 def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
@@ -96,4 +119,5 @@ def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
         speed_m_s=float(row["speed_m_s"]),
         limited=bool(int(row["limited"])),
         lyapunov_m2=float(row["lyapunov_m2"]),
+        formation_time_s=float(row.get("formation_time_s") or "nan"),
     )

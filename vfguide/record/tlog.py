@@ -1,18 +1,52 @@
 """Telemetry logs: MAVLink's own file format, which ground stations and log viewers open.
 
-Each frame follows the time at which it passed: microseconds since 1970 as eight bytes, big-endian.
+Each frame follows the time at which it passed: microseconds since 1970 as eight bytes, big-endian. The format
+has no end mark and no index, so that a log that was cut off anywhere is a log up to there.
 """
 
 import struct
+from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
-from vfguide.mavlink.framing import frames_of
+from vfguide.errors import InputError
+from vfguide.mavlink.framing import Frame, end_of_frame, frame_at, frames_of
 
 TIMESTAMP = struct.Struct(">Q")
 
+GREATEST_SIZE = 2 * 1024**3
+"""Bytes; ten hours of a busy connection are 500 MB."""
+
+EARLIEST_US, LATEST_US = 0, 4_102_444_800_000_000
+"""Times that a log may tell: 1970, as a computer without a battery has it at its start, to 2100."""
+
+CHUNK = 1 << 20
+LONGEST_ENTRY = TIMESTAMP.size + 10 + 255 + 2 + 13
+"""Bytes of a time and the longest frame."""
+
+
+class StampedFrame(NamedTuple):
+    """A frame and when it passed."""
+
+    time_s: float
+    """s since 1970, by the clock of the computer that wrote the log."""
+    frame: Frame
+    """The frame; its checksum is not looked at."""
+
+
+def stamped(time_s: float, datagram: bytes) -> bytes:
+    """The frames of a datagram as entries of a log.
+
+    Args:
+        time_s: when it passed, s since 1970.
+        datagram: whole frames; what belongs to none is left out.
+    """
+    stamp = TIMESTAMP.pack(round(time_s * 1e6))
+    return b"".join(stamp + one.content for one in frames_of(datagram) if one is not None)
+
 
 class TelemetryLog:
-    """Collects the datagrams of one connection, written all at once: a control loop waits for no disk."""
+    """Collects the datagrams of one connection in memory, for flights in virtual time."""
 
     def __init__(self, epoch_s: float) -> None:
         """Begin a log.
@@ -25,11 +59,44 @@ class TelemetryLog:
 
     def add(self, now: float, datagram: bytes) -> None:
         """Note a datagram that passed at this time of the flight, s."""
-        stamp = TIMESTAMP.pack(round((self._epoch_s + now) * 1e6))
-        for frame in frames_of(datagram):
-            if frame is not None:
-                self._content += stamp + frame.content
+        self._content += stamped(self._epoch_s + now, datagram)
 
     def write(self, path: Path) -> None:
         """Write what was collected."""
         path.write_bytes(self._content)
+
+
+def read_tlog(path: Path) -> Iterator[StampedFrame]:
+    """The frames of a log in order, as far as it goes; what is no entry is skipped.
+
+    Raises:
+        InputError: it cannot be read, or is too large to be the log of a flight.
+    """
+    try:
+        with path.open("rb") as stream:
+            if stream.seek(0, 2) > GREATEST_SIZE:
+                raise InputError(f"{path}: is larger than 2 GB; give the recording of one flight")
+            stream.seek(0)
+            waiting = b""
+            while chunk := stream.read(CHUNK):
+                waiting += chunk
+                used = yield from _entries(waiting, len(waiting) - LONGEST_ENTRY)
+                waiting = waiting[used:]
+            yield from _entries(waiting, len(waiting))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _entries(content: bytes, limit: int) -> Generator[StampedFrame, None, int]:
+    """Entries that begin before the limit; returns where the first that was not looked at begins."""
+    start = 0
+    while start <= limit and start + TIMESTAMP.size < len(content):
+        place = start + TIMESTAMP.size
+        (stamp,) = TIMESTAMP.unpack_from(content, start)
+        end = end_of_frame(content, place) if EARLIEST_US < stamp < LATEST_US else None
+        if end is None or end > len(content):
+            start += 1
+        else:
+            yield StampedFrame(stamp * 1e-6, frame_at(content, place, end))
+            start = end
+    return max(start, 0)

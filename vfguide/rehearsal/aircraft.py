@@ -45,12 +45,9 @@ class Aircraft:
         self.leads = plan.leads
         """Whether it is the leader."""
         self._leader = mission.leader.vehicle
-        seeds = {}
+        seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
+        seeds.pop(name, None)
         if not plan.leads:
-            seeds = {
-                other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name
-            }
-            seeds.pop(name)
             seeds[self._leader] = f"{rehearsal.seed} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""

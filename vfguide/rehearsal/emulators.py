@@ -5,13 +5,33 @@ import math
 import sitl_stub
 from vfguide.companion.plan import local_frame
 from vfguide.mission.model import Mission
-from vfguide.mission.rehearsal import ArticleWind, SteadyWind
+from vfguide.mission.rehearsal import ArticleWind, SteadyWind, Wind
 from vfguide.mission.starts import StartState, follower_start, leader_start
 
 
-def wind_of(mission: Mission) -> sitl_stub.Wind:
-    """The wind that a mission declares."""
+def air_of(mission: Mission) -> sitl_stub.Air:
+    """The air that a mission declares."""
     wind = mission.wind
+    return sitl_stub.air_of(
+        wind_of(wind),
+        level=wind.turbulence,
+        height_m=mission.height_above_origin_m,
+        seed=mission.rehearsal.seed,
+        gusts=tuple(
+            sitl_stub.DiscreteGust(
+                start_s=gust.at_s,
+                length_s=gust.for_s,
+                north_m_s=gust.north_m_s,
+                east_m_s=gust.east_m_s,
+            )
+            for gust in wind.gusts
+        ),
+        roughness_m=wind.roughness_m,
+    )
+
+
+def wind_of(wind: Wind) -> sitl_stub.Wind:
+    """The mean wind that a mission declares."""
     if isinstance(wind, ArticleWind):
         return sitl_stub.ArticleWind()
     if isinstance(wind, SteadyWind):
@@ -40,8 +60,10 @@ def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
     )
 
 
-def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
-    """The aircraft of this name, in the air at its start."""
+def emulator_of(
+    mission: Mission, name: str, faults: tuple[sitl_stub.Fault, ...] = ()
+) -> sitl_stub.Autopilot:
+    """The aircraft of this name, in the air at its start, and what is wrong with its reports."""
     vehicle = mission.vehicles[name]
     start = start_of(mission, name)
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
@@ -57,13 +79,15 @@ def emulator_of(mission: Mission, name: str) -> sitl_stub.Autopilot:
         home_altitude_amsl_m=ground,
         course_rad=math.radians(start.course_deg),
         airspeed_m_s=min(max(mission.leader.airspeed_m_s, lowest), highest),
+        sensors=mission.rehearsal.sensors,
         position_noise_m=mission.rehearsal.position_noise_m,
         indicated_airspeed=mission.rehearsal.emulator.indicated_airspeed,
         airspeed_calibration=mission.rehearsal.emulator.airspeed_calibration,
         loop_rate_hz=mission.rehearsal.emulator.loop_rate_hz,
         seed=mission.rehearsal.seed,
+        faults=faults,
     )
-    return sitl_stub.Autopilot(config, wind_of(mission))
+    return sitl_stub.Autopilot(config, air_of(mission))
 
 
 def start_of(mission: Mission, name: str) -> StartState:

@@ -5,7 +5,7 @@ end of each window of some instants; it is handed to the links at the beginning 
 that no process waits for another that is flying the same window. The number of processes changes nothing.
 """
 
-from vfguide.companion.follower_role import TELL_S
+from vfguide.companion.follower_role import PUBLISH_S
 from vfguide.link.memory import Mail
 
 WINDOWS = 2
@@ -14,7 +14,7 @@ WINDOWS = 2
 
 def window_length(rate_hz: float) -> int:
     """Instants in a window: a follower publishes about once in it."""
-    return max(round(TELL_S * rate_hz), 1)
+    return max(round(PUBLISH_S * rate_hz), 1)
 
 
 class Exchange:

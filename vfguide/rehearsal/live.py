@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from tempfile import mkdtemp
 
 import yaml
 
@@ -16,7 +17,8 @@ from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import SUFFIX, read_guidance
+from vfguide.record.guidance_log import read_guidance
+from vfguide.record.recording import guidance_files
 from vfguide.rehearsal.emulators import start_of
 from vfguide.rehearsal.judge import Judge
 from vfguide.rehearsal.processes import Process, free_port, python_module
@@ -24,6 +26,9 @@ from vfguide.rehearsal.usage import Account, accounts_of
 
 LEAD_S = 3.0
 """Real time that emulators get to start before simulation time 0."""
+
+RECORDINGS = "recordings"
+"""Where companions record, below the directory of the flight."""
 
 LOOK_S = 0.05
 """Real time between looks at companions that are starting."""
@@ -75,6 +80,9 @@ def emulator_command(
         "alpha": vehicle.alpha_1_s,
         "beta": vehicle.beta_1_s,
         "wind": wind_option(mission),
+        "turbulence": mission.wind.turbulence,
+        "air-height": mission.height_above_origin_m,
+        "sensors": mission.rehearsal.sensors,
         "start": f"{latitude!r},{longitude!r},{altitude},{start.course_deg}",
         "airspeed": min(max(mission.leader.airspeed_m_s, lowest), highest),
         "airspeed-range": f"{lowest},{highest}",
@@ -91,7 +99,13 @@ def emulator_command(
         options["speed-dead-time"] = emulator.speed_dead_time_s
     if emulator.loop_rate_hz is not None:
         options["loop-rate"] = emulator.loop_rate_hz
+    if mission.wind.roughness_m is not None:
+        options["roughness"] = mission.wind.roughness_m
     pairs = [f"--{option}={value}" for option, value in options.items()]
+    pairs += [
+        f"--gust={gust.at_s},{gust.for_s},{gust.north_m_s},{gust.east_m_s}"
+        for gust in mission.wind.gusts
+    ]
     if emulator.indicated_airspeed:
         pairs.append("--indicated-airspeed")
     return python_module("sitl_stub", *pairs, "--airborne")
@@ -135,17 +149,16 @@ class LiveFlight:
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
-        for name in self.names:
-            # Of an earlier flight into the same directory.
-            (self._directory / f"{name}{SUFFIX}").unlink(missing_ok=True)
         ports = {name: free_port(socket.SOCK_DGRAM) for name in self.names}
         for name, port in ports.items():
             options = [
                 f"--mission={mission_file}",
                 f"--mavlink=udpin://127.0.0.1:{port}",
                 f"--link={self._link}",
-                f"--record={self._directory}",
+                f"--record={self._directory / RECORDINGS}",
                 f"--clock={clock.epoch_s!r},{clock.rate!r}",
+                # Each flight is a first one: of one before into the same directory nothing is known.
+                f"--state={mkdtemp(prefix='state-', dir=self._directory)}",
                 "--engage",
             ]
             companion = python_module("vfguide", "companion", name, *options)
@@ -215,7 +228,9 @@ class LiveFlight:
             VfguideError: nothing has.
         """
         tracks = {
-            name: read_guidance(self._directory / f"{name}{SUFFIX}", zero_s=self._companions_zero_s)
+            name: read_guidance(
+                *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
+            )
             for name in self.names
         }
         return self.judge.record(wall_s=wall_s, tracks=tracks)

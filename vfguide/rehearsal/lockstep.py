@@ -92,8 +92,8 @@ def fly_lockstep(
             for now in due:
                 if interrupted := stop() and bool(times):
                     break
-                # The leader listens to nobody and is heard at once: it flies the window ahead of all others.
-                flown.append((now, [*mail, *leader.step(now, [])]))
+                # The leader is heard at once: it flies the window ahead of all others.
+                flown.append((now, [*mail, *leader.step(now, mail)]))
                 mail = []
                 times.append(now)
                 if progress is not None:

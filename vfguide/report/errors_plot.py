@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
 from vfguide.record.flight import FlightRecord
-from vfguide.report.figures import in_window, settling_time
+from vfguide.report.figures import errors_that_count, in_window, settling_time
 from vfguide.report.geometry import slot_error
 from vfguide.report.style import (
     LIMIT_COLOUR,
@@ -103,7 +103,7 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
 def mark_settling(axes: Axes, record: FlightRecord, errors: FloatArray, limit_m: float) -> None:
     """A line at a distance, and a mark where the last follower came within it for good."""
     axes.axhline(limit_m, color=QUIET_COLOUR, linewidth=0.9, linestyle=":")
-    settled = settling_time(record.time_s, errors, limit_m)
+    settled = settling_time(record.time_s, errors_that_count(record, errors), limit_m)
     begin = float(record.time_s[0])
     text = f"not within {limit_m:g} m at the end"
     if settled is not None:

@@ -69,6 +69,20 @@ def settling_time(time_s: FloatArray, errors_m: FloatArray, limit_m: float) -> f
     return float(time_s[out[-1]])
 
 
+def errors_that_count(record: FlightRecord, errors_m: FloatArray) -> FloatArray:
+    """Errors of which a NaN means that a follower was out; where nobody recorded, the last known one holds.
+
+    Args:
+        record: of the flight.
+        errors_m: samples in the last dimension.
+    """
+    if record.mode != "recorded":
+        return errors_m
+    numbers = np.where(np.isfinite(errors_m), np.arange(errors_m.shape[-1]), 0)
+    latest = np.maximum.accumulate(numbers, axis=-1)
+    return np.take_along_axis(errors_m, latest, axis=-1)
+
+
 def turning(angles_rad: FloatArray) -> FloatArray:
     """Steps from each angle to the next, the short way round; samples that are NaN are left out."""
     known = angles_rad[np.isfinite(angles_rad)]

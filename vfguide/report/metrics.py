@@ -1,6 +1,7 @@
 """From a flight record to its summary, and from that to `summary.json`.
 
-Errors are measured on true states, in the window that is the last half of the flight.
+Errors are measured on true states, in the window that is the last half of the flight. Of a recorded flight
+there are the autopilots' estimates instead, and moments that nobody recorded, which are left out.
 """
 
 import math
@@ -9,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from vfguide.elementwise import BoolArray
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.flight import FlightRecord, VehicleRecord
 from vfguide.record.latency import describe_latency
 from vfguide.report.figures import (
+    errors_that_count,
     excess_variation_rate,
     in_window,
     least_separation,
@@ -83,20 +85,34 @@ def _plain(value: object) -> object:
     return value
 
 
+def measured(record: FlightRecord, values: FloatArray) -> FloatArray:
+    """The values that count: all, but of a recorded flight those that were recorded."""
+    return values[np.isfinite(values)] if record.mode == "recorded" else values
+
+
+def measured_separations(record: FlightRecord) -> FloatArray:
+    """Distances of all pairs at all times that count, m."""
+    distances = [pair.distance_m for pair in pair_separations(record)]
+    return measured(record, np.concatenate(distances)) if distances else np.empty(0)
+
+
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
     """All followers together."""
     errors = np.array(
         [slot_error(record.leader, follower).distance_m for follower in record.followers]
     ).reshape(len(record.followers), record.time_s.size)
-    sizes = spread(errors[:, window])
+    sizes = spread(measured(record, errors[:, window]))
+    settling = errors_that_count(record, errors)
     return FormationSummary(
         window_s=window_s(record),
         mean_error_m=sizes.mean if sizes else None,
         p95_error_m=sizes.p95 if sizes else None,
         max_error_m=sizes.max if sizes else None,
-        settle_10m_s=settling_time(record.time_s, errors, 10.0),
-        settle_1m_s=settling_time(record.time_s, errors, 1.0),
-        min_separation_m=least_separation([pair.distance_m for pair in pair_separations(record)]),
+        settle_10m_s=settling_time(record.time_s, settling, 10.0),
+        settle_1m_s=settling_time(record.time_s, settling, 1.0),
+        min_separation_m=least_separation(
+            [pairs] if (pairs := measured_separations(record)).size else []
+        ),
     )
 
 
@@ -106,7 +122,7 @@ def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
     time_s, setpoint = record.time_s[window], leader.course_setpoint_rad[window]
     return LeaderSummary(
         role="leader",
-        cross_track_error_m=spread(leader.path_cross_track_error_m[window]),
+        cross_track_error_m=spread(measured(record, leader.path_cross_track_error_m[window])),
         course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
         course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
         limited_fraction=share(leader.limited[window]),
@@ -121,9 +137,9 @@ def _summarise_follower(
     time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
     return FollowerSummary(
         role="follower",
-        formation_error_m=spread(error.distance_m[window]),
-        along_track_error_m=spread(error.along_track_m[window]),
-        cross_track_error_m=spread(error.cross_track_m[window]),
+        formation_error_m=spread(measured(record, error.distance_m[window])),
+        along_track_error_m=spread(measured(record, error.along_track_m[window])),
+        cross_track_error_m=spread(measured(record, error.cross_track_m[window])),
         course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
         course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
         limited_fraction=share(follower.limited[window]),

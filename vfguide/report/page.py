@@ -68,10 +68,11 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
             f"<h1>{escape(summary.mission)}</h1>",
             f'<p class="quiet">{escape(setting(summary))}, {escape(pace(summary))}</p>',
             _render_verdict(summary),
+            _render_notes(record),
             _render_figures(summary),
             _render_vehicles(record, summary),
             plots,
-            _render_reproduction(summary),
+            "" if summary.mode == "recorded" else _render_reproduction(summary),
         )
     )
     return (
@@ -98,6 +99,14 @@ def _render_verdict(summary: Summary) -> str:
     )
 
 
+def _render_notes(record: FlightRecord) -> str:
+    """Where the figures come from, if a reader has to know more than that they are true."""
+    if not record.notes:
+        return ""
+    notes = "".join(f"<li>{escape(note)}</li>" for note in record.notes)
+    return f"<h2>Where this comes from</h2>\n<ul>{notes}</ul>\n"
+
+
 def _words_of_praise(summary: Summary) -> str:
     """What an accepted flight reached."""
     if len(summary.vehicles) < 2:
@@ -112,9 +121,10 @@ def _render_figures(summary: Summary) -> str:
         return ""
     begin, end = summary.formation.window_s
     rows = "".join(_render_figure(figure) for figure in compare(summary))
+    states = "the autopilots' estimates" if summary.mode == "recorded" else "true states"
     return (
         "<h2>The formation</h2>\n"
-        f'<p class="quiet">Errors are of all followers, on true states, from {begin:g} to {end:g} s.</p>\n'
+        f'<p class="quiet">Errors are of all followers, on {states}, from {begin:g} to {end:g} s.</p>\n'
         '<div class="wide few"><table><thead><tr><th>Figure</th><th class="number">Measured</th>'
         '<th class="number">Required</th><th>Met</th></tr></thead>'
         f"<tbody>{rows}</tbody></table></div>\n"

@@ -75,10 +75,13 @@ def test_a_slow_lossy_link_and_noisy_positions_are_borne(
         "link_loss": 0.2,
         "position_noise_m": 0.3,
     }
-    formation = summarise(fly_lockstep(mission_with(name, rehearsal=bad)).record).formation
+    flight = fly_lockstep(mission_with(name, rehearsal=bad))
+    formation = summarise(flight.record).formation
     assert formation.mean_error_m < 0.6
     assert formation.settle_10m_s <= 30.0
     assert formation.min_separation_m >= 5.0
+    texts = [event.text for events in flight.events.values() for event in events]
+    assert [one for one in texts if "can be" in one or "cannot be" in one or "clock" in one] == []
 
 
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])

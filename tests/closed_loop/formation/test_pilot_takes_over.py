@@ -16,7 +16,7 @@ from vfguide.report.geometry import slot_error
 MissionWith = Callable[..., Mission]
 
 SET_MODE = 176
-LOITER, OFFBOARD = (4, 3), (6, 0)
+LOITER, GUIDED_COURSE = (4, 3), (4, 19)
 TAKEN_S, RETURNED_S, END_S = 65.0, 75.0, 130.0
 
 
@@ -53,15 +53,15 @@ def test_a_follower_that_its_pilot_took_and_gave_back_joins_again(
     mail: list[Mail] = []
     for now in times:
         if now == TAKEN_S:
-            assert flown.truth().mode == "OFFBOARD"
+            assert flown.truth().mode == "AUTO.COURSE"
             answers += results_of_selecting(flown, LOITER)
         if now == RETURNED_S:
             # Nobody but the pilot has touched the mode in the meantime.
             assert flown.truth().mode == "AUTO.LOITER"
-            answers += results_of_selecting(flown, OFFBOARD)
+            answers += results_of_selecting(flown, GUIDED_COURSE)
         mail = step_all(formation, now, mail)
     assert answers == [mavlink.MAV_RESULT_ACCEPTED] * 2
-    assert flown.truth().mode == "OFFBOARD"
+    assert flown.truth().mode == "AUTO.COURSE"
     records = [aircraft.recorder.record() for aircraft in formation]
     record = flight_record(mission, times, records, wall_s=0.0)
     error = slot_error(record.leader, record.followers[0]).distance_m

@@ -31,6 +31,17 @@ def test_same_seed_same_bytes(processes: int, mission_with: MissionWith, tmp_pat
     assert bytes_of(mission, processes, tmp_path) == first
 
 
+def test_gusts_and_wandering_receivers_are_the_same_in_every_process(
+    mission_with: MissionWith, tmp_path: Path
+) -> None:
+    mission = mission_with(
+        "circle-wind",
+        wind={"turbulence": "moderate"},
+        rehearsal={"duration_s": 10.0, "sensors": "standalone"},
+    )
+    assert bytes_of(mission, 2, tmp_path) == bytes_of(mission, 1, tmp_path)
+
+
 def test_another_seed_other_bytes(mission_with: MissionWith, tmp_path: Path) -> None:
     first = bytes_of(mission_with("circle-wind", rehearsal=SHORT), 1, tmp_path)
     second = bytes_of(mission_with("circle-wind", rehearsal={**SHORT, "seed": 2}), 1, tmp_path)

@@ -14,6 +14,8 @@ from vfguide.record.flight import FlightRecord
 
 Make = Callable[..., Any]
 
+REMEDY = "give another directory with --out, or --force to replace it"
+
 NUMBER = (int, float)
 SPREAD = {"mean": NUMBER, "p95": NUMBER, "max": NUMBER}
 SUMMARY = {
@@ -183,5 +185,65 @@ def test_a_name_that_is_taken_by_a_directory_is_one_line(
 ) -> None:
     (tmp_path / "one.tlog").mkdir()
     outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
-    assert outcome.status == 3
-    assert outcome.lines[-1] == f"{tmp_path / 'one.tlog'}: Is a directory"
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{tmp_path / 'one.tlog'}: is a directory; give another directory with --out"
+    ]
+
+
+def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+
+    def fly(*options: object) -> SimpleNamespace:
+        outcome: SimpleNamespace = command(
+            "fly", alone_with(), "--duration", 1, "--out", out, *options
+        )
+        return outcome
+
+    assert fly().status == 0
+    first = (out / "flight.npz").stat().st_ino
+    (out / "notes.txt").write_text("mine")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("precious")
+    (out / "tracks.png").unlink()
+    (out / "tracks.png").symlink_to(elsewhere)
+    assert fly().status == 0
+    assert (out / "flight.npz").stat().st_ino != first
+    assert (out / "notes.txt").read_text() == "mine"
+    assert elsewhere.read_text() == "precious"
+    assert not (out / "tracks.png").is_symlink()
+    assert not list(out.glob(".*"))
+
+    summary = json.loads((out / "summary.json").read_text())
+    (out / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
+    (out / "old.tlog").write_text("another's, but of no vehicle of it")
+    outcome = fly()
+    assert outcome.status == 2
+    assert outcome.lines == [f"{out}: holds a flight of the mission 'another'; {REMEDY}"]
+    assert fly("--force").status == 0
+    assert json.loads((out / "summary.json").read_text())["mission"] == summary["mission"]
+
+
+def test_what_no_flight_wrote_is_not_overwritten(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    page = tmp_path / "report.html"
+    page.write_text("mine")
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert outcome.status == 2
+    assert outcome.lines == [f"{page}: is there already, and no flight has written it; {REMEDY}"]
+    assert page.read_text() == "mine"
+    assert list(tmp_path.glob("*.tlog")) == []
+
+
+def test_a_link_is_not_followed_out(command: Make, alone_with: Make, tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "real")
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", link)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert "is a symbolic link" in line
+    assert list((tmp_path / "real").iterdir()) == []

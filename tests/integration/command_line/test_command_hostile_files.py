@@ -1,5 +1,6 @@
 """Whatever is given for a mission file ends with status 2 and a line, never with a traceback."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ def test_what_is_no_file_is_one_line(command: Make, tmp_path: Path, verb: str) -
     loop.symlink_to(loop)
     for path, reason in [
         (tmp_path, "this is a directory"),
-        (Path("/dev/null"), "the file is empty"),
+        (Path("/dev/null"), "this is a pipe or a device"),
         (tmp_path / "none" / "m.yaml", "there is no such file"),
         (loop, "cannot be read"),
         (tmp_path / ("long" * 200), "cannot be read"),
@@ -109,3 +110,25 @@ def test_a_vehicle_has_a_plain_name(command: Make, alone_with: Make, name: str) 
     outcome = command("check", alone_with(("vehicle: one", f'vehicle: "{name}"')))
     assert outcome.status == 2
     assert any("leader.vehicle: " in line for line in outcome.lines)
+
+
+@pytest.mark.parametrize("verb", ["check", "fly"])
+def test_a_pipe_or_a_device_is_not_waited_for(command: Make, tmp_path: Path, verb: str) -> None:
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero")):
+        outcome = command(verb, path)
+        assert outcome.status == 2
+        (line,) = outcome.lines
+        assert line.endswith("this is a pipe or a device; give the path of a mission file")
+
+
+@pytest.mark.parametrize("option", [("--speedup", "5"), ("--link", "mqtt://127.0.0.1")])
+def test_what_only_a_live_flight_can_do_is_not_passed_over(
+    command: Make, pair_with: Make, option: tuple[str, str]
+) -> None:
+    outcome = command("fly", pair_with(), *option)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith(option[0])
+    assert "add --live, or leave it out" in line

@@ -68,16 +68,18 @@ def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> 
         outcome = command("report", path)
         assert outcome.status == 2
         assert outcome.lines == [
-            f"{path}: no such directory; give one that `vfguide fly --out` wrote"
+            f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
         ]
 
 
 def test_a_directory_without_a_record_is_one_line(command: Make, tmp_path: Path) -> None:
     outcome = command("report", tmp_path)
     assert outcome.status == 2
-    assert outcome.lines == [
-        f"{tmp_path}: holds no flight.npz; give a directory that `vfguide fly --out` wrote"
-    ]
+    (line,) = outcome.lines
+    assert line == (
+        f"{tmp_path}: holds neither flight.npz nor recordings; "
+        "give a directory that `vfguide fly --out` wrote, or companions recorded into"
+    )
 
 
 def damage_nothing_left(content: bytes) -> bytes:

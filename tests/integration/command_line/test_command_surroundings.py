@@ -59,7 +59,7 @@ def test_without_arguments_the_help_is_shown(command: Make) -> None:
         ("fly", "\x1b[2J", "\n"),
         ("check", "a", "b"),
         ("check", "--strict=maybe", "a"),
-        ("report", "a", "b"),
+        ("report", "--out"),
         ("\U0001f6e9",),
     ],
 )

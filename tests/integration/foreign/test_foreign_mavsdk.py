@@ -11,7 +11,7 @@ from mavsdk.asyncio import ComponentType, Configuration, Mavsdk, System
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.info import InfoAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
-from mavsdk.asyncio.plugins.offboard import OffboardAsync, VelocityNedYaw
+from mavsdk.asyncio.plugins.offboard import OffboardAsync, PositionNedYaw, VelocityNedYaw
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import FlightMode, TelemetryAsync
 
@@ -58,7 +58,7 @@ def test_it_reads_position_velocity_heading_and_parameters(emulate: Emulate) -> 
             assert await first(telemetry.subscribe_in_air(), anything)
             parameters = ParamAsync(system)
             assert await parameters.get_param_float("FW_AIRSPD_MAX") == pytest.approx(32.0)
-            assert await parameters.get_param_int("COM_OBL_RC_ACT") == 5
+            assert await parameters.get_param_int("COM_OBL_RC_ACT") == 0
             everything = await parameters.get_all_params()
             assert {"FW_AIRSPD_MIN", "COM_OF_LOSS_T"} <= {
                 one.name for one in everything.float_params
@@ -87,12 +87,21 @@ def test_it_arms_takes_off_and_finds_the_aircraft_in_a_loiter(emulate: Emulate) 
     asyncio.run(test())
 
 
-def test_offboard_velocity_is_obeyed_and_its_end_is_noticed(emulate: Emulate) -> None:
+@pytest.mark.parametrize("version", ["1.14", "1.18"])
+def test_offboard_positions_and_the_velocities_of_1_14_are_obeyed_and_their_end_is_noticed(
+    emulate: Emulate, version: str
+) -> None:
     async def test() -> None:
         options = ("--autopilot", "px4", "--airborne", "--speedup", "2", "--wind", "steady:5,90")
+        options += ("--autopilot-version", version)
         async with emulate(*options) as emulation, connected(emulation.port) as system:
             offboard = OffboardAsync(system)
-            await offboard.set_velocity_ned(VelocityNedYaw(-10.0, 10.0, 0.0, 135.0))
+            if version == "1.14":
+                await offboard.set_velocity_ned(VelocityNedYaw(-10.0, 10.0, 0.0, 135.0))
+            else:
+                # So far away that the bearing stays what it is.
+                far = PositionNedYaw(-50_000.0, 50_000.0, -100.0, 135.0)
+                await offboard.set_position_ned(far)
             await offboard.start()
 
             def flies_south_east(state: dict[str, Any]) -> bool:

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
 from vfguide.errors import InputError
-from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.connection import open_connection
@@ -28,7 +28,17 @@ Emulate = Callable[..., Any]
 
 PATIENCE_S = 60.0
 
-VEHICLE = Vehicle(system_id=3, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
+VEHICLE = Vehicle(
+    system_id=3,
+    component_id=1,
+    hold="heading-hold",
+    lateral_acceleration=9.8,
+    px4_steering="guided-course",
+)
+
+SETPOINT = AutopilotSetpoint(
+    course=1.0, speed=22.0, altitude_amsl=588.0, latitude_deg=47.4, longitude_deg=8.5
+)
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -54,10 +64,14 @@ def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
             address = parse_address(f"udpin://127.0.0.1:{emulation.port}")
             async with open_connection(address, take, random=Random(1), by_mavsdk=True) as made:
                 await until(lambda: made.connected)
-                _, speed = plane.fly(1.0, 20.0)
-                made.send(codec.encode([speed]))  # as it is
-                await until(lambda: answered(178))
+                # As they are: MAVSDK has no call for Guided Course.
+                made.send(codec.encode(plane.engage()))
+                await emulation.until(lambda state: state["mode"] == "AUTO.COURSE")
+                made.send(codec.encode(plane.fly(SETPOINT)))
+                await until(lambda: answered(43_002) and answered(178))
+                await emulation.until(lambda state: abs(state["course_rad"] - 1.0) < 0.01)
                 made.send(codec.encode(plane.hand_back()))  # by MAVSDK's own call
+                await emulation.until(lambda state: state["mode"] == "AUTO.LOITER")
                 await until(lambda: answered(176))
 
     asyncio.run(test())

@@ -11,7 +11,8 @@ from typing import Any
 import yaml
 
 from vfguide.mission import Mission
-from vfguide.rehearsal.live import LiveFlight, live_flight
+from vfguide.record.recording import guidance_files
+from vfguide.rehearsal.live import RECORDINGS, LiveFlight, live_flight
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
@@ -80,7 +81,8 @@ def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
         for name in flight.names:
             log = (tmp_path / f"{name}.companion.log").read_text()
             assert "stopping: handing back" in log
-            assert (tmp_path / f"{name}.guidance.csv").stat().st_size > 0
+            recorded = guidance_files(tmp_path / RECORDINGS, name)
+            assert [file.stat().st_size > 0 for file in recorded] == [True]
 
     asyncio.run(fly())
 

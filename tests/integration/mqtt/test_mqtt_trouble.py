@@ -219,12 +219,48 @@ def test_a_stranger_who_publishes_states_of_a_vehicle_is_found_out(
 
 
 def test_two_vehicles_of_the_same_name_are_found_out(
-    mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
+    mosquitto: Make, opened: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def scenario() -> None:
         port = mosquitto().port
-        async with opened(port, "f1", "lead"), opened(port, "f1", "lead"):
-            await until(lambda: "does another client call itself vfguide/test/f1?" in caplog.text)
+        async with opened(port, "f1", "lead") as (one, _), opened(port, "f1", "lead") as (other, _):
+            number = 0
+            async with asyncio.timeout(60.0):
+                while not one.counters["somebody else's"]:
+                    number += 1
+                    one.publish(b"one %d" % number)
+                    other.publish(b"other %d" % number)
+                    await asyncio.sleep(0.02)
+
+    asyncio.run(scenario())
+    assert "somebody else publishes states of 'f1' too" in caplog.text
+
+
+def test_who_may_only_read_cannot_throw_the_leader_out(
+    mosquitto: Make, password_file: Make, opened: Make, tmp_path: Path
+) -> None:
+    async def scenario() -> None:
+        users = "".join(password_file(name, "word").read_text() for name in ("lead", "eye"))
+        passwords, rules = tmp_path / "passwords", tmp_path / "rules"
+        passwords.write_text(users)
+        rules.write_text("user eye\ntopic read #\nuser lead\ntopic readwrite #\n")
+        broker = mosquitto(
+            f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n",
+            basis="user root\n",
+        )
+        names, word = ("vfguide/test/lead", "lead"), "word"
+        async with opened(f"mqtt://lead:word@127.0.0.1:{broker.port}", "lead") as (link, _):
+            assert link.connected
+            for name in names * 3:
+                async with aiomqtt.Client(
+                    "127.0.0.1", broker.port, identifier=name, username="eye", password=word
+                ) as eye:
+                    await eye.subscribe("vfguide/test/lead/state")
+                    link.publish(name.encode())
+                    heard = await asyncio.wait_for(anext(eye.messages), 60.0)
+                    assert heard.payload == name.encode()
+            assert link.counters["connected"] == 1
+            assert link.counters["disconnected"] == 0
 
     asyncio.run(scenario())
 

@@ -1,7 +1,7 @@
 """One companion with a real emulated autopilot in virtual time, and a leader on the link."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -93,6 +94,12 @@ class Flight:
     modes: list[tuple[float, Mode]] = field(default_factory=list)
     lose: frozenset[int] = frozenset()
     """Commands that never arrive."""
+    deaf: bool = False
+    """Whether nothing that the autopilot says arrives."""
+    forge: Callable[[float], bytes] = lambda _now: b""
+    """What another says in the autopilot's name at a time."""
+    make: Callable[[], Companion] | None = None
+    """Makes the companion of a process that starts anew, with the state that the one before has kept."""
     _steps: int = 0
 
     def run(self, until_s: float) -> None:
@@ -102,6 +109,7 @@ class Flight:
             for data in self.link(self.now):
                 self.companion.receive_link(data, self.now)
             telemetry = self.waiting + self.autopilot.advance(self.now - self.booted)
+            telemetry = self.forge(self.now) + (b"" if self.deaf else telemetry)
             out = self.companion.receive_mavlink(telemetry, self.now)
             self.sent.append((self.now, out.to_autopilot))
             self.waiting = self.autopilot.receive(self._passed_on(out.to_autopilot))
@@ -115,6 +123,16 @@ class Flight:
             return data
         kept = [message for message in parse(data) if number_of(message) not in self.lose]
         return b"".join(bytes(message.get_msgbuf()) for message in kept)
+
+    def restart(self) -> None:
+        """The companion is killed, and another process takes its place."""
+        assert self.make is not None
+        self.companion = self.make()
+
+    def hang(self, until_s: float) -> None:
+        """The companion's process stands still; what the autopilot says waits in a buffer."""
+        self._steps = int(until_s * RATE_HZ) + 1
+        self.waiting += self.autopilot.advance(until_s - self.booted)
 
     def pilot(self, main_mode: int, sub_mode: int = 0) -> None:
         """The pilot turns the mode switch."""
@@ -141,13 +159,15 @@ class Flight:
         return [time for time in self.times(number) if time > from_s]
 
     def texts(self) -> list[tuple[float, str]]:
-        """What the companion told to ground stations, and when."""
-        return [
-            (time, message.text)
-            for time, data in self.sent
-            for message in parse(data)
-            if message.get_type() == "STATUSTEXT"
-        ]
+        """What the companion told to ground stations, as these put the parts together, and when."""
+        whole: list[tuple[float, str]] = []
+        for time, data in self.sent:
+            for message in parse(data):
+                if message.get_type() == "STATUSTEXT" and message.chunk_seq:
+                    whole[-1] = (time, whole[-1][1] + message.text)
+                elif message.get_type() == "STATUSTEXT":
+                    whole.append((time, message.text))
+        return whole
 
     def reboot(self) -> None:
         """The autopilot starts anew; what it was about to say is lost."""
@@ -158,12 +178,15 @@ class Flight:
         return next(mode for time, mode in reversed(self.modes) if time <= time_s)
 
 
-def emulator(kind: str = "ardupilot", system_id: int = 2) -> Autopilot:
+def emulator(
+    kind: str = "ardupilot", system_id: int = 2, version: tuple[int, int] | None = None
+) -> Autopilot:
     """50 m behind the origin and 30 m left of it, northbound at 20 m/s, in a loiter."""
     latitude, longitude = plan_of("line-calm", "f1").frame.to_geodetic(-50.0, -30.0)
     config = AutopilotConfig(
         system_id=system_id,
         autopilot="px4" if kind == "px4" else "ardupilot",
+        autopilot_version=version,
         plant=PlantParameters(),
         latitude_deg=latitude,
         longitude_deg=longitude,
@@ -193,9 +216,12 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
         *,
         engage: bool = True,
         kind: str = "ardupilot",
+        version: tuple[int, int] | None = None,
         link: Callable[[float], Iterable[bytes]] | None = None,
         patience: dict[str, float] | None = None,
         clock: SharedClock = SAME_CLOCK,
+        store: ConsentStore | None = None,
+        engage_from: tuple[str, ...] = ("LOITER", "HOLD"),
     ) -> Flight:
         mission = mission_of("line-calm")
         sections = {
@@ -204,14 +230,21 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
         }
         mission = mission.model_copy(update=sections)
         declared = mission.vehicles[vehicle].model_copy(update={"autopilot": kind})
-        return Flight(
-            companion=Companion(
-                flight_plan(mission, vehicle),
+        kept = store or MemoryStore()
+
+        def companion() -> Companion:
+            return Companion(
+                replace(flight_plan(mission, vehicle), engage_from=engage_from),
                 adapter_of(declared),
                 engage=engage,
+                consent=kept,
                 clock=clock,
-            ),
-            autopilot=emulator(kind, declared.system_id),
+            )
+
+        return Flight(
+            companion=companion(),
+            make=companion,
+            autopilot=emulator(kind, declared.system_id, version),
             link=link or (lambda now: [leader_bytes(now)]),
         )
 

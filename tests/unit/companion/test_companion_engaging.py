@@ -155,11 +155,13 @@ def test_a_companion_whose_leader_has_gone_silent_does_not_engage(
 def test_engaging_is_tried_again_until_it_is_obeyed(flight: Make) -> None:
     flown = flight()
     flown.lose = frozenset({SET_MODE})
-    flown.run(5.5)
-    assert flown.times(SET_MODE) == [1.0, 2.0, 3.0, 4.0, 5.0]
+    flown.run(10.5)
+    # After 1, 2, 4, ... seconds, on the next heartbeat.
+    assert flown.times(SET_MODE) == [1.0, 2.0, 4.0, 8.0]
+    assert sum("although it was asked" in text for _, text in flown.events) == 1
     flown.lose = frozenset()
-    flown.run(10.0)
-    assert flown.times(SET_MODE)[-1] == 6.0
+    flown.run(17.0)
+    assert flown.times(SET_MODE)[-1] == 16.0
     assert flown.autopilot.truth().mode == "GUIDED"
 
 

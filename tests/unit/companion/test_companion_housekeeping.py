@@ -64,8 +64,8 @@ def test_telemetry_is_asked_for_until_it_flows(flight: Make) -> None:
     flown = flight()
     flown.lose = frozenset({MESSAGE_INTERVAL})
     flown.run(5.5)
-    # Two streams, once a second, from the first heartbeat on.
-    assert flown.times(MESSAGE_INTERVAL) == [time for second in range(6) for time in [second] * 2]
+    # Position, airspeed and three messages of navigation health, once a second, from the first heartbeat on.
+    assert flown.times(MESSAGE_INTERVAL) == [time for second in range(6) for time in [second] * 5]
     flown.lose = frozenset()
     flown.run(20.0)
     assert flown.times(MESSAGE_INTERVAL)[-1] <= 7.0
@@ -87,7 +87,7 @@ def test_telemetry_is_asked_for_again_when_it_has_stopped(flight: Make) -> None:
     flown.run(10.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.run(20.0)
-    assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0, 12.0]
+    assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0] * 5
     assert flown.times(HEADING)[-1] > 19.5
 
 
@@ -128,12 +128,18 @@ def test_a_duplicate_position_is_not_steered_by_twice(
                 " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX)"
             ),
         ),
-        (43_002, 2, "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: DENIED"),
+        (
+            *(43_002, 2),
+            (
+                "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: DENIED"
+                " (not in Guided Course, or a course that it does not take)"
+            ),
+        ),
         (
             *(176, 1),
             (
                 "autopilot answers MAV_CMD_DO_SET_MODE: TEMPORARILY_REJECTED"
-                " (setpoints have to arrive first, at 2 Hz or more)"
+                " (it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more)"
             ),
         ),
         (60_000, 2, "autopilot answers 60000: DENIED"),

@@ -7,12 +7,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.supervisor import Mode
-from vfguide.mavlink.announcements import status_text
+from vfguide.mavlink.announcements import NOTICE, status_texts
 
 Make = Callable[..., Any]
 
 HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
-LOITER = 12
+LOITER, RTL, MANUAL = 12, 11, 0
+SET_MODE, CHANGE_HEADING = 176, 43_002
 
 
 def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Make) -> None:
@@ -20,22 +21,42 @@ def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Mak
     flown.run(52.0)
     flown.pilot(LOITER)
     flown.run(54.0)
-    told = flown.texts()
-    assert [text for _, text in told] == [
-        f"vfguide f1: {mode}"
-        for mode in (
-            *("joining", "tracking", "predicting", "breakaway", "lost"),
-            *("waiting", "joining", "pilot"),
+    assert [text for _, text in flown.texts()] == [
+        f"vfguide f1: {text}"
+        for text in (
+            "steering to its place; leave GUIDED to take over",
+            "in its place",
+            "leader not heard, steering by its path; leave GUIDED to take over",
+            "leader lost, flying away from the others; leave GUIDED to take over",
+            "leader lost, handing back to the autopilot; select GUIDED once it is heard",
+            "LOITER, not steering; select GUIDED to be steered",
         )
     ]
     changes = [time for time, text in flown.events if "->" in text]
-    assert [time for time, _ in told] == changes
+    assert [time for time, _ in flown.texts()][:6] == changes
 
 
-def test_a_text_is_a_notice_of_at_most_fifty_characters() -> None:
-    message = status_text("vfguide " + "é" * 60)
-    assert message.severity == 5
-    assert message.text == "vfguide " + "?" * 42
+def test_a_short_text_is_one_message() -> None:
+    (message,) = status_texts("vfguide f1: é", NOTICE, 7)
+    assert (message.severity, message.text, message.id) == (5, "vfguide f1: ?", 0)
+
+
+@pytest.mark.parametrize("length", [51, 99, 100, 101, 150, 249])
+def test_a_long_text_arrives_whole_and_its_end_shows(length: int) -> None:
+    text = "".join(chr(65 + index % 26) for index in range(length))
+    messages = status_texts(text, NOTICE, 7)
+    assert "".join(message.text for message in messages) == text
+    assert {message.id for message in messages} == {7}
+    assert [message.chunk_seq for message in messages] == list(range(len(messages)))
+    # Ground stations know the last part by its being less than 50 characters long.
+    sizes = [len(message.text) for message in messages]
+    assert sizes[:-1] == [50] * (len(sizes) - 1)
+    assert sizes[-1] < 50
+
+
+def test_a_text_without_an_end_is_cut() -> None:
+    messages = status_texts("x" * 1000, NOTICE, 7)
+    assert [len(message.text) for message in messages] == [50, 50, 50, 50, 50, 49]
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
@@ -43,25 +64,33 @@ def test_stopping_hands_back_what_is_steered(flight: Make, parsed: Make, kind: s
     flown = flight(kind=kind)
     flown.run(20.0)
     assert flown.companion.snapshot.mode.steers
-    out = flown.companion.stop(20.05)
-    (message,) = parsed(out.to_autopilot)
-    # MAV_CMD_DO_SET_MODE, custom mode enabled: LOITER, or main mode AUTO and sub mode LOITER.
-    wanted = (1.0, 12.0, 0.0) if kind == "ardupilot" else (1.0, 4.0, 3.0)
-    assert message.command == 176
-    assert (message.param1, message.param2, message.param3) == wanted
-    assert (message.target_system, message.get_srcSystem()) == (2, 2)
+    flown.sent.clear()
+    out = flown.companion.stop(20.0)
     assert [event.text for event in out.events] == ["stopping: handing back"]
     assert (out.to_link, out.steered) == ([], False)
-    flown.autopilot.receive(out.to_autopilot)
+    assert not flown.companion.released
+    flown.run(20.95)
+    # The next heartbeat shows which mode would be left.
+    assert flown.times(SET_MODE) == []
+    flown.run(22.0)
+    (data,) = [data for time, data in flown.sent if time == 21.0]
+    (message,) = [one for one in parsed(data) if getattr(one, "command", 0) == SET_MODE]
+    # MAV_CMD_DO_SET_MODE, custom mode enabled: LOITER, or main mode AUTO and sub mode LOITER.
+    wanted = (1.0, 12.0, 0.0) if kind == "ardupilot" else (1.0, 4.0, 3.0)
+    assert (message.param1, message.param2, message.param3) == wanted
+    assert (message.target_system, message.get_srcSystem()) == (2, 2)
+    assert flown.times(SET_MODE) == [21.0]
     assert flown.autopilot.truth().mode == ("LOITER" if kind == "ardupilot" else "AUTO.LOITER")
     assert flown.companion.snapshot.mode is Mode.WAITING
+    assert flown.companion.released
 
 
 def test_stopping_while_breaking_away_hands_back(flight: Make, until: Make) -> None:
     flown = flight(link=until(20.0), patience={"prediction_s": 3.0})
     flown.run(25.0)
     assert flown.mode_at(25.0) is Mode.BREAKAWAY
-    flown.autopilot.receive(flown.companion.stop(25.05).to_autopilot)
+    flown.companion.stop(25.0)
+    flown.run(26.0)
     assert flown.autopilot.truth().mode == "LOITER"
 
 
@@ -77,57 +106,85 @@ def test_stopping_says_nothing_where_nothing_is_steered(
     assert flown.companion.snapshot.mode.value == begins
     out = flown.companion.stop(20.05)
     assert (out.to_autopilot, out.events) == (b"", [])
+    assert flown.companion.released
 
 
-def test_after_stopping_nothing_is_engaged_any_more(flight: Make) -> None:
+def test_last_words_are_said_three_times_and_no_more(flight: Make) -> None:
     flown = flight()
     flown.run(20.0)
-    flown.waiting += flown.autopilot.receive(flown.companion.stop(20.0).to_autopilot)
-    flown.run(30.0)
-    assert flown.autopilot.truth().mode == "LOITER"
-    assert flown.later(176, 20.0) == []
-
-
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_last_words_are_repeated_until_the_autopilot_answers(flight: Make, kind: str) -> None:
-    flown = flight(kind=kind)
-    flown.run(20.0)
-    lost = flown.companion.stop(20.05).to_autopilot
+    flown.lose = frozenset({SET_MODE})
+    flown.companion.stop(20.0)
+    flown.run(26.0)
+    assert flown.later(SET_MODE, 20.0) == [21.0, 22.0, 23.0]
     assert not flown.companion.released
-    again = flown.companion.stop(20.15)
-    assert len(again.to_autopilot) == len(lost)
-    assert again.events == []
-    answer = flown.autopilot.receive(again.to_autopilot)
-    assert flown.companion.receive_mavlink(answer, 20.2).to_autopilot == b""
+
+
+@pytest.mark.parametrize("mode", [RTL, MANUAL])
+def test_last_words_are_not_said_into_the_pilots_mode(flight: Make, mode: int) -> None:
+    flown = flight()
+    flown.run(20.4)
+    # Its heartbeat is lost, and the companion is stopped: SIGTERM a moment after the pilot's hand.
+    flown.pilot(mode)
+    flown.waiting = b""
+    flown.companion.stop(20.4)
+    flown.run(30.0)
+    assert flown.later(SET_MODE, 20.0) == []
+    assert flown.autopilot.truth().mode == {RTL: "RTL", MANUAL: "MANUAL"}[mode]
     assert flown.companion.released
-    assert flown.companion.stop(20.25).to_autopilot == b""
 
 
-def test_the_answer_to_a_ground_station_is_no_answer_to_the_last_words(
-    flight: Make, spoken: Make
+@pytest.mark.parametrize("mode", [RTL, MANUAL])
+@pytest.mark.parametrize("every_steps", [1, 3, 10])
+def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(
+    flight: Make, spoken: Make, mode: int, every_steps: int
 ) -> None:
     flown = flight()
     flown.run(20.0)
-    assert flown.companion.stop(20.05).to_autopilot  # and nobody hears it
-    # MAV_CMD_DO_SET_MODE, accepted: a ground station has selected some mode, perhaps GUIDED again.
-    for_station = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, 255, 190)
-    flown.companion.receive_mavlink(spoken(for_station), 20.1)
-    assert not flown.companion.released
-    assert flown.companion.stop(20.15).to_autopilot
-    for_companion = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, 2, 191)
-    flown.companion.receive_mavlink(spoken(for_companion), 20.2)
-    assert flown.companion.released
+    flown.pilot(mode)
+    flown.run(22.0)
+    guided = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
+    flown.forge = lambda now: b"" if round(now * 20) % every_steps else spoken(guided)
+    flown.run(25.0)
+    flown.companion.stop(25.0)
+    flown.run(32.0)
+    assert flown.later(SET_MODE, 20.0) == []
+    assert flown.autopilot.truth().mode == {RTL: "RTL", MANUAL: "MANUAL"}[mode]
 
 
-def test_a_heartbeat_shows_that_the_vehicle_flies_by_itself(flight: Make) -> None:
+@pytest.mark.parametrize("stops", [False, True])
+def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_else(
+    flight: Make, spoken: Make, until: Make, *, stops: bool
+) -> None:
+    flown = flight(link=until(20.0), patience=HASTY)
+    flown.run(20.0)
+    flown.deaf = True
+    flown.run(20.5)
+    flown.pilot(RTL)
+    guided = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
+    flown.forge = lambda _now: spoken(guided)
+    flown.run(28.0)
+    if stops:
+        flown.companion.stop(28.0)
+    flown.run(40.0)
+    assert flown.later(SET_MODE, 20.0) == []
+    assert flown.autopilot.truth().mode == "RTL"
+
+
+@pytest.mark.parametrize("target", [(0, 0), (255, 190), (2, 191)])
+def test_an_answer_alone_releases_nothing(
+    flight: Make, spoken: Make, target: tuple[int, int]
+) -> None:
     flown = flight()
     flown.run(20.0)
-    flown.autopilot.receive(flown.companion.stop(20.05).to_autopilot)
+    flown.companion.stop(20.0)
+    # MAV_CMD_DO_SET_MODE, accepted: of anybody's command, and heartbeats still show GUIDED.
+    answer = mavlink.MAVLink_command_ack_message(SET_MODE, 0, 0, 0, *target)
+    flown.companion.receive_mavlink(spoken(answer), 20.1)
     assert not flown.companion.released
-    # A second of telemetry, in which one heartbeat is; nothing of it is guided by.
-    out = flown.companion.receive_mavlink(flown.autopilot.advance(21.1), 21.1)
+    loiter = mavlink.MAVLink_heartbeat_message(1, 3, 129, LOITER, 4, 3)
+    out = flown.companion.receive_mavlink(spoken(loiter), 20.2)
     assert flown.companion.released
-    assert (out.to_autopilot, out.to_link) == (b"", [])
+    assert out.to_link == []
 
 
 def test_whoever_steers_nothing_is_released_at_once(flight: Make) -> None:

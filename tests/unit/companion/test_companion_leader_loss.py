@@ -88,9 +88,9 @@ def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(
     flight: Make, until: Make
 ) -> None:
     flown = flight(link=until(20.0), patience=HASTY)
-    flown.run(28.0)
+    flown.run(28.95)
     assert flown.autopilot.truth().mode == "GUIDED"
-    flown.run(28.05)
+    flown.run(29.0)
     assert flown.autopilot.truth().mode == "LOITER"
     flown.run(60.0)
     assert flown.autopilot.truth().mode == "LOITER"
@@ -101,33 +101,35 @@ def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(
 def test_px4_is_handed_back_to_its_hold(flight: Make, until: Make) -> None:
     flown = flight(kind="px4", link=until(20.0), patience=HASTY)
     flown.run(28.0)
-    assert flown.autopilot.truth().mode == "OFFBOARD"
+    assert flown.autopilot.truth().mode == "AUTO.COURSE"
     flown.run(40.0)
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
     assert flown.mode_at(40.0) is Mode.LOST
 
 
-def test_handing_back_is_tried_again_until_it_is_obeyed(flight: Make, until: Make) -> None:
+def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided(
+    flight: Make, until: Make
+) -> None:
     flown = flight(link=until(20.0), patience=HASTY)
     flown.run(28.0)
     flown.lose = frozenset({SET_MODE})
-    flown.run(31.5)
-    assert flown.mode_at(31.5) is Mode.LOST
-    assert [time for time in flown.times(SET_MODE) if time > 20.0] == [28.05, 29.0, 30.0, 31.0]
-    flown.lose = frozenset()
     flown.run(40.0)
-    assert flown.autopilot.truth().mode == "LOITER"
-    assert [time for time in flown.times(SET_MODE) if time > 31.5] == [32.0]
+    assert flown.mode_at(40.0) is Mode.LOST
+    assert [time for time in flown.times(SET_MODE) if time > 20.0] == [29.0, 30.0, 31.0]
+    assert [text for _, text in flown.events if "take it by hand" in text] == [
+        "the autopilot stays in GUIDED although it was handed back 3 times: take it by hand"
+    ]
 
 
-def test_a_pilot_who_selects_guided_without_a_leader_gets_the_vehicle_back(
+def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered(
     flight: Make, until: Make
 ) -> None:
     flown = flight(link=until(20.0), patience=HASTY)
     flown.run(30.0)
     flown.pilot(GUIDED)
-    flown.run(32.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    flown.run(34.0)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert any("stays in GUIDED, as it was selected by hand" in text for _, text in flown.texts())
     assert 27.5 < flown.times(HEADING)[-1] <= 28.0
 
 

@@ -30,16 +30,23 @@ GROWTH_KB = 4096
 
 HEADER, CHECKSUM = 10, 2
 
+ROUND, FORGED = 400, 120
+"""Of so many datagrams, 20 s, forged frames come in this many."""
 
-def sound_frames(system_id: int) -> list[bytes]:
-    """One of each kind that is listened to, and one that is not."""
+METRES = 0.0111
+"""One unit of a latitude in a position frame, m."""
+
+
+def sound_frames(system_id: int, now: float = 1.0) -> list[bytes]:
+    """One of each kind that is listened to, and one that is not: of a vehicle that flies north at 20 m/s."""
     sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
+    boot_ms, north = round(1000 * now), round(20.0 * now / METRES)
     messages = [
         mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
         mavlink.MAVLink_heartbeat_message(1, 12, 129, 6 << 16, 4, 3),
         mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0),
         mavlink.MAVLink_global_position_int_message(
-            1000, 473_977_420, 85_455_940, 588_000, 100_000, 2000, 0, 0, 9000
+            boot_ms, 473_977_420 + north, 85_455_940, 588_000, 100_000, 2000, 0, 0, 9000
         ),
         mavlink.MAVLink_command_ack_message(43_002, 4),
         mavlink.MAVLink_statustext_message(4, b"low battery"),
@@ -98,18 +105,24 @@ def test_no_frame_is_too_damaged_and_none_leaves_a_trace(
     random = Random(f"{kind} {FRAMES}")
     sound = sound_frames(declared.system_id)
     pool = [mutated(random.choice(sound), random) for _ in range(POOL)]
+    true_heartbeat = int(kind == "px4")
     steered, early_kb = 0, 0
     count = FRAMES // 3 // DATAGRAM
     for number in range(count):
         now = number / 20
         if number % 2:
             companion.receive_link(leader_bytes(now), now)
+        sound = sound_frames(declared.system_id, 1.0 + now)
         frames = [
             damaged(random.choice(sound), random)
             if random.random() < 0.3
             else random.choice(pool if random.random() < 0.8 else sound)
             for _ in range(DATAGRAM)
         ]
+        if number % ROUND >= FORGED:
+            # No forged frame: the autopilot, which refuses nothing, is believed again after some seconds.
+            frames = [damaged(frame, random) for frame in frames[:5]]
+            frames += [sound[true_heartbeat], *sound[2:4], *sound[5:]]
         out = companion.receive_mavlink(b"".join(frames), now)
         steered += out.steered
         for message in parsed(out.to_autopilot):

@@ -1,24 +1,31 @@
-"""An autopilot that can only be engaged while setpoints arrive, and one that needs none."""
+"""Autopilots that can only be engaged while setpoints arrive, and those that need none."""
 
+import struct
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.supervisor import Mode
 
 Make = Callable[..., Any]
+Flown = Any  # the flight of conftest.py, which tests cannot import
 
-SET_MODE, CHANGE_SPEED, HEADING = 176, 178, 43_002
-VELOCITY = "SET_POSITION_TARGET_LOCAL_NED"
+SET_MODE, CHANGE_SPEED, HEADING, REQUEST_MESSAGE = 176, 178, 43_002, 512
+GROUND_STATION, COMPANION = 6, 18
+POSITION = "SET_POSITION_TARGET_GLOBAL_INT"
+BY_POSITIONS = (1, 16)
+"""A version that is steered in offboard."""
+
 ALTITUDE_CONTROL, OFFBOARD, AUTO, LOITER = 2, 6, 4, 3
 
 
 def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> None:
-    flown = flight(kind="px4")
+    flown = flight(kind="px4", version=BY_POSITIONS)
     flown.run(40.0)
-    setpoints = flown.times(VELOCITY)
+    setpoints = flown.times(POSITION)
     assert flown.times(SET_MODE)
     assert setpoints[0] < flown.times(SET_MODE)[0]
     assert flown.autopilot.truth().mode == "OFFBOARD"
@@ -29,15 +36,15 @@ def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> No
 
 
 def test_px4_hears_setpoints_from_a_companion_that_may_not_engage(flight: Make) -> None:
-    flown = flight(kind="px4", engage=False)
+    flown = flight(kind="px4", version=BY_POSITIONS, engage=False)
     flown.run(10.0)
-    assert flown.later(VELOCITY, 5.0) == [pytest.approx(5.05 + 0.05 * k) for k in range(100)]
+    assert flown.later(POSITION, 5.0) == [pytest.approx(5.05 + 0.05 * k) for k in range(100)]
     assert flown.times(CHANGE_SPEED) == flown.times(SET_MODE) == []
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
 
 
 def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage(flight: Make) -> None:
-    flown = flight(kind="px4", engage=False)
+    flown = flight(kind="px4", version=BY_POSITIONS, engage=False)
     flown.run(10.0)
     flown.pilot(OFFBOARD)
     assert flown.autopilot.truth().mode == "OFFBOARD"
@@ -51,13 +58,13 @@ def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage(fligh
 def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey(
     flight: Make, mode: tuple[int, int]
 ) -> None:
-    flown = flight(kind="px4")
+    flown = flight(kind="px4", version=BY_POSITIONS)
     flown.run(10.0)
     assert flown.autopilot.truth().mode == "OFFBOARD"
     flown.pilot(*mode)
     flown.run(20.0)
     assert flown.mode_at(20.0) is Mode.PILOT
-    stream = flown.later(VELOCITY, 10.0)
+    stream = flown.later(POSITION, 10.0)
     assert max(later - earlier for earlier, later in pairwise(stream)) <= 0.25 + 1e-6
     assert stream[-1] > 19.75
     assert flown.later(CHANGE_SPEED, 10.0) == flown.later(SET_MODE, 10.0) == []
@@ -66,7 +73,7 @@ def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey
 
 @pytest.mark.parametrize("vehicle", ["f1", "leader"])
 def test_the_pilot_of_px4_can_select_offboard_again(flight: Make, vehicle: str) -> None:
-    flown = flight(vehicle, kind="px4")
+    flown = flight(vehicle, kind="px4", version=BY_POSITIONS)
     flown.run(10.0)
     flown.pilot(AUTO, LOITER)
     flown.run(15.0)
@@ -81,20 +88,89 @@ def test_px4_that_was_given_back_for_lack_of_a_leader_hears_no_stream(
     flight: Make, until: Make
 ) -> None:
     patience = {"prediction_s": 2.0, "breakaway_s": 2.0}
-    flown = flight(kind="px4", link=until(10.0), patience=patience)
+    flown = flight(kind="px4", version=BY_POSITIONS, link=until(10.0), patience=patience)
     flown.run(20.0)
     assert flown.mode_at(20.0) is Mode.LOST
-    assert flown.later(VELOCITY, 10.0)
-    assert flown.later(VELOCITY, 14.5) == []
+    assert flown.later(POSITION, 10.0)
+    assert flown.later(POSITION, 14.5) == []
 
 
 def test_arduplane_hears_no_setpoints_while_it_is_not_engaged(flight: Make) -> None:
     waiting = flight(engage=False)
     waiting.run(10.0)
-    assert waiting.times(HEADING) == waiting.times(VELOCITY) == []
+    assert waiting.times(HEADING) == waiting.times(POSITION) == []
     taken = flight()
     taken.run(10.0)
     taken.pilot(12)
     taken.run(20.0)
     assert taken.times(HEADING)
-    assert taken.later(HEADING, 10.0) == taken.times(VELOCITY) == []
+    assert taken.later(HEADING, 10.0) == taken.times(POSITION) == []
+
+
+def test_px4_that_has_guided_course_is_engaged_without_a_stream(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.run(60.0)
+    assert flown.times(POSITION) == []
+    assert flown.autopilot.truth().mode == "AUTO.COURSE"
+    assert flown.mode_at(60.0) is Mode.TRACKING
+    assert flown.later(HEADING, 50.0)
+    assert flown.autopilot.truth().altitude_amsl_m == pytest.approx(588.0, abs=0.5)
+
+
+def test_it_is_asked_for_its_version_before_it_is_engaged(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.run(20.0)
+    assert flown.times(REQUEST_MESSAGE)
+    assert flown.times(REQUEST_MESSAGE)[-1] < flown.times(SET_MODE)[0]
+    (text,) = [text for _, text in flown.events if "PX4 1.18" in text]
+    assert text.endswith("should it and every ground station fall silent, NAV_DLL_ACT decides")
+
+
+def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.lose = frozenset({REQUEST_MESSAGE})
+    flown.run(60.0)
+    assert flown.autopilot.truth().mode == "OFFBOARD"
+    assert flown.mode_at(60.0) is Mode.TRACKING
+
+
+def heartbeat_kinds(flown: Flown, from_s: float) -> set[int]:
+    parser = mavlink.MAVLink(None)
+    sent = b"".join(data for time, data in flown.sent if time > from_s)
+    messages = parser.parse_buffer(sent) or []
+    return {one.type for one in messages if one.get_type() == "HEARTBEAT"}
+
+
+def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies(flight: Make) -> None:
+    flown = flight(kind="px4")
+    flown.run(20.0)
+    assert heartbeat_kinds(flown, 10.0) == {COMPANION, GROUND_STATION}
+    flown.pilot(ALTITUDE_CONTROL)
+    flown.run(30.0)
+    assert flown.mode_at(30.0) is Mode.PILOT
+    assert heartbeat_kinds(flown, 22.0) == {COMPANION}
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_no_ground_station_beats_where_the_autopilot_has_another_fail_safe(
+    flight: Make, kind: str
+) -> None:
+    flown = flight(kind=kind, version=BY_POSITIONS if kind == "px4" else None)
+    flown.run(20.0)
+    assert heartbeat_kinds(flown, 0.0) == {COMPANION}
+
+
+def test_a_companion_that_dies_in_guided_course_leaves_an_aircraft_that_loiters(
+    flight: Make,
+) -> None:
+    flown = flight(kind="px4")
+    flown.run(20.0)
+    (one,) = struct.unpack("<f", struct.pack("<i", 1))
+    setting = mavlink.MAVLink_param_set_message(2, 1, b"NAV_DLL_ACT", one, 6)
+    flown.autopilot.receive(setting.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == "AUTO.COURSE"
+    flown.autopilot.advance(51.0)
+    assert flown.autopilot.truth().mode == "AUTO.COURSE"
+    flown.autopilot.advance(54.0)
+    assert flown.autopilot.truth().mode == "AUTO.LOITER"

@@ -8,6 +8,7 @@ from vfguide.companion.supervisor import Patience
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.path import Circle, Line, Racetrack
+from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.model import Mission
@@ -158,7 +159,10 @@ def test_each_autopilot_gets_its_own_adapter(mission: MakeMission) -> None:
 
 
 def test_the_adapter_takes_the_turn_that_the_bank_allows(mission: MakeMission) -> None:
-    heading, _ = adapter_of(mission("transit-abreast").vehicles["wing"]).fly(0.0, 20.0)
+    setpoint = AutopilotSetpoint(
+        course=0.0, speed=20.0, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
+    heading, _ = adapter_of(mission("transit-abreast").vehicles["wing"]).fly(setpoint)
     # g tan(40 degrees) = 9.80665 * 0.8390996
     assert heading.param3 == pytest.approx(8.228756, abs=1e-6)
     assert (heading.target_system, heading.target_component) == (2, 1)

@@ -31,12 +31,15 @@ def leader(plan: MakePlan) -> LeaderRole:
 
 
 def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Fix]:
-    """Calm air, 20 m/s along a course from the origin, turning right by 0.1 rad/s."""
+    """Calm air, 20 m/s from the origin, turning right by 0.1 rad/s."""
     own = OwnVehicle(plan)
-    latitude, longitude = plan.frame.to_geodetic(0.0, 0.0)
     found = []
+    begin = course + 0.1 * times[0]
     for time_s in times:
         angle = course + 0.1 * time_s
+        latitude, longitude = plan.frame.to_geodetic(
+            200.0 * (math.sin(angle) - math.sin(begin)), 200.0 * (math.cos(begin) - math.cos(angle))
+        )
         own.note_airspeed(20.0, time_s)
         report = PositionReport(
             boot_time_s=time_s,

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from vfguide.companion.supervisor import Mode, Patience, Situation, next_mode
+from vfguide.companion.supervisor import Control, Mode, Patience, Situation, next_mode
 
 WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
 PREDICTING, BREAKAWAY = Mode.PREDICTING, Mode.BREAKAWAY
@@ -12,38 +12,46 @@ LOST, PILOT = Mode.LOST, Mode.PILOT
 def following(
     mode: Mode,
     *,
-    engaged: bool = True,
+    control: Control = Control.GUIDED,
     telemetry_age: float = 0.05,
     leader_age: float = 0.1,
     distance: float = 50.0,
+    steered: bool = True,
 ) -> Mode:
     """The mode after one call, joining unless said otherwise, with the patience that is built in."""
     situation = Situation(
-        engaged=engaged, telemetry_age=telemetry_age, leader_age=leader_age, distance=distance
+        control=control,
+        telemetry_age=telemetry_age,
+        leader_age=leader_age,
+        steered=steered,
+        distance=distance,
     )
     return next_mode(mode, situation, Patience())
 
 
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        (WAITING, WAITING),
-        (JOINING, PILOT),
-        (TRACKING, PILOT),
-        (PREDICTING, PILOT),
-        (BREAKAWAY, PILOT),
-        (PILOT, PILOT),
-    ],
-)
+@pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
 @pytest.mark.parametrize("leader_age", [0.1, 3.0, 40.0, 60.0, math.inf, math.nan])
-def test_what_is_not_engaged_belongs_to_the_pilot(
-    before: Mode, after: Mode, telemetry_age: float, leader_age: float
+def test_what_the_pilot_has_is_the_pilots(
+    before: Mode, telemetry_age: float, leader_age: float
 ) -> None:
-    assert (
-        following(before, engaged=False, telemetry_age=telemetry_age, leader_age=leader_age)
-        is after
+    found = following(
+        before, control=Control.PILOT, telemetry_age=telemetry_age, leader_age=leader_age
     )
+    assert found is PILOT
+
+
+@pytest.mark.parametrize("before", Mode)
+@pytest.mark.parametrize("control", [Control.FREE, Control.DISARMED])
+@pytest.mark.parametrize("leader_age", [0.1, 40.0, math.inf, math.nan])
+def test_what_nobody_gave_is_not_steered(before: Mode, control: Control, leader_age: float) -> None:
+    assert following(before, control=control, leader_age=leader_age) is WAITING
+
+
+@pytest.mark.parametrize("before", Mode)
+def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(before: Mode) -> None:
+    after = before if before in {PILOT, LOST} else WAITING
+    assert following(before, control=Control.UNKNOWN) is after
 
 
 @pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
@@ -63,7 +71,9 @@ def test_what_is_not_engaged_belongs_to_the_pilot(
 def test_what_was_given_back_is_lost_until_the_leader_is_heard(
     telemetry_age: float, leader_age: float, after: Mode
 ) -> None:
-    found = following(LOST, engaged=False, telemetry_age=telemetry_age, leader_age=leader_age)
+    found = following(
+        LOST, control=Control.RETURNED, telemetry_age=telemetry_age, leader_age=leader_age
+    )
     assert found is after
 
 
@@ -103,6 +113,8 @@ def test_a_leader_that_stays_silent_is_left(before: Mode, leader_age: float) -> 
 @pytest.mark.parametrize("leader_age", [55.001, 1e9])
 def test_in_the_end_a_silent_leader_is_lost(before: Mode, leader_age: float) -> None:
     assert following(before, leader_age=leader_age, distance=0.0) is LOST
+    # What was never steered is not given back.
+    assert following(before, leader_age=leader_age, steered=False) is WAITING
 
 
 @pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
@@ -129,7 +141,9 @@ def test_a_leader_whose_clock_is_a_little_ahead_is_heard(before: Mode) -> None:
 
 
 def test_patience_is_what_decides() -> None:
-    situation = Situation(engaged=True, telemetry_age=2.0, leader_age=2.0, distance=15.0)
+    situation = Situation(
+        control=Control.GUIDED, telemetry_age=2.0, leader_age=2.0, steered=True, distance=15.0
+    )
     patient = Patience(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
     assert next_mode(JOINING, situation, patient) is TRACKING
     assert next_mode(JOINING, situation, Patience(telemetry_s=3.0, leader_s=1.0)) is PREDICTING

@@ -1,67 +1,141 @@
-"""Where a follower believes the others to be."""
+"""Where a vehicle believes the others to be, and what it thinks that they may do."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vfguide.companion.lookout import Standpoint, calm_for, greatest_wish
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.hearing import Hearing
+from vfguide.companion.plan import FlightPlan, OtherVehicle
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.traffic import Traffic, kept_distance
-from vfguide.guidance.formation import FieldGains
-from vfguide.guidance.separation import Obstacle
+from vfguide.companion.traffic import (
+    BERTH_M,
+    DRIFT_M_S,
+    FORGET_S,
+    SILENT_S,
+    Traffic,
+    Viewpoint,
+    kept_distance,
+)
+from vfguide.frames import LocalFrame
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.predicted_tracks import STEP_S
+from vfguide.guidance.separation import FLOOR_M, Others
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.state import LeaderState
 
 MakePlan = Callable[..., FlightPlan]
 LeaderBytes = Callable[..., bytes]
 
 TURN = 0.1
-"""rad/s of whoever is heard."""
+"""rad/s of the vehicle that is heard."""
+
+F2 = OtherVehicle(
+    name="f2",
+    rank=2,
+    leads=False,
+    slot=Slot(forward=0.0, right=0.0),
+    spacing=40.0,
+    lateral_acceleration=10.0,
+)
+
+LEADING = replace(F2, name="leader", rank=0, leads=True)
 
 
 @pytest.fixture
 def traffic(plan: MakePlan) -> Traffic:
-    return Traffic({"f2": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
+    return Traffic([F2], plan().frame, SAME_CLOCK)
 
 
-def beside(time_s: float, east: float = 10.0) -> Standpoint:
-    """Of one in its slot, abreast of somebody who was 200 m north at 10 s and flies north at 20 m/s."""
-    return Standpoint(
+def beside(time_s: float, east: float = 10.0, altitude_amsl: float = 588.0) -> Viewpoint:
+    """Abreast of a vehicle that was 200 m north at 10 s and flies north at 20 m/s."""
+    return Viewpoint(
         time_s=time_s,
-        north=200.0 + 20.0 * (time_s - 10.0),
-        east=east,
-        slot_north=20.0,
-        slot_east=0.0,
-        off_slot=0.0,
-        distance=0.0,
-        avoiding=False,
+        place=complex(200.0 + 20.0 * (time_s - 10.0), east),
+        velocity=20.0 + 0j,
+        wanted=20.0 + 0j,
+        altitude_amsl=altitude_amsl,
+        astray=0.0,
+        wind=0j,
+        reaction_s=1.5,
     )
 
 
+def led(time_s: float) -> LeaderState[float]:
+    """A leader that flies where that vehicle does."""
+    return LeaderState(
+        time_s=time_s,
+        north=20.0 * time_s,
+        east=0.0,
+        course=0.0,
+        ground_speed=20.0,
+        acceleration=0.0,
+        turn_rate=0.0,
+        turn_acceleration=0.0,
+    )
+
+
+def found(traffic: Traffic, here: Viewpoint) -> Others:
+    seen = traffic.possibilities(here, led(here.time_s))
+    assert seen is not None
+    others, rows = seen
+    assert set(rows) == {0}
+    return others
+
+
+def courses(others: Others) -> list[float]:
+    """Courses (rad) in the first half second."""
+    return [float(angle) for angle in np.angle(others.tracks[:, 1] - others.tracks[:, 0])]
+
+
 def test_nobody_is_in_the_way_before_anybody_was_heard(traffic: Traffic) -> None:
-    assert traffic.obstacles(beside(10.0), linked=True) == []
+    assert traffic.possibilities(beside(10.0), led(10.0)) is None
 
 
-def test_another_follower_is_where_it_has_flown_since_it_was_heard(
+def test_a_steered_vehicle_flies_on_with_the_formation(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
-    # 20 m/s northbound from 200 m north of the origin.
     traffic.receive("f2", leader_bytes(10.0), 10.1)
-    (one,) = traffic.obstacles(beside(10.5), linked=True)
-    assert (one.north, one.east) == (pytest.approx(210.0, abs=1e-3), pytest.approx(0.0, abs=1e-3))
-    assert (one.velocity_north, one.velocity_east) == (pytest.approx(20.0), pytest.approx(0.0))
-    assert one.keep == 8.0
+    others = found(traffic, beside(10.5, east=7.0))
+    assert others.tracks[0, 0] == pytest.approx(210.0, abs=1e-2)
+    assert others.tracks[0, 2] == pytest.approx(210.0 + 20.0 * 2 * STEP_S, abs=1e-2)
+    assert list(others.keep) == [8.0]
 
 
-def test_one_too_far_away_to_matter_is_not_looked_at_before_it_may(
+def test_a_vehicle_in_its_slot_far_away_is_not_in_the_way(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
-    # nobody is left unlooked at for longer than two seconds
-    assert traffic.obstacles(beside(11.9), linked=True) == []
-    assert len(traffic.obstacles(beside(12.1), linked=True)) == 2
+    assert traffic.possibilities(beside(10.0, east=40.0), led(10.0)) is None
+
+
+def test_a_vehicle_that_is_not_steered_may_fly_on_level_out_or_turn_at_its_bank_limit(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN, steered=False), 10.0)
+    others = found(traffic, beside(10.0, east=40.0))
+    # 10 m/s² at 20 m/s are 0.5 rad/s; the chord of half a second lies half as far round.
+    assert courses(others) == pytest.approx([0.25 * TURN, 0.0, 0.125, -0.125], abs=1e-3)
+    assert list(others.keep) == [BERTH_M, BERTH_M, FLOOR_M, FLOOR_M]
+    assert others.horizon_s[2] == 1.5
+
+
+def test_the_leader_looks_at_those_alone_that_are_not_steered(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.possibilities(beside(10.5), None) is None
+    traffic.receive("f2", leader_bytes(10.5, steered=False), 10.5)
+    assert traffic.possibilities(beside(10.5), None) is not None
+
+
+def test_a_vehicle_far_above_is_not_in_the_way(traffic: Traffic, leader_bytes: LeaderBytes) -> None:
+    traffic.receive("f2", leader_bytes(10.0, steered=False), 10.0)
+    assert traffic.possibilities(beside(10.0, altitude_amsl=550.0), led(10.0)) is None
+    assert traffic.possibilities(beside(10.0, altitude_amsl=570.0), led(10.0)) is not None
 
 
 def test_strangers_and_rubbish_are_in_nobodys_way(
@@ -70,7 +144,7 @@ def test_strangers_and_rubbish_are_in_nobodys_way(
     traffic.receive("f9", leader_bytes(10.0), 10.0)
     traffic.receive("f2", b"rubbish", 10.0)
     traffic.receive("f2", leader_bytes(20.0), 10.0)
-    assert traffic.obstacles(beside(10.0), linked=True) == []
+    assert traffic.possibilities(beside(10.0), led(10.0)) is None
     assert dict(traffic.counters) == {"malformed": 1, "from the future": 1}
 
 
@@ -78,48 +152,58 @@ def test_the_time_of_a_state_is_the_formations(plan: MakePlan, leader_bytes: Lea
     skewed = SharedClock(
         to_own=lambda time_s: time_s - 100.0, from_own=lambda time_s: time_s + 100.0
     )
-    traffic = Traffic({"f2": 40.0}, plan().frame, skewed, plan().settings.field)
+    traffic = Traffic([F2], plan().frame, skewed)
     traffic.receive("f2", leader_bytes(10.0, time_s=110.0), 10.0)
-    (one,) = traffic.obstacles(beside(10.5), linked=True)
-    assert one.north == pytest.approx(210.0, abs=1e-3)
+    assert found(traffic, beside(10.5, east=7.0)).tracks[0, 0] == pytest.approx(210.0, abs=1e-2)
 
 
-def test_one_that_fell_silent_may_fly_on_along_its_arc_or_straight(
-    traffic: Traffic, leader_bytes: LeaderBytes
+def heard_leader(plan: MakePlan, data: bytes, now: float) -> Hearing:
+    hearing = Hearing(plan().frame, SAME_CLOCK)
+    assert hearing.take(data, now)
+    return hearing
+
+
+def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
+    plan: MakePlan, leader_bytes: LeaderBytes
 ) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
-    arc, straight = traffic.obstacles(beside(13.0), linked=True)
-    # On the arc it has turned by 0.3 rad; its autopilot, left alone, ends the turn one second ahead.
-    assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
-    assert math.atan2(straight.velocity_east, straight.velocity_north) == pytest.approx(TURN)
-    assert (arc.keep, straight.keep) == (8.0, pytest.approx(8.0 + 0.5 * 2.0))
+    # The link works: another vehicle is heard all the time, far away.
+    for time_s in (9.0, 11.0, 12.9):
+        data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
+        traffic.note("leader", heard_leader(plan, data, time_s))
+    seen = traffic.possibilities(beside(13.0), led(13.0))
+    assert seen is not None
+    others, rows = seen
+    straight = others.tracks[-1]
+    assert list(rows) == [0, 0]
+    # Its autopilot, left alone, ends the turn one second ahead.
+    assert np.angle(straight[1] - straight[0]) == pytest.approx(TURN)
+    assert np.angle(straight[-1] - straight[-2]) == pytest.approx(TURN)
+    assert list(others.keep) == pytest.approx([8.0 + DRIFT_M_S * (3.0 - SILENT_S)] * 2)
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
-    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
-    (arc,) = traffic.obstacles(beside(13.0), linked=False)
-    assert math.atan2(arc.velocity_east, arc.velocity_north) == pytest.approx(3.0 * TURN)
-    assert arc.keep == 8.0
-
-
-def test_damaged_states_end_no_silence(traffic: Traffic, leader_bytes: LeaderBytes) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
-    for now in (10.5, 11.0, 11.5):
-        traffic.receive("f2", leader_bytes(now)[:-1] + b"?", now)
-    # A kilometre away it would not be looked at again before 12 s; after a silence of 1.5 s it is at once.
-    traffic.receive("f2", leader_bytes(11.5), 11.5)
-    assert len(traffic.obstacles(beside(11.5), linked=True)) == 1
+    assert len(found(traffic, beside(13.0)).tracks) == 1
+
+
+def test_a_leader_that_hears_nobody_any_more_flies_on(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    assert traffic.possibilities(beside(13.0), None) is None
 
 
 def test_one_that_is_silent_for_long_is_nowhere(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
     traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert len(traffic.obstacles(beside(24.9), linked=True)) == 2
-    assert traffic.obstacles(beside(25.1), linked=True) == []
+    assert FORGET_S >= 10.0
+    assert traffic.possibilities(beside(9.9 + FORGET_S), led(9.9 + FORGET_S)) is not None
+    assert traffic.possibilities(beside(10.1 + FORGET_S), led(10.1 + FORGET_S)) is None
 
 
 @pytest.mark.parametrize(
@@ -129,132 +213,115 @@ def test_one_that_is_silent_for_long_is_nowhere(
 def test_whoever_is_astray_keeps_more_and_close_slots_less(
     spacing: float, distance: float, kept: float
 ) -> None:
-    assert kept_distance(spacing, distance) == pytest.approx(kept)
+    assert kept_distance(np.array([spacing]), distance) == pytest.approx([kept])
 
 
-GAINS = FieldGains(k_x=0.2, k_y=0.2, chi_inf=math.pi / 4.0, v_inf=8.0)
+def test_the_place_where_a_leader_fell_silent_is_not_flown_through(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    for time_s in (9.5, 10.5):
+        traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
+    # 40 m behind it, after a state that was a little late and after one that never came.
+    for age_s, standing in ((0.6, False), (0.8, True)):
+        traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+        now = 10.0 + age_s
+        here = replace(beside(now, east=0.0), place=complex(20.0 * now - 40.0, 0.0))
+        seen = traffic.possibilities(here, led(now))
+        stands = seen is not None and any(np.ptp(track) == 0.0 for track in seen[0].tracks)
+        assert stands is standing
 
 
-def abreast(east: float, velocity_north: float = 20.0) -> Obstacle[float]:
-    """Somebody so far east of the origin, 200 m north."""
-    return Obstacle(
-        north=200.0, east=east, velocity_north=velocity_north, velocity_east=0.0, keep=7.0
+def test_one_whose_place_is_doubted_may_be_at_either_place(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    frame = LocalFrame(47.397742, 8.545594, 488.0)
+    for number in range(20):
+        now = 9.0 + 0.05 * number
+        traffic.receive("f2", leader_bytes(now), now)
+    # From 10 s on it says that it is 30 m farther east.
+    latitude, longitude = frame.to_geodetic(200.0, 30.0)
+    traffic.receive("f2", leader_bytes(10.0, latitude_deg=latitude, longitude_deg=longitude), 10.0)
+    others = found_rows(traffic, beside(10.0, east=7.0))
+    # Where its velocity leads it flies with the formation, where it says it is it may do anything.
+    assert others[0].tracks[0, 0].imag == pytest.approx(0.0, abs=0.01)
+    assert {round(float(place), 2) for place in others[0].tracks[1:, 0].imag} == {30.0}
+    # Believed there after five seconds, it is nowhere else any more.
+    for number in range(1, 121):
+        now = 10.0 + 0.05 * number
+        latitude, longitude = frame.to_geodetic(20.0 * now, 30.0)
+        place = {"latitude_deg": latitude, "longitude_deg": longitude}
+        traffic.receive("f2", leader_bytes(now, **place), now)
+    others = found_rows(traffic, beside(16.0, east=25.0))
+    assert {round(float(place), 2) for place in others[0].tracks[:, 0].imag} == {30.0}
+
+
+def found_rows(traffic: Traffic, here: Viewpoint) -> tuple[Others, list[int]]:
+    seen = traffic.possibilities(here, led(here.time_s))
+    assert seen is not None
+    return seen[0], list(seen[1])
+
+
+def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed(
+    leader_bytes: LeaderBytes,
+) -> None:
+    # As the leader sees it: 8 m/s of tail wind all along, and a state of 10 s that no other followed.
+    def here(now: float) -> Viewpoint:
+        return replace(beside(now, east=7.0), wind=8.0 + 0j)
+
+    heard = Traffic(
+        [F2, replace(F2, name="f3")], LocalFrame(47.397742, 8.545594, 488.0), SAME_CLOCK
     )
+    heard.receive("f2", leader_bytes(10.0), 10.0)
+    heard.receive("f3", leader_bytes(10.0, latitude_deg=48.0, ground_speed=0.0), 10.0)
+    assert heard.possibilities(here(10.0), None) is None
+    for time_s in (11.5, 13.0):
+        heard.receive("f3", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
+    seen = heard.possibilities(here(13.0), None)
+    assert seen is not None
+    # 200 m north at 10 s and 20 m/s: 260 m at 13 s.
+    assert {round(float(place)) for place in seen[0].tracks[:, 0].real} == {260}
 
 
-def test_in_its_slot_a_follower_wishes_for_nothing_and_far_out_for_a_sharp_turn() -> None:
-    assert greatest_wish(0.0, 20.0, GAINS) == 0.0
-    # Far out 8 m/s more than the slot, 45 degrees off its course: 8 + 2 * 28 * sin(22.5 degrees).
-    assert greatest_wish(math.inf, 20.0, GAINS) == pytest.approx(29.43, abs=0.01)
+def test_a_leader_without_followers_has_nobody_to_keep_clear_of(plan: MakePlan) -> None:
+    alone = Traffic([], plan().frame, SAME_CLOCK)
+    assert alone.possibilities(beside(10.0), None) is None
 
 
-def test_only_who_is_near_enough_for_what_may_be_asked_for_is_in_the_way() -> None:
-    here = beside(10.0, east=0.0)
-    # Nothing wished for: 7 m; then 21 / 0.4 = 52.5 m/s and half of 21 m/s², 5.25 m and 0.105 m in 0.1 s.
-    assert calm_for(here, abreast(7.0), 0.0) == 0.0
-    assert calm_for(here, abreast(12.355), 0.0) == pytest.approx(0.1)
-    # 10 m/s wished for, the other 8 m/s faster: 7 + 18 / 0.4 = 52 m; then 30.25 m and 2.625 m in 0.5 s.
-    assert calm_for(here, abreast(52.0, 28.0), 10.0) == 0.0
-    assert calm_for(here, abreast(84.875, 28.0), 10.0) == pytest.approx(0.5)
-    assert calm_for(here, abreast(5000.0), 0.0) == 2.0
+class Thorough(Traffic):
+    """Always takes the closer look."""
+
+    def is_clear(self, here: Viewpoint, leader: LeaderState[float] | None) -> bool:
+        del here, leader
+        return False
 
 
-def test_of_who_is_far_away_the_newest_is_known_when_it_may_have_come_near(
-    traffic: Traffic, leader_bytes: LeaderBytes
+@given(
+    age_s=st.floats(0.0, SILENT_S),
+    away=st.complex_numbers(max_magnitude=250.0),
+    course=st.floats(-0.5, 0.5),
+    turn_rate=st.floats(-TURN, TURN),
+    acceleration=st.floats(-3.0, 3.0),
+)
+def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
+    age_s: float, away: complex, course: float, turn_rate: float, acceleration: float
 ) -> None:
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
-    traffic.receive("f2", leader_bytes(11.0)[:-1] + b"?", 11.0)
-    traffic.receive("f2", leader_bytes(10.9, turn_rate=TURN), 11.0)
-    assert dict(traffic.counters) == {"malformed": 1}
-    (one,) = traffic.obstacles(beside(11.9), linked=True)
-    # 0.1 rad/s for a second.
-    assert math.atan2(one.velocity_east, one.velocity_north) == pytest.approx(TURN)
-
-
-def test_each_of_the_others_is_looked_at_when_its_own_time_has_come(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic({"f2": 40.0, "f3": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=1000.0), linked=True) == []
-    # heard for the first time: looked at at once, and two seconds after that
-    traffic.receive("f3", leader_bytes(11.0), 11.0)
-    assert traffic.obstacles(beside(11.0, east=1000.0), linked=True) == []
-    assert traffic.obstacles(beside(11.9), linked=False) == []
-    near = traffic.obstacles(beside(12.1), linked=False)
-    assert len(near) == 1
-    assert len(traffic.obstacles(replace(beside(13.1), avoiding=True), linked=False)) == 2
-
-
-def test_whoever_leaves_its_slot_looks_round_at_once(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=60.0), linked=True) == []
-    astray = replace(beside(10.05, east=60.0), distance=20.0)
-    assert len(traffic.obstacles(astray, linked=True)) == 1
-
-
-def test_whoever_keeps_clear_of_somebody_looks_at_all_who_may_be_next(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=60.0), linked=True) == []
-    avoiding = replace(beside(10.05, east=60.0), avoiding=True)
-    assert len(traffic.obstacles(avoiding, linked=True)) == 1
-
-
-def test_somebody_else_matters_only_where_a_barrier_may_turn_the_wish_toward_it(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic({"f2": 40.0, "f3": 40.0}, plan().frame, SAME_CLOCK, plan().settings.field)
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    traffic.receive("f3", leader_bytes(10.0), 10.0)
-    # With 0.5 m foreseen 1.9 m/s may be wished for: a reach of 12 m, of 19 m once somebody is within that.
-    assert traffic.obstacles(beside(10.0, east=15.0), linked=True) == []
-    leader_beside = replace(abreast(15.0 + 11.0), north=200.0)
-    found = traffic.obstacles(beside(10.0, east=15.0), linked=True, leading=[leader_beside])
-    assert [one.east for one in found] == pytest.approx([26.0, 0.0, 0.0], abs=1e-3)
-
-
-def test_whoever_answers_late_looks_at_those_who_may_be_in_the_way_by_then(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    # 25 m away; within 12 m of a reach it may be after some 0.2 s.
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=25.0), linked=True) == []
-    assert len(traffic.obstacles(beside(10.05, east=25.0), linked=True, lead_s=0.5)) == 1
-
-
-def test_whoever_aims_beside_its_slot_wishes_for_more(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    aiming = replace(beside(10.0, east=25.0), aims_off=3.0)
-    assert len(traffic.obstacles(aiming, linked=True)) == 1
-    assert traffic.obstacles(beside(14.0, east=25.0), linked=False) == []
-
-
-def test_what_is_older_than_the_last_is_counted_and_takes_nobodys_place(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    assert traffic.obstacles(beside(10.0, east=100.0), linked=True) == []
-    traffic.receive("f2", leader_bytes(10.4), 10.4)
-    traffic.receive("f2", leader_bytes(10.2), 10.5)
-    traffic.receive("f2", b"rubbish", 10.5)
-    assert dict(traffic.counters) == {"not newer": 1, "malformed": 1}
-    (one,) = traffic.obstacles(beside(11.4), linked=True)
-    assert one.north == pytest.approx(228.0, abs=1e-3)
-
-
-def test_a_turn_that_is_rolled_into_does_not_go_on_tightening(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
-    # 0.05 rad/s and 0.04 rad/s² for one second: 0.09 rad/s and 0.07 rad, then a circle.
-    rolling = leader_bytes(10.0, turn_rate=0.05, turn_acceleration=0.04)
-    traffic.receive("f2", rolling, 10.0)
-    (arc,) = traffic.obstacles(beside(15.0), linked=False)
-    course = math.atan2(arc.velocity_east, arc.velocity_north)
-    assert course == pytest.approx(0.07 + 4.0 * 0.09)
+    frame = LocalFrame(47.4, 8.5, 488.0)
+    latitude, longitude = frame.to_geodetic(200.0 + away.real, 10.0 + away.imag)
+    said = LeaderMessage(
+        sequence=1,
+        time_s=10.0,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=588.0,
+        course=course,
+        ground_speed=20.0,
+        acceleration=acceleration,
+        turn_rate=turn_rate,
+        turn_acceleration=0.0,
+    )
+    traffic = Thorough([F2], frame, SAME_CLOCK)
+    traffic.receive("f2", encode(said), 10.0)
+    here = beside(10.0 + age_s)
+    if Traffic.is_clear(traffic, here, led(here.time_s)):
+        assert traffic.possibilities(here, led(here.time_s)) is None

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-import vfguide.companion.gate
-from vfguide.companion.gate import is_flyable
+import vfguide.companion.setpoint_guard
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.setpoint_guard import is_flyable
 from vfguide.companion.supervisor import Mode
 from vfguide.state import Setpoint
 
@@ -33,7 +33,7 @@ class Gate:
 def gate(monkeypatch: pytest.MonkeyPatch) -> Gate:
     """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
     made = Gate()
-    monkeypatch.setattr(vfguide.companion.gate, "is_flyable", made)
+    monkeypatch.setattr(vfguide.companion.setpoint_guard, "is_flyable", made)
     return made
 
 
@@ -118,7 +118,7 @@ def test_autopilots_that_need_a_stream_are_not_engaged_without_one(
     flight: Make, gate: Gate
 ) -> None:
     gate.is_open = False
-    flown = flight(kind="px4")
+    flown = flight(kind="px4", version=(1, 16))
     flown.run(5.0)
     assert flown.times(SET_MODE) == []
     gate.is_open = True

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from vfguide.guidance.controller import FieldController, formation_controller
-from vfguide.guidance.follower import FollowerGuidance, follower_step, learning_step
+from vfguide.guidance.follower import follower_step, learning_step
 from vfguide.guidance.formation import FieldGains, FormationError, Slot
-from vfguide.guidance.separation import Obstacle
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.slot_integral import (
     GREATEST_M,
@@ -122,31 +121,28 @@ def test_with_an_integral_biased_holds_leave_no_error(
     assert abs(across) < 1e-4
 
 
-def test_a_follower_that_keeps_clear_of_somebody_learns_nothing(
+def test_a_follower_that_flies_something_else_learns_nothing(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
     learns = replace(choices(), field=LEARNS)
-    ahead = Obstacle(north=-18.0, east=0.0, velocity_north=10.0, velocity_east=0.0, keep=7.0)
     before = Offset(ahead=0.03, right=0.02)
     state = vehicle(-20.05, 0.05)
 
-    def step(obstacles: list[Obstacle[float]]) -> tuple[FollowerGuidance[float], Offset[float]]:
-        return learning_step(
+    def step(*, held: bool) -> Offset[float]:
+        _, after = learning_step(
             state,
             leader(),
             BEHIND,
             learns,
             COURSE_HOLD,
             period=PERIOD,
-            obstacles=obstacles,
             offset=before,
+            held=held,
         )
+        return after
 
-    guidance, after = step([ahead])
-    assert guidance.avoiding
-    assert after == before
-    guidance, after = step([])
-    assert not guidance.avoiding
+    assert step(held=True) == before
+    after = step(held=False)
     assert after.ahead > before.ahead
     assert after.right < before.right
 

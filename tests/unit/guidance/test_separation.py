@@ -1,125 +1,150 @@
+"""Barriers of predicted manoeuvres: who is left alone, who turns, and which way."""
+
+import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
-from vfguide.guidance.separation import CLOSING_RATE, LEAST_DISTANCE, Obstacle, separated_velocity
-
-HERE = (0.0, 0.0)
-
-
-def obstacle(
-    north: float, east: float, velocity: tuple[float, float] = (0.0, 0.0), keep: float = 10.0
-) -> Obstacle[float]:
-    return Obstacle(
-        north=north,
-        east=east,
-        velocity_north=velocity[0],
-        velocity_east=velocity[1],
-        keep=keep,
-    )
-
-
-def test_with_nobody_there_every_wish_is_granted() -> None:
-    assert separated_velocity(HERE, (20.0, 3.0), []) == (20.0, 3.0, False)
-
-
-def test_a_formation_that_flies_as_one_is_left_alone() -> None:
-    others = [obstacle(15.0, 0.0, (20.0, 3.0)), obstacle(0.0, -10.5, (20.0, 3.0))]
-    assert separated_velocity(HERE, (20.0, 3.0), others) == (20.0, 3.0, False)
-
-
-def test_slots_of_a_turning_formation_do_not_close_in_on_each_other() -> None:
-    # Turning right by 0.1 rad/s about a point 200 m east; the other, 15 m inside, is slower by 1.5 m/s.
-    assert separated_velocity(HERE, (20.0, 0.0), [obstacle(0.0, 15.0, (18.5, 0.0))]) == (
-        20.0,
-        0.0,
-        False,
-    )
-
-
-def test_what_is_wanted_through_somebody_goes_round_on_the_right() -> None:
-    # 20 m ahead, 10 to be kept: 0.4 * 10 = 4 of the 9 m/s remain, the other 5 turn to the right.
-    north, east, avoiding = separated_velocity(HERE, (9.0, 0.0), [obstacle(20.0, 0.0)])
-    assert (north, east) == (pytest.approx(4.0), pytest.approx(5.0))
-    assert avoiding
-
-
-def test_two_that_meet_head_on_both_turn_right() -> None:
-    speed = 5.0
-    north, east, _ = separated_velocity(HERE, (speed, 0.0), [obstacle(20.0, 0.0, (-speed, 0.0))])
-    back, aside, _ = separated_velocity(
-        (20.0, 0.0), (-speed, 0.0), [obstacle(0.0, 0.0, (speed, 0.0))]
-    )
-    assert east > 1.0
-    assert aside == pytest.approx(-east)
-    assert back == pytest.approx(-north)
-
-
-def test_whoever_is_faster_passes_in_front_of_one_that_cuts_in_from_the_right() -> None:
-    # It is 12 m right of us, keeps its course and flies 5 m/s slower; we want to turn toward it by 6 m/s. Of
-    # those 0.4 * 2 = 0.8 remain, and the other 5.2 turn to the left of the way toward it, which is ahead.
-    slower = obstacle(0.0, 12.0, (15.0, 0.0))
-    north, east, avoiding = separated_velocity(HERE, (20.0, 6.0), [slower])
-    assert (north, east) == (pytest.approx(25.2), pytest.approx(0.8))
-    assert avoiding
-
-
-def test_whoever_is_too_near_backs_off_and_does_not_go_round() -> None:
-    # 5 m ahead, 10 to be kept: 0.4 * 5 = 2 m/s away from it.
-    north, east, avoiding = separated_velocity(HERE, (0.0, 0.0), [obstacle(5.0, 0.0)])
-    assert (north, east) == (pytest.approx(-2.0), pytest.approx(0.0))
-    assert avoiding
-
-
-def test_whoever_comes_from_the_right_is_let_pass_in_front() -> None:
-    # 15 m right of us and coming at 6 m/s: 0.4 * 5 = 2 m/s of closing are all right. The other 4 are made
-    # good by moving away, and turned to the right of the way toward it, which is back.
-    north, east, _ = separated_velocity(HERE, (20.0, 0.0), [obstacle(0.0, 15.0, (20.0, -6.0))])
-    assert (north, east) == (pytest.approx(16.0), pytest.approx(-4.0))
-
-
-def test_two_in_the_same_place_get_a_number_to_fly_by() -> None:
-    velocity = separated_velocity(HERE, (0.0, 0.0), [obstacle(0.0, 0.0)])
-    assert all(math.isfinite(part) for part in velocity)
-
-
-@given(
-    north=st.floats(-100.0, 100.0),
-    east=st.floats(-100.0, 100.0),
-    wanted=st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0)),
-    velocity=st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0)),
+from vfguide.guidance.predicted_tracks import (
+    TIMES,
+    Agility,
+    ComplexArray,
+    Manoeuvres,
+    OwnMotion,
+    WantedMotion,
+    arc,
+    own_tracks,
 )
-def test_nobody_is_approached_faster_than_the_barrier_allows(
-    north: float, east: float, wanted: tuple[float, float], velocity: tuple[float, float]
-) -> None:
-    one = obstacle(north, east, velocity)
-    distance = math.hypot(north, east)
-    assume(distance > LEAST_DISTANCE)
-    along, across, _ = separated_velocity(HERE, wanted, [one])
-    closing = ((along - velocity[0]) * north + (across - velocity[1]) * east) / distance
-    assert closing <= CLOSING_RATE * (distance - one.keep) + 1e-9
+from vfguide.guidance.separation import (
+    FLOOR_M,
+    Clearance,
+    Others,
+    closest_approaches,
+    keep_clear,
+    manoeuvres_of,
+)
+
+AGILITY = Agility(
+    turn_rate=0.5,
+    acceleration=3.0,
+    turn_delay=0.0,
+    speed_delay=0.0,
+    alpha=1.2,
+    beta=0.8,
+    speed_min=12.0,
+    speed_max=30.0,
+)
+LATE = replace(AGILITY, turn_delay=1.0, speed_delay=1.0)
+NORTH = 20.0 + 0.0j
+"""m/s."""
+HERE = OwnMotion(place=0j, air_velocity=NORTH, wind=0j, turn_rate=0.0)
+STRAIGHT_ON = WantedMotion(velocity=NORTH, base_velocity=NORTH, turn_rate=0.0, settle_s=8.0)
 
 
-def test_arrays_are_separated_like_floats() -> None:
-    wishes = [(9.0, 0.0), (0.0, 0.0), (-3.0, 2.0)]
-    others = [obstacle(20.0, 0.0), obstacle(0.0, -12.0, (1.0, 1.0))]
-    alone = np.array([separated_velocity(HERE, wish, others) for wish in wishes])
-    still = np.zeros(3)
-    together = separated_velocity(
-        (still, still),
-        (np.array([wish[0] for wish in wishes]), np.array([wish[1] for wish in wishes])),
-        [
-            Obstacle(
-                north=still + one.north,
-                east=still + one.east,
-                velocity_north=still + one.velocity_north,
-                velocity_east=still + one.velocity_east,
-                keep=still + one.keep,
-            )
-            for one in others
-        ],
+def others(*tracks: ComplexArray, keep: float = 11.0, horizon_s: float = 8.0) -> Others:
+    count = len(tracks)
+    return Others(
+        tracks=np.array(tracks),
+        horizon_s=np.full(count, horizon_s),
+        keep=np.full(count, keep),
+        floor=np.full(count, min(FLOOR_M, keep)),
+        weight=np.ones(count),
     )
-    assert pytest.approx(alone) == np.array(together).T
+
+
+def flying(place: complex, velocity: complex, turn_rate: float = 0.0) -> ComplexArray:
+    return arc(place, velocity, turn_rate)
+
+
+def cleared(found: Others, wanted: WantedMotion = STRAIGHT_ON) -> Clearance:
+    return keep_clear(HERE, wanted, found, AGILITY, manoeuvres_of(AGILITY))
+
+
+def test_an_arc_is_a_part_of_a_circle() -> None:
+    # 20 m/s at 0.5 rad/s: a radius of 40 m, the centre to the right
+    places = arc(0j, NORTH, 0.5)
+    assert np.abs(places - 40.0j) == pytest.approx(np.full(len(TIMES), 40.0))
+
+
+def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay() -> None:
+    right = Manoeuvres(turn=np.array([math.pi / 2.0]), airspeed=np.full(1, np.nan))
+    (early,) = own_tracks(HERE, STRAIGHT_ON, right, AGILITY)
+    (late,) = own_tracks(HERE, STRAIGHT_ON, right, LATE)
+    # Half a circle of 40 m is not flown: it ends on the course that was asked for, and no sooner.
+    assert early[2] == pytest.approx(arc(0j, NORTH, 0.5)[2], abs=0.3)
+    assert late[2] == pytest.approx(20.0, abs=0.3)
+    assert cmath.phase(early[-1] - early[-2]) == pytest.approx(math.pi / 2.0, abs=0.02)
+
+
+def test_the_wind_carries_every_manoeuvre_along() -> None:
+    blown = replace(HERE, wind=5.0j)
+    drifting = replace(STRAIGHT_ON, velocity=20.0 + 5.0j, base_velocity=20.0 + 5.0j)
+    (track,) = own_tracks(
+        blown, drifting, Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan)), AGILITY
+    )
+    assert track[-1] == pytest.approx(160.0 + 40.0j)
+
+
+def test_closest_approach_is_found_between_two_times() -> None:
+    # Head on at 40 m/s, 10 m apart sideways: met at 1.25 s, between two places of the tracks.
+    distance = closest_approaches(flying(0j, NORTH)[None], others(flying(50.0 + 10.0j, -NORTH)))
+    assert distance.min() == pytest.approx(10.0)
+
+
+def test_beyond_its_horizon_a_possibility_does_not_count() -> None:
+    soon = others(flying(100.0 + 0j, -NORTH), horizon_s=1.0)
+    assert not cleared(soon).changed
+
+
+def test_alongside_nothing_is_changed() -> None:
+    found = cleared(others(flying(12.0j, NORTH), flying(-30.0 + 0j, NORTH)))
+    assert not found.changed
+    assert found.nearest == pytest.approx([12.0, 30.0])
+
+
+def test_one_in_the_way_is_passed_at_the_kept_distance() -> None:
+    # 60 m ahead and 8 m/s slower it would be run into after 7.5 s.
+    found = cleared(others(flying(60.0 + 0j, 12.0 + 0j)))
+    assert found.changed
+    assert found.wanted_nearest[0] == pytest.approx(0.0, abs=0.1)
+    assert found.nearest[0] >= FLOOR_M
+
+
+def test_two_that_meet_head_on_both_go_right() -> None:
+    found = cleared(others(flying(120.0 + 0j, -NORTH)))
+    assert found.changed
+    assert found.turn > 0.0
+    assert found.nearest[0] >= 11.0
+
+
+def test_the_least_change_that_is_clear_is_made() -> None:
+    # To the left of the track, slower: a little to the right is enough.
+    found = cleared(others(flying(60.0 - 6.0j, 12.0 + 0j)))
+    assert 0.0 < found.turn <= math.radians(20.0)
+
+
+def test_who_is_followed_on_one_side_is_not_pushed_into_the_other() -> None:
+    # Head on somebody, somebody else 14 m to the right: the only way out is to the left.
+    found = cleared(others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH)))
+    assert found.turn < 0.0
+    assert found.nearest.min() >= FLOOR_M
+
+
+def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others() -> None:
+    honest = others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH))
+    with_liar = others(
+        flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH), flying(0.5 + 0j, NORTH), keep=11.0
+    )
+    found = cleared(with_liar)
+    assert found.nearest[:2].min() >= cleared(honest).nearest.min() - 3.0
+    assert found.nearest[:2].min() >= 5.0
+
+
+def test_a_side_that_was_chosen_is_kept() -> None:
+    meeting = others(flying(120.0 + 0j, -NORTH))
+    held = keep_clear(
+        HERE, STRAIGHT_ON, meeting, AGILITY, manoeuvres_of(AGILITY), side=-math.radians(20.0)
+    )
+    assert held.turn < 0.0

@@ -129,3 +129,22 @@ def test_any_content_under_a_right_checksum_is_sound_or_refused(
         return
     assert math.isfinite(message.time_s)
     assert all(abs(getattr(message, name)) <= bound for name, bound in GREATEST.items())
+
+
+def test_senders_that_know_no_flags_count_as_steered(leader_message: Make) -> None:
+    data = bytearray(encode(leader_message())[:84])
+    data[5] = 0
+    assert decode(with_checksum(bytes(data))).steered
+
+
+@pytest.mark.parametrize("steered", [True, False])
+def test_whether_the_sender_is_under_guidance_crosses_the_link(
+    leader_message: Make, *, steered: bool
+) -> None:
+    assert decode(encode(leader_message(steered=steered))).steered is steered
+
+
+def test_flags_that_are_not_known_yet_change_nothing(leader_message: Make) -> None:
+    data = bytearray(encode(leader_message())[:84])
+    data[5] = 0xFE
+    assert decode(with_checksum(bytes(data))) == leader_message()

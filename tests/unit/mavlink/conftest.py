@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
-from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.adapter import Px4Steering, Vehicle
 from vfguide.mavlink.codec import Codec
 from vfguide.state import Hold
 
@@ -75,9 +75,18 @@ def parsed() -> Callable[[bytes], list[MAVLink_message]]:
 def address() -> Callable[..., Vehicle]:
     """System 7, component 3, 45 degrees of bank: an address that a default would not hit."""
 
-    def make(hold: Hold = "heading-hold", *, component_id: int = 3) -> Vehicle:
+    def make(
+        hold: Hold = "heading-hold",
+        *,
+        component_id: int = 3,
+        px4_steering: Px4Steering = "guided-course",
+    ) -> Vehicle:
         return Vehicle(
-            system_id=SYSTEM_ID, component_id=component_id, hold=hold, lateral_acceleration=9.80665
+            system_id=SYSTEM_ID,
+            component_id=component_id,
+            hold=hold,
+            lateral_acceleration=9.80665,
+            px4_steering=px4_steering,
         )
 
     return make
@@ -86,10 +95,16 @@ def address() -> Callable[..., Vehicle]:
 class Flown:
     """An emulated aircraft, 20 m/s northbound at 500 m, and what it answers."""
 
-    def __init__(self, kind: Literal["ardupilot", "px4"], plant: Hold) -> None:
+    def __init__(
+        self,
+        kind: Literal["ardupilot", "px4"],
+        plant: Hold,
+        version: tuple[int, int] | None = None,
+    ) -> None:
         config = AutopilotConfig(
             system_id=SYSTEM_ID,
             autopilot=kind,
+            autopilot_version=version,
             plant=PlantParameters(kind=plant),
             latitude_deg=47.0,
             longitude_deg=8.0,
@@ -126,7 +141,12 @@ class Flown:
 def flown() -> Callable[..., Flown]:
     """Makes an emulated aircraft."""
 
-    def make(kind: Literal["ardupilot", "px4"], plant: Hold = "heading-hold") -> Flown:
-        return Flown(kind, plant)
+    def make(
+        kind: Literal["ardupilot", "px4"],
+        plant: Hold = "heading-hold",
+        *,
+        version: tuple[int, int] | None = None,
+    ) -> Flown:
+        return Flown(kind, plant, version)
 
     return make

@@ -47,7 +47,7 @@ def test_a_command_that_is_never_answered_is_told_once() -> None:
     assert watch.overdue(3.1) == [
         (
             "autopilot does not answer MAV_CMD_GUIDED_CHANGE_SPEED for 3 s:"
-            " it does not know it, or does not hear"
+            " check the companion's uplink, and whether its firmware has it"
         )
     ]
     assert watch.overdue(9.0) == []

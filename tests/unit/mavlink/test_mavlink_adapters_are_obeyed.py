@@ -1,13 +1,22 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 
 Make = Callable[..., Any]
+
+
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
 
 
 def test_arduplane_enters_guided_and_goes_back_to_loiter(address: Make, flown: Make) -> None:
@@ -22,9 +31,10 @@ def test_arduplane_enters_guided_and_goes_back_to_loiter(address: Make, flown: M
 def test_arduplane_flies_the_course_airspeed_and_altitude(address: Make, flown: Make) -> None:
     plane, aircraft = ArduPlane(address(component_id=1)), flown("ardupilot")
     aircraft.obey(plane.engage())
-    assert aircraft.obey(plane.fly(-1.0, 24.0)) == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
+    answers = aircraft.obey(plane.fly(asked(-1.0, 24.0)))
+    assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(43_001, "ACCEPTED")]
-    aircraft.stream(lambda: plane.fly(-1.0, 24.0), 30.0)
+    aircraft.stream(lambda: plane.fly(asked(-1.0, 24.0)), 30.0)
     truth = aircraft.autopilot.truth()
     assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
@@ -37,36 +47,97 @@ def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one(
     plane = ArduPlane(address("course-hold", component_id=1))
     aircraft = flown("ardupilot", "course-hold")
     aircraft.obey(plane.engage())
-    assert aircraft.obey(plane.fly(1.0, 24.0)) == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
+    assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [
+        (43_002, "ACCEPTED"),
+        (43_000, "ACCEPTED"),
+    ]
 
 
-def test_px4_enters_offboard_once_setpoints_arrive(address: Make, flown: Make) -> None:
-    plane, aircraft = Px4(address(component_id=1)), flown("px4")
+@pytest.mark.parametrize(
+    ("steering", "version"),
+    [("position", (1, 15)), ("position", (1, 18)), ("velocity", (1, 14))],
+)
+def test_px4_enters_offboard_once_setpoints_arrive(
+    address: Make, flown: Make, steering: str, version: tuple[int, int]
+) -> None:
+    plane = Px4(address(component_id=1, px4_steering=steering))
+    aircraft = flown("px4", version=version)
     assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
-    assert aircraft.obey(plane.fly(1.0, 24.0)) == [(178, "ACCEPTED")]
+    assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [(178, "ACCEPTED")]
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     assert aircraft.autopilot.truth().mode == "OFFBOARD"
     assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
     assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
 
 
-def test_px4_flies_the_course_and_airspeed(address: Make, flown: Make) -> None:
-    plane, aircraft = Px4(address(component_id=1)), flown("px4")
-    aircraft.obey(plane.fly(2.5, 24.0))
+@pytest.mark.parametrize(
+    ("steering", "version"),
+    [
+        ("position", (1, 15)),
+        ("position", (1, 17)),
+        ("position", (1, 18)),
+        ("velocity", (1, 14)),
+    ],
+)
+def test_px4_in_offboard_flies_the_course_and_airspeed(
+    address: Make, flown: Make, steering: str, version: tuple[int, int]
+) -> None:
+    plane = Px4(address(component_id=1, px4_steering=steering))
+    aircraft = flown("px4", version=version)
+
+    def setpoint() -> list[Any]:
+        where = aircraft.autopilot.truth()
+        wanted = replace(
+            asked(2.5, 24.0), latitude_deg=where.latitude_deg, longitude_deg=where.longitude_deg
+        )
+        messages: list[Any] = plane.fly(wanted)
+        return messages
+
+    aircraft.obey(setpoint())
     aircraft.obey(plane.engage())
-    aircraft.stream(lambda: plane.fly(2.5, 24.0), 30.0)
+    aircraft.stream(setpoint, 60.0)
     truth = aircraft.autopilot.truth()
     assert truth.mode == "OFFBOARD"
     assert truth.course_rad == pytest.approx(2.5, abs=1e-3)
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    held_m = 588.0 if plane.holds_altitude else 500.0
+    assert truth.altitude_amsl_m == pytest.approx(held_m, abs=0.1)
     assert dict(aircraft.autopilot.counters) == {}
+
+
+def test_px4_in_guided_course_flies_course_airspeed_and_altitude(
+    address: Make, flown: Make
+) -> None:
+    plane, aircraft = Px4(address(component_id=1)), flown("px4")
+    assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
+    assert aircraft.obey(plane.fly(asked(-1.0, 24.0))) == [(43_002, "ACCEPTED"), (178, "ACCEPTED")]
+    assert aircraft.obey(plane.hold_altitude(520.0)) == [(186, "ACCEPTED")]
+    aircraft.stream(list, 60.0)
+    truth = aircraft.autopilot.truth()
+    assert truth.mode == "AUTO.COURSE"
+    assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
+    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
+    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
+
+
+def test_what_steers_1_14_steers_no_later_px4(address: Make, flown: Make) -> None:
+    plane = Px4(address(component_id=1, px4_steering="velocity"))
+    aircraft = flown("px4")
+    aircraft.obey(plane.fly(asked(2.5, 24.0)))
+    aircraft.obey(plane.engage())
+    before = aircraft.autopilot.truth().course_rad
+    aircraft.stream(lambda: plane.fly(asked(2.5, 24.0)), 30.0)
+    assert aircraft.autopilot.truth().course_rad == pytest.approx(before, abs=1e-3)
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
 def test_telemetry_is_granted(address: Make, flown: Make, kind: str, adapter: Make) -> None:
     aircraft = flown(kind)
     requests = adapter(address(component_id=1)).request_telemetry(20.0)
-    assert aircraft.obey(requests) == [(511, "ACCEPTED")] * 2
+    assert aircraft.obey(requests) == [(511, "ACCEPTED")] * len(requests)
+    assert len(requests) == 5
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])

@@ -6,12 +6,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.codec import Codec
 from vfguide.state import Hold
 
 Make = Callable[..., Any]
+
+
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
 
 
 def sent(parsed: Make, messages: list[Any]) -> list[Any]:
@@ -33,7 +40,7 @@ def test_setpoints_need_not_arrive_before_guided(address: Make) -> None:
 def test_a_course_goes_as_course_over_ground_with_a_lateral_acceleration(
     address: Make, parsed: Make
 ) -> None:
-    heading, _ = sent(parsed, ArduPlane(address()).fly(math.pi / 2, 20.0))
+    heading, _ = sent(parsed, ArduPlane(address()).fly(asked(math.pi / 2, 20.0)))
     assert heading.get_type() == "COMMAND_INT"
     assert heading.command == 43_002
     assert heading.param1 == 0.0
@@ -46,7 +53,7 @@ def test_a_course_goes_as_course_over_ground_with_a_lateral_acceleration(
 def test_a_speed_is_of_the_kind_that_the_vehicle_holds_and_not_slewed(
     address: Make, parsed: Make, hold: Hold, speed_type: float
 ) -> None:
-    _, speed = sent(parsed, ArduPlane(address(hold)).fly(0.0, 17.25))
+    _, speed = sent(parsed, ArduPlane(address(hold)).fly(asked(0.0, 17.25)))
     assert speed.get_type() == "COMMAND_INT"
     assert speed.command == 43_000
     assert (speed.param1, speed.param2, speed.param3) == (speed_type, 17.25, 0.0)
@@ -76,28 +83,33 @@ def test_position_and_airspeed_are_asked_for_at_the_rate(
 ) -> None:
     commands = sent(parsed, ArduPlane(address()).request_telemetry(rate_hz))
     assert {command.command for command in commands} == {511}
-    # 74 is VFR_HUD, 33 GLOBAL_POSITION_INT.
-    assert {command.param1 for command in commands} == {74.0, 33.0}
-    assert {command.param2 for command in commands} == {interval_us}
+    # 74 is VFR_HUD, 33 GLOBAL_POSITION_INT; twice a second SYS_STATUS, GPS_RAW_INT and EKF_STATUS_REPORT.
+    assert {command.param1: command.param2 for command in commands} == {
+        74.0: interval_us,
+        33.0: interval_us,
+        1.0: 500_000.0,
+        24.0: 500_000.0,
+        193.0: 500_000.0,
+    }
 
 
 def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) -> None:
     plane = ArduPlane(address())
     messages = [
-        *plane.fly(1.0, 20.0),
+        *plane.fly(asked(1.0, 20.0)),
         *plane.hold_altitude(500.0),
         *plane.engage(),
         *plane.hand_back(),
         *plane.request_telemetry(20.0),
     ]
-    assert len(messages) == 7
+    assert len(messages) == 10
     for message in sent(parsed, messages):
         assert (message.target_system, message.target_component) == (7, 3)
 
 
 def course_on_the_wire(parsed: Make, course: float) -> float:
     vehicle = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
-    heading, _ = sent(parsed, ArduPlane(vehicle).fly(course, 20.0))
+    heading, _ = sent(parsed, ArduPlane(vehicle).fly(asked(course, 20.0)))
     degrees: float = heading.param2
     return degrees
 

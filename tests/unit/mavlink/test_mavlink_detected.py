@@ -3,11 +3,21 @@ from typing import Any
 
 import pytest
 
+from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.reports import VersionReport
 
 Make = Callable[..., Any]
+
+
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
+
 
 ARDUPILOT, PX4, PAPARAZZI = 3, 12, 9
 GUIDED, OFFBOARD = 15, 6 << 16
@@ -15,8 +25,10 @@ GUIDED, OFFBOARD = 15, 6 << 16
 
 def test_an_autopilot_that_was_not_heard_is_told_nothing(address: Make) -> None:
     adapter = DetectedAutopilot(address())
+    assert not adapter.is_ready
+    assert adapter.questions() == []
     assert adapter.engage() == adapter.hand_back() == adapter.hold_altitude(500.0) == []
-    assert adapter.fly(1.0, 20.0) == adapter.stay_ready(1.0, 20.0) == []
+    assert adapter.fly(asked(1.0, 20.0)) == adapter.stay_ready(asked(1.0, 20.0)) == []
     assert not adapter.is_engaged(GUIDED)
     assert not adapter.is_handed_back(12)
 
@@ -28,14 +40,26 @@ def test_the_heartbeat_tells_how_to_speak(address: Make, number: int, kind: Make
     for act in ("engage", "hand_back"):
         found, expected = getattr(adapter, act)(), getattr(known, act)()
         assert [str(one) for one in found] == [str(one) for one in expected]
-    assert [str(one) for one in adapter.fly(1.0, 20.0)] == [
-        str(one) for one in known.fly(1.0, 20.0)
+    assert [str(one) for one in adapter.fly(asked(1.0, 20.0))] == [
+        str(one) for one in known.fly(asked(1.0, 20.0))
     ]
     for mode in (GUIDED, OFFBOARD):
         assert adapter.is_engaged(mode) is known.is_engaged(mode)
     assert adapter.parameters == known.parameters
+    assert adapter.is_ready is known.is_ready is True
+    assert adapter.counts_ground_stations is known.counts_ground_stations
     assert adapter.streams_before_engaging is known.streams_before_engaging
     assert adapter.keep_alive_s == known.keep_alive_s
+
+
+def test_it_hears_the_version_of_what_was_found(address: Make) -> None:
+    adapter = DetectedAutopilot(address(px4_steering="auto"))
+    adapter.recognise(PX4)
+    assert not adapter.is_ready
+    assert len(adapter.questions()) == 1
+    assert "Guided Course" in str(adapter.hear(VersionReport(major=1, minor=18)))
+    assert adapter.is_ready
+    assert adapter.counts_ground_stations
 
 
 def test_it_stays_with_the_first_autopilot(address: Make) -> None:

@@ -1,6 +1,7 @@
 """Between MAVLink messages and what MAVSDK calls them; flights with it are in tests/integration/live."""
 
 import json
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,8 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.mavsdk import HEARD, direct_message, message_of, velocity_of, wanted_mode
+from vfguide.mavlink.mavsdk import (
+    HEARD,
+    direct_message,
+    message_of,
+    position_of,
+    velocity_of,
+    wanted_mode,
+)
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import (
     AirspeedReport,
@@ -19,9 +28,26 @@ from vfguide.mavlink.reports import (
     ParameterReport,
     PositionReport,
     TextReport,
+    VersionReport,
 )
 
 Make = Callable[..., Any]
+
+
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
+
+
+VERSION = {
+    "flight_sw_version": 0x01120080,
+    **dict.fromkeys(
+        ("flight_custom_version", "middleware_custom_version", "os_custom_version"), [0] * 8
+    ),
+    "uid2": [0] * 18,
+}
 
 POSITION = (
     '{"message_id":33,"message_name":"GLOBAL_POSITION_INT","alt":588000,"hdg":1497,"lat":473980997,'
@@ -50,6 +76,7 @@ def test_a_position_arrives_as_it_was_sent(codec: Codec) -> None:
         ("COMMAND_ACK", {"command": 178, "result": 0, "result_param2": 0}, CommandReport),
         ("STATUSTEXT", {"severity": 4, "text": "low battery"}, TextReport),
         ("PARAM_VALUE", {"param_id": "FW_R_LIM", "param_value": 50.0}, ParameterReport),
+        ("AUTOPILOT_VERSION", VERSION, VersionReport),
         ("VFR_HUD", {"airspeed": 20.5, "alt": 588.0, "climb": None}, AirspeedReport),
     ],
 )
@@ -67,22 +94,33 @@ def test_what_is_no_message_is_none(name: str, text: str) -> None:
 
 
 def test_a_setpoint_becomes_mavsdks_velocity(address: Make) -> None:
-    setpoint, _ = Px4(address()).fly(2.0, 20.0)
+    setpoint, _ = Px4(address(px4_steering="velocity")).fly(asked(2.0, 20.0))
     velocity = velocity_of(setpoint)
     assert (velocity.north_m_s, velocity.east_m_s) == pytest.approx((-8.3229, 18.1859), abs=1e-4)
     assert velocity.down_m_s == 0.0
     assert velocity.yaw_deg == pytest.approx(114.5916, abs=1e-4)
 
 
+def test_a_position_becomes_mavsdks_above_sea_level(address: Make) -> None:
+    setpoint, _ = Px4(address(px4_steering="position")).fly(asked(0.0, 20.0))
+    position = position_of(setpoint)
+    # 1500 m north: the meridian's radius at 47 degrees is 6 369 700 m.
+    assert position.lat_deg == pytest.approx(47.0 + math.degrees(1500.0 / 6_369_700.0), abs=1e-5)
+    assert position.lon_deg == pytest.approx(8.0, abs=1e-7)
+    assert position.alt_m == 588.0
+    assert position.altitude_type.name == "AMSL"
+
+
 def test_modes_are_recognised_and_speeds_are_none(address: Make) -> None:
-    plane = Px4(address())
-    assert [wanted_mode(message) for message in plane.engage()] == [6]
-    assert [wanted_mode(message) for message in plane.hand_back()] == [4]
-    assert [wanted_mode(message) for message in plane.fly(1.0, 20.0)] == [None, None]
+    for steering, mode in (("guided-course", (4, 19)), ("position", (6, 0))):
+        plane = Px4(address(px4_steering=steering))
+        assert [wanted_mode(message) for message in plane.engage()] == [mode]
+        assert [wanted_mode(message) for message in plane.hand_back()] == [(4, 3)]
+    assert [wanted_mode(message) for message in plane.fly(asked(1.0, 20.0))] == [None, None]
 
 
 def test_everything_else_goes_through_with_all_its_fields(address: Make) -> None:
-    _, speed = Px4(address()).fly(1.0, 20.5)
+    _, speed = Px4(address()).fly(asked(1.0, 20.5))
     direct = direct_message(speed)
     fields = json.loads(direct.fields_json)
     assert direct.message_name == "COMMAND_LONG"

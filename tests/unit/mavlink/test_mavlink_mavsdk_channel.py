@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
 from vfguide.errors import InputError
-from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.connection import Connection, open_connection
@@ -158,8 +158,17 @@ def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(
 ) -> None:
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "SILENCE_S", 0.0)
     begun = lives(Life("watch", RuntimeError("has been destroyed")), Life())
-    vehicle = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
-    velocity = Codec(7, 1).encode(Px4(vehicle).stay_ready(1.0, 20.0))
+    vehicle = Vehicle(
+        system_id=7,
+        component_id=1,
+        hold="heading-hold",
+        lateral_acceleration=9.8,
+        px4_steering="velocity",
+    )
+    setpoint = AutopilotSetpoint(
+        course=1.0, speed=20.0, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
+    velocity = Codec(7, 1).encode(Px4(vehicle).stay_ready(setpoint))
 
     async def test(made: Connection) -> None:
         await until(lambda: made.connected)

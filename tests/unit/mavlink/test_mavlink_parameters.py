@@ -26,10 +26,14 @@ NEEDS = FlightNeeds(
     # 12000 cdeg/rad are 2.094 rad/rad, and 2.094 * 9.80665 / 20 = 1.027.
     alpha=1.027,
     rate_hz=25.0,
+    system_id=2,
 )
 
 FITTING_ARDUPLANE = {
     "FS_GCS_ENABL": 1.0,
+    "FS_LONG_ACTN": 1.0,
+    "FS_LONG_TIMEOUT": 5.0,
+    "MAV_GCS_SYSID": 2.0,
     "GUIDED_P": 12_000.0,
     "SCHED_LOOP_RATE": 200.0,
     "TECS_TIME_CONST": 3.0,
@@ -39,6 +43,12 @@ FITTING_ARDUPLANE = {
 }
 
 FITTING_PX4 = {
+    "NAV_DLL_ACT": 1.0,
+    "COM_DL_LOSS_T": 10.0,
+    "COM_DLL_EXCEPT": 0.0,
+    # 4 pi 0.7 / 8.5 = 1.035
+    "NPFG_PERIOD": 8.5,
+    "NPFG_DAMPING": 0.7,
     "COM_OF_LOSS_T": 1.0,
     "COM_OBL_RC_ACT": 5.0,
     "FW_AIRSPD_MIN": 12.0,
@@ -61,13 +71,18 @@ def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(
 
 def test_parameters_that_fit_bring_no_warning() -> None:
     assert arduplane_warnings(FITTING_ARDUPLANE, NEEDS) == []
-    assert px4_warnings(FITTING_PX4, NEEDS) == []
+    assert px4_warnings(FITTING_PX4, NEEDS, None) == []
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"FS_GCS_ENABL": 0.0}, "FS_GCS_ENABL is 0: should this companion fall silent"),
+        ({"FS_GCS_ENABL": 3.0}, "FS_GCS_ENABL is 3, which leaves GUIDED out"),
+        ({"MAV_GCS_SYSID": 255.0}, "MAV_GCS_SYSID is 255: a ground station's heartbeats"),
+        ({"FS_LONG_ACTN": 0.0}, "FS_LONG_ACTN is 0: should this companion fall silent"),
+        ({"FS_LONG_TIMEOUT": 1.0}, "FS_LONG_TIMEOUT is 1 s: a companion that starts anew"),
+        ({"FS_LONG_TIMEOUT": 60.0}, "FS_LONG_TIMEOUT is 60 s: a companion that starts anew"),
         ({"GUIDED_P": 5000.0}, "GUIDED_P is 5000: courses are taken up slowly"),
         ({"GUIDED_P": 16_000.0}, "gives alpha 1.37 1/s at 20 m/s, and the mission says 1.027"),
         ({"TECS_TIME_CONST": 5.0}, "TECS_TIME_CONST is 5: the speed answers slowly"),
@@ -104,17 +119,33 @@ def test_the_names_before_version_4_5_are_understood() -> None:
             {"COM_OBL_RC_ACT": 6.0},
             "COM_OBL_RC_ACT is 6: when the setpoints stop, the aircraft ends",
         ),
+        ({"COM_OBL_RC_ACT": 0.0}, "without one it returns to its launch, as all others do"),
+        ({"NAV_DLL_ACT": 0.0}, "flies its last course on for ever; 1 lets it loiter"),
+        ({"NAV_DLL_ACT": 5.0}, "NAV_DLL_ACT is 5: when nothing is heard any more"),
+        ({"COM_DLL_EXCEPT": 3.0}, "in Guided Course NAV_DLL_ACT does nothing"),
+        ({"COM_DL_LOSS_T": 60.0}, "COM_DL_LOSS_T is 60 s"),
+        ({"NPFG_PERIOD": 20.0}, "give alpha 0.44 1/s, and the mission says 1.027"),
         ({"FW_AIRSPD_MIN": 15.0}, "FW_AIRSPD_MIN is 15 m/s"),
         ({"FW_R_LIM": 40.0}, "FW_R_LIM is 40 degrees"),
     ],
 )
 def test_what_does_not_fit_px4_is_told_in_words(changes: dict[str, float], words: str) -> None:
-    warnings = px4_warnings(FITTING_PX4 | changes, NEEDS)
+    warnings = px4_warnings(FITTING_PX4 | changes, NEEDS, None)
     assert [words in warning for warning in warnings] == [True]
 
 
+@pytest.mark.parametrize(
+    ("stops_by", "named"),
+    [("NAV_DLL_ACT", "NAV_DLL_ACT"), ("COM_OBL_RC_ACT", "COM_OBL_RC_ACT")],
+)
+def test_only_the_fail_safe_that_acts_is_spoken_of(stops_by: str, named: str) -> None:
+    changes = {"NAV_DLL_ACT": 0.0, "COM_OBL_RC_ACT": 0.0}
+    (warning,) = px4_warnings(FITTING_PX4 | changes, NEEDS, stops_by)
+    assert warning.startswith(named)
+
+
 def test_parameters_that_are_not_known_bring_no_warning() -> None:
-    assert arduplane_warnings({}, NEEDS) == px4_warnings({}, NEEDS) == []
+    assert arduplane_warnings({}, NEEDS) == px4_warnings({}, NEEDS, None) == []
 
 
 @given(st.dictionaries(st.sampled_from(NAMES), st.floats(allow_nan=False, allow_infinity=False)))

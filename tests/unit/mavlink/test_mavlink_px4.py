@@ -1,17 +1,31 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymap3d.vincenty import vdist
 
-from vfguide.mavlink.adapter import Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.px4_steering import point_ahead
+from vfguide.mavlink.reports import CommandReport, VersionReport
 from vfguide.state import Hold
 
 Make = Callable[..., Any]
+
+GUIDED_COURSE, OFFBOARD, LOITER = 4 << 16 | 19 << 24, 6 << 16, 4 << 16 | 3 << 24
+SET_MODE, ACCEPTED, REJECTED = 176, 0, 1
+
+
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
 
 
 def sent(parsed: Make, messages: list[Any]) -> list[Any]:
@@ -20,12 +34,97 @@ def sent(parsed: Make, messages: list[Any]) -> list[Any]:
     return received
 
 
+def of_version(address: Make, major: int, minor: int) -> Px4:
+    """One that has told its version."""
+    plane = Px4(address(px4_steering="auto"))
+    plane.hear(VersionReport(major=major, minor=minor))
+    return plane
+
+
+@pytest.mark.parametrize(
+    ("version", "mode", "words"),
+    [
+        ((1, 13), OFFBOARD, "by velocities in offboard"),
+        ((1, 14), OFFBOARD, "by velocities in offboard"),
+        ((1, 15), OFFBOARD, "by positions ahead in offboard"),
+        ((1, 17), OFFBOARD, "by positions ahead in offboard"),
+        ((1, 18), GUIDED_COURSE, "in Guided Course"),
+        ((1, 19), GUIDED_COURSE, "in Guided Course"),
+        ((2, 0), GUIDED_COURSE, "in Guided Course"),
+        ((0, 0), OFFBOARD, "by positions ahead in offboard"),
+    ],
+)
+def test_the_version_tells_how_it_is_steered(
+    address: Make, version: tuple[int, int], mode: int, words: str
+) -> None:
+    plane = Px4(address(px4_steering="auto"))
+    assert not plane.is_ready
+    told = plane.hear(VersionReport(major=version[0], minor=version[1]))
+    assert words in str(told)
+    assert plane.is_ready
+    assert [one for one in (GUIDED_COURSE, OFFBOARD, LOITER) if plane.is_engaged(one)] == [mode]
+
+
+@pytest.mark.parametrize(
+    ("minor", "parameter"), [(18, "NAV_DLL_ACT decides"), (16, "COM_OBL_RC_ACT decides")]
+)
+def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(
+    address: Make, minor: int, parameter: str
+) -> None:
+    told = Px4(address(px4_steering="auto")).hear(VersionReport(major=1, minor=minor))
+    assert parameter in str(told)
+
+
+def test_before_its_version_is_known_nothing_is_steered(address: Make, parsed: Make) -> None:
+    plane = Px4(address(px4_steering="auto"))
+    assert plane.fly(asked(1.0, 20.0)) == plane.stay_ready(asked(1.0, 20.0)) == []
+    assert plane.engage() == plane.hold_altitude(588.0) == []
+    assert not plane.is_engaged(GUIDED_COURSE)
+    assert not plane.is_engaged(OFFBOARD)
+    (question,) = sent(parsed, plane.questions())
+    # MAV_CMD_REQUEST_MESSAGE, AUTOPILOT_VERSION.
+    assert (question.command, question.param1) == (512, 148)
+
+
+def test_one_that_does_not_tell_its_version_is_steered_by_positions(address: Make) -> None:
+    plane = Px4(address(px4_steering="auto"))
+    asked_for = [len(plane.questions()) for _ in range(6)]
+    assert asked_for == [1, 1, 1, 1, 0, 0]
+    assert plane.is_engaged(OFFBOARD)
+    assert plane.holds_altitude
+
+
+def test_one_that_refuses_guided_course_three_times_is_steered_by_positions(
+    address: Make,
+) -> None:
+    plane = of_version(address, 1, 18)
+    refusal = CommandReport(command=SET_MODE, result=REJECTED)
+    assert [plane.hear(refusal), plane.hear(refusal)] == [None, None]
+    plane.hear(CommandReport(command=SET_MODE, result=ACCEPTED))
+    assert [plane.hear(refusal), plane.hear(refusal)] == [None, None]
+    assert "Guided Course is refused" in str(plane.hear(refusal))
+    assert plane.is_engaged(OFFBOARD)
+
+
+@pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])
+def test_a_way_that_the_mission_chooses_stays(address: Make, steering: str) -> None:
+    plane = Px4(address(px4_steering=steering))
+    assert plane.is_ready
+    assert plane.questions() == []
+    before = [plane.is_engaged(one) for one in (GUIDED_COURSE, OFFBOARD)]
+    plane.hear(VersionReport(major=1, minor=16))
+    for _ in range(5):
+        plane.hear(CommandReport(command=SET_MODE, result=REJECTED))
+    assert [plane.is_engaged(one) for one in (GUIDED_COURSE, OFFBOARD)] == before
+
+
 @pytest.mark.parametrize(
     ("custom_mode", "engaged"),
     [
         (6 << 16, True),
         (6 << 16 | 3 << 24, True),
-        (4 << 16 | 3 << 24, False),
+        (GUIDED_COURSE, False),
+        (LOITER, False),
         (4 << 16 | 6 << 24, False),
         (7 << 16, False),
         (6, False),
@@ -38,15 +137,86 @@ def sent(parsed: Make, messages: list[Any]) -> list[Any]:
 def test_offboard_is_told_by_the_main_mode_alone(
     address: Make, custom_mode: int, engaged: bool
 ) -> None:
+    assert Px4(address(px4_steering="position")).is_engaged(custom_mode) is engaged
+
+
+@pytest.mark.parametrize(
+    ("custom_mode", "engaged"),
+    [(GUIDED_COURSE, True), (LOITER, False), (6 << 16 | 19 << 24, False), (OFFBOARD, False)],
+)
+def test_guided_course_is_told_by_main_and_sub_mode(
+    address: Make, custom_mode: int, engaged: bool
+) -> None:
     assert Px4(address()).is_engaged(custom_mode) is engaged
 
 
-def test_setpoints_have_to_arrive_before_offboard(address: Make) -> None:
-    assert Px4(address()).streams_before_engaging
+@pytest.mark.parametrize(
+    ("steering", "streams", "counts", "holds"),
+    [
+        ("guided-course", False, True, True),
+        ("position", True, False, True),
+        ("velocity", True, False, False),
+    ],
+)
+def test_what_each_way_needs_and_holds(
+    address: Make, steering: str, *, streams: bool, counts: bool, holds: bool
+) -> None:
+    plane = Px4(address(px4_steering=steering))
+    assert plane.streams_before_engaging is streams
+    assert plane.counts_ground_stations is counts
+    assert plane.holds_altitude is holds
+
+
+@pytest.mark.parametrize(("course", "degrees"), [(-1.0, 302.704), (150.0, 314.367), (0.0, 0.0)])
+def test_guided_course_takes_a_course_over_ground_in_degrees(
+    address: Make, parsed: Make, course: float, degrees: float
+) -> None:
+    heading, _ = sent(parsed, Px4(address()).fly(asked(course, 20.0)))
+    assert (heading.get_type(), heading.command) == ("COMMAND_LONG", 43_002)
+    assert heading.param1 == 0.0
+    assert heading.param2 == pytest.approx(degrees, abs=1e-3)
+
+
+def test_guided_course_takes_an_altitude_above_the_sea(address: Make, parsed: Make) -> None:
+    (altitude,) = sent(parsed, Px4(address()).hold_altitude(588.5))
+    assert (altitude.command, altitude.param1, altitude.param2) == (186, 588.5, 0.0)
+
+
+def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else(
+    address: Make, parsed: Make
+) -> None:
+    plane = Px4(address(px4_steering="position"))
+    setpoint, _ = sent(parsed, plane.fly(asked(math.radians(90.0), 20.0)))
+    assert setpoint.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
+    # Bits 3-5 velocity, 6-8 acceleration, 10 yaw, 11 yaw rate: 56 + 448 + 1024 + 2048.
+    assert setpoint.type_mask == 0xDF8
+    assert setpoint.coordinate_frame == 5
+    assert setpoint.alt == 588.0
+    # The parallel of 47 degrees has a radius of 4 357 690 m.
+    degrees = math.degrees(1500.0 / 4_357_690.0)
+    assert setpoint.lon_int == pytest.approx(8e7 + degrees * 1e7, abs=30.0)
+    assert setpoint.lat_int == pytest.approx(47e7, abs=1.0)
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    course=st.floats(-10.0, 10.0),
+    latitude=st.floats(-60.0, 60.0),
+    longitude=st.floats(-180.0, 180.0),
+)
+def test_the_point_ahead_is_on_the_course(course: float, latitude: float, longitude: float) -> None:
+    setpoint = replace(asked(course, 20.0), latitude_deg=latitude, longitude_deg=longitude)
+    ahead = point_ahead(setpoint, 1500.0)
+    distance, bearing = vdist(latitude, longitude, *ahead)
+    assert float(distance) == pytest.approx(1500.0, abs=0.2)
+    off = math.remainder(float(bearing) - math.degrees(course), 360.0)
+    # What the meridians converge on 750 m at 60 degrees: 750 / 6.4e6 * tan(60) = 0.012 degrees.
+    assert abs(off) < 0.013
 
 
 def test_a_course_goes_as_a_velocity_and_nothing_else(address: Make, parsed: Make) -> None:
-    setpoint, _ = sent(parsed, Px4(address()).fly(math.radians(150.0), 20.0))
+    plane = Px4(address(px4_steering="velocity"))
+    setpoint, _ = sent(parsed, plane.fly(asked(math.radians(150.0), 20.0)))
     assert setpoint.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     # Bits 0-2 position, 6-8 acceleration, 10 yaw, 11 yaw rate: 7 + 448 + 1024 + 2048.
     assert setpoint.type_mask == 3527
@@ -56,49 +226,77 @@ def test_a_course_goes_as_a_velocity_and_nothing_else(address: Make, parsed: Mak
     assert setpoint.vz == 0.0
 
 
-def test_staying_ready_is_the_velocity_alone(address: Make, parsed: Make) -> None:
-    plane = Px4(address())
-    (setpoint,) = sent(parsed, plane.stay_ready(math.radians(150.0), 20.0))
-    steering, _ = sent(parsed, plane.fly(math.radians(150.0), 20.0))
-    assert setpoint.to_dict() == steering.to_dict()
+@pytest.mark.parametrize("steering", ["position", "velocity"])
+def test_staying_ready_is_the_setpoint_without_the_speed(
+    address: Make, parsed: Make, steering: str
+) -> None:
+    plane = Px4(address(px4_steering=steering))
+    (setpoint,) = sent(parsed, plane.stay_ready(asked(math.radians(150.0), 20.0)))
+    steered, _ = sent(parsed, plane.fly(asked(math.radians(150.0), 20.0)))
+    assert setpoint.to_dict() == steered.to_dict()
 
 
+def test_guided_course_needs_nothing_beforehand(address: Make) -> None:
+    assert Px4(address()).stay_ready(asked(1.0, 20.0)) == []
+
+
+@pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])
 @pytest.mark.parametrize(("hold", "speed_type"), [("heading-hold", 0.0), ("course-hold", 1.0)])
 def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(
-    address: Make, parsed: Make, hold: Hold, speed_type: float
+    address: Make, parsed: Make, steering: str, hold: Hold, speed_type: float
 ) -> None:
-    _, speed = sent(parsed, Px4(address(hold)).fly(0.0, 17.25))
+    plane = Px4(address(hold, px4_steering=steering))
+    _, speed = sent(parsed, plane.fly(asked(0.0, 17.25)))
     assert speed.get_type() == "COMMAND_LONG"
     assert speed.command == 178
     assert (speed.param1, speed.param2, speed.param3) == (speed_type, 17.25, -1.0)
 
 
 @pytest.mark.parametrize(
-    ("act", "main_mode", "sub_mode"), [("engage", 6.0, 0.0), ("hand_back", 4.0, 3.0)]
+    ("steering", "act", "modes"),
+    [
+        ("guided-course", "engage", (4.0, 19.0)),
+        ("position", "engage", (6.0, 0.0)),
+        ("velocity", "engage", (6.0, 0.0)),
+        ("guided-course", "hand_back", (4.0, 3.0)),
+        ("position", "hand_back", (4.0, 3.0)),
+    ],
 )
 def test_modes_are_set_by_main_and_sub_mode(
-    address: Make, parsed: Make, act: str, main_mode: float, sub_mode: float
+    address: Make, parsed: Make, steering: str, act: str, modes: tuple[float, float]
 ) -> None:
-    (command,) = sent(parsed, getattr(Px4(address()), act)())
+    (command,) = sent(parsed, getattr(Px4(address(px4_steering=steering)), act)())
     assert command.get_type() == "COMMAND_LONG"
-    assert command.command == 176
-    assert (command.param1, command.param2, command.param3) == (1.0, main_mode, sub_mode)
+    assert command.command == SET_MODE
+    assert (command.param1, command.param2, command.param3) == (1.0, *modes)
 
 
-def test_the_altitude_is_left_to_the_autopilot(address: Make) -> None:
-    assert Px4(address()).hold_altitude(588.0) == []
+def test_hold_is_what_it_is_handed_back_to(address: Make) -> None:
+    plane = Px4(address(px4_steering="auto"))
+    modes = (LOITER, GUIDED_COURSE, OFFBOARD, 4 << 16)
+    assert [plane.is_handed_back(mode) for mode in modes] == [True, False, False, False]
 
 
-def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) -> None:
-    plane = Px4(address())
+@pytest.mark.parametrize("steering", ["position", "velocity"])
+def test_in_offboard_no_message_is_about_the_altitude_alone(address: Make, steering: str) -> None:
+    assert Px4(address(px4_steering=steering)).hold_altitude(588.0) == []
+
+
+@pytest.mark.parametrize("steering", ["auto", "guided-course", "position", "velocity"])
+def test_every_message_is_addressed_to_the_vehicle(
+    address: Make, parsed: Make, steering: str
+) -> None:
+    plane = Px4(address(px4_steering=steering))
     messages = [
-        *plane.fly(1.0, 20.0),
-        *plane.stay_ready(1.0, 20.0),
+        *plane.questions(),
+        *plane.fly(asked(1.0, 20.0)),
+        *plane.stay_ready(asked(1.0, 20.0)),
         *plane.engage(),
         *plane.hand_back(),
+        *plane.hold_altitude(588.0),
         *plane.request_telemetry(20.0),
     ]
-    assert len(messages) == 7
+    assert len(messages) >= 4
     for message in sent(parsed, messages):
         assert (message.target_system, message.target_component) == (7, 3)
 
@@ -106,8 +304,14 @@ def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) 
 @settings(deadline=None, derandomize=True)
 @given(course=st.floats(-1e4, 1e4), speed=st.floats(1.0, 100.0))
 def test_the_velocity_points_along_any_course(parsed: Make, course: float, speed: float) -> None:
-    vehicle = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
-    setpoint, _ = sent(parsed, Px4(vehicle).fly(course, speed))
+    vehicle = Vehicle(
+        system_id=7,
+        component_id=1,
+        hold="heading-hold",
+        lateral_acceleration=9.8,
+        px4_steering="velocity",
+    )
+    setpoint, _ = sent(parsed, Px4(vehicle).fly(asked(course, speed)))
     off = math.remainder(math.atan2(setpoint.vy, setpoint.vx) - course, 2.0 * math.pi)
     assert abs(off) < 1e-6
     assert math.hypot(setpoint.vx, setpoint.vy) == pytest.approx(speed, rel=1e-6)

@@ -112,7 +112,7 @@ def test_a_heartbeat_tells_autopilot_mode_and_arming(
 ) -> None:
     message = mavlink.MAVLink_heartbeat_message(1, 3, base_mode, 15, 4, 3)
     assert codec.decode(frame(message)) == [
-        HeartbeatReport(autopilot=3, custom_mode=15, armed=armed)
+        HeartbeatReport(autopilot=3, custom_mode=15, armed=armed, status=4)
     ]
 
 

@@ -233,11 +233,21 @@ def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line() -> No
     (warning,) = report.warnings
     assert str(warning).startswith(f"m.yaml:{line}: warning: path.gain: joining the path")
     assert report.as_json()[0]["line"] == line
-    assert [one.severity for one in report.findings] == ["warning", "note", "note"]
+    assert [one.severity for one in report.findings] == ["warning", "note", "note", "note"]
 
 
 def test_errors_come_first_in_a_report() -> None:
     change = ("right_m: 0, up_m: 0", "right_m: 0, up_m: -100")
     findings = check_mission(mission("line-calm", change, ("gain: 0.03", "gain: 0.1")))
     assert isinstance(findings[0], Finding)
-    assert [one.severity for one in findings] == ["error", "warning", "note", "note"]
+    assert [one.severity for one in findings] == ["error", "warning", "note", "note", "note"]
+
+
+def test_how_near_a_vehicle_that_leaves_its_slot_could_come_is_said() -> None:
+    change = ("{forward_m: 0, right_m: 40, up_m: 0}", "{forward_m: 0, right_m: 20, up_m: 0}")
+    (one,) = [
+        finding
+        for finding in check_mission(mission("transit-abreast", change))
+        if "leave its place" in finding.message
+    ]
+    assert (one.severity, one.field) == ("note", "followers")

@@ -55,13 +55,14 @@ def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
     assert load_mission(file).name == file.stem
 
 
-def test_seven_missions_are_shipped() -> None:
+def test_eight_missions_are_shipped() -> None:
     assert [file.stem for file in MISSIONS] == [
         "ardupilot-sitl",
         "circle-calm",
         "circle-wind",
         "line-calm",
         "line-wind",
+        "px4-sitl",
         "survey-racetrack",
         "transit-abreast",
     ]

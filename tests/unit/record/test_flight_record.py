@@ -273,3 +273,17 @@ def test_times_need_to_ascend() -> None:
     for times in ([0.0, 2.0, 1.0], [0.0, math.nan, 1.0]):
         with pytest.raises(ValueError, match="ascending"):
             replace(some_flight(), time_s=np.array(times))
+
+
+def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_path: Path) -> None:
+    path = tmp_path / "flight.npz"
+    piece = bytes(16 * 1024**2)
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("time_s.npy", "w", force_zip64=True) as member,
+    ):
+        for _ in range(65):
+            member.write(piece)
+    assert path.stat().st_size < 3e6
+    with pytest.raises(InputError, match="unpacked it would be 1091 MB, more than 1074 MB"):
+        FlightRecord.load(path)

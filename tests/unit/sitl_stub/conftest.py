@@ -64,6 +64,15 @@ class GroundStation:
     def interval(self, message_id: int, interval_us: float) -> str:
         return self.result(self.command_long(511, message_id, interval_us))
 
+    def position_setpoint(
+        self, north_m: float, east_m: float, *, z: float = -100.0, mask: int = 0xDF8
+    ) -> list[MAVLink_message]:
+        return self.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, self.system_id, 1, 1, mask, north_m, east_m, z, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+        )
+
     def velocity_setpoint(
         self, north_m_s: float, east_m_s: float, *, z: float = 0.0, mask: int = 3527
     ) -> list[MAVLink_message]:
@@ -91,6 +100,7 @@ def station() -> StationFactory:
         wind: Wind | None = None,
         *,
         autopilot: Literal["ardupilot", "px4"] = "ardupilot",
+        version: tuple[int, int] | None = None,
         plant: PlantParameters | None = None,
         position_noise_m: float = 0.0,
         seed: int = 0,
@@ -100,6 +110,7 @@ def station() -> StationFactory:
         config = AutopilotConfig(
             system_id=7,
             autopilot=autopilot,
+            autopilot_version=version,
             plant=plant or PlantParameters(),
             latitude_deg=LATITUDE_DEG,
             longitude_deg=LONGITUDE_DEG,

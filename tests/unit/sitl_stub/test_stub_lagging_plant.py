@@ -2,8 +2,16 @@ import math
 from collections.abc import Callable
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub import (
+    Autopilot,
+    AutopilotConfig,
+    CalmWind,
+    PlantParameters,
+    SteadyWind,
+    Wind,
+)
 from sitl_stub.lagging_plant import tecs_acceleration_m_s2, tecs_integral_rate_m_s3, wanted_bank_rad
 from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.plant_state import PlantState
@@ -50,19 +58,21 @@ def flown(
 
 
 def test_12000_cdeg_per_rad_bank_12_deg_for_a_course_error_of_a_tenth() -> None:
-    wanted = wanted_bank_rad(BANK, TurnTarget("course", 0.1), course_rad=0.0, heading_rad=0.0)
+    wanted = wanted_bank_rad(
+        BANK, TurnTarget("course", 0.1), course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
+    )
     assert math.degrees(wanted) == pytest.approx(12.0)
 
 
 def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded() -> None:
     far = TurnTarget("course", -2.0)
-    assert wanted_bank_rad(BANK, far, course_rad=0.0, heading_rad=0.0) == pytest.approx(
-        -math.pi / 4
-    )
+    assert wanted_bank_rad(
+        BANK, far, course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
+    ) == pytest.approx(-math.pi / 4)
     # atan(2 / 9.80665) = 11.53 deg
     weak = TurnTarget("course", 2.0, 2.0)
     assert math.degrees(
-        wanted_bank_rad(BANK, weak, course_rad=0.0, heading_rad=0.0)
+        wanted_bank_rad(BANK, weak, course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0)
     ) == pytest.approx(11.527, abs=1e-3)
 
 
@@ -163,3 +173,49 @@ def test_the_step_is_converged_to_centimetres_over_two_minutes(plant: PlantParam
 def test_a_ground_speed_hold_cannot_lag() -> None:
     with pytest.raises(ValueError, match="tecs"):
         PlantParameters(kind="course-hold", speed_response="tecs")
+
+
+def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for() -> None:
+    npfg = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
+
+    def wanted(course_rad: float) -> float:
+        target = TurnTarget("course", course_rad)
+        return wanted_bank_rad(npfg, target, course_rad=0.0, heading_rad=0.0, airspeed_m_s=15.0)
+
+    # atan(0.9 * 15 * sin(0.1) / 9.80665) = 0.1366; at 90 degrees atan(1.3766) = 54 degrees, beyond the limit.
+    assert wanted(0.1) == pytest.approx(0.1366, abs=1e-4)
+    assert wanted(-0.1) == -wanted(0.1)
+    assert wanted(2.0) == wanted(3.0) == pytest.approx(math.radians(50.0))
+
+
+def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_roll() -> None:
+    plant = PlantParameters(kind="npfg", alpha_1_s=0.9, roll_time_s=0.4, course_dead_time_s=0.3)
+    autopilot = Autopilot(
+        AutopilotConfig(
+            system_id=7,
+            autopilot="px4",
+            plant=plant,
+            latitude_deg=47.0,
+            longitude_deg=8.0,
+            altitude_amsl_m=500.0,
+            home_altitude_amsl_m=400.0,
+            course_rad=0.0,
+            airspeed_m_s=15.0,
+        ),
+        CalmWind(),
+    )
+    link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+
+    def command(number: int, *parameters: float) -> None:
+        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+        message = mavlink.MAVLink_command_long_message(7, 1, number, 0, *padded)
+        autopilot.receive(message.pack(link))
+
+    command(176, 1, 4, 19)
+    for step in range(600):
+        autopilot.advance(step / 20)
+        command(43_002, 0, 6.0 * step / 20)
+    lag_s = math.remainder(math.radians(6.0 * 599 / 20) - autopilot.truth().course_rad, math.tau)
+    lag_s /= math.radians(6.0)
+    # 1 / 0.9 for the loop and 0.3 for the dead time; the roll is still in a steady turn.
+    assert lag_s == pytest.approx(1.0 / 0.9 + 0.3, abs=0.05)

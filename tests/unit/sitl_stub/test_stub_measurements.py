@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, GpsGlitch, PlantParameters
+from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, Fault, PlantParameters
 from sitl_stub.air_data import AirData, density_ratio
 
 Make = Callable[..., Any]
@@ -64,7 +64,7 @@ def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same(make: Make) 
 
 
 def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else(make: Make) -> None:
-    glitched = make(gps_glitches=(GpsGlitch(2.0, 3.0, 40.0, -30.0),))
+    glitched = make(faults=(Fault("offset", 2.0, 3.0, 40.0, -30.0),))
     right = make()
     for each in (glitched, right):
         each.interval(33, 1_000_000)

@@ -33,7 +33,7 @@ from sitl_stub import cli
         (["--course-dead-time", "-1"], "course_dead_time_s must be"),
         (["--loop-rate", "1"], "loop_rate_hz must be"),
         (["--gps-glitch", "1,2,3"], "--gps-glitch: '1,2,3' is not AT,FOR,N,E"),
-        (["--gps-glitch", "-1,2,3,4"], "no glitch"),
+        (["--gps-glitch", "-1,2,3,4"], "no fault"),
         (["--delay", "0.1", "--jitter", "0.2"], "jitter"),
         (["--loss", "1"], "loss must be"),
         (["--airspeed-calibration", "3"], "airspeed_calibration must be"),

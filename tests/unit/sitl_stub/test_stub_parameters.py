@@ -96,10 +96,9 @@ def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: 
     vehicle = station(autopilot="px4")
     version = vehicle.command_long(512, 148)[-1]
     assert version.capabilities & 16
-    assert not version.capabilities & 2
-    value = read(vehicle, "COM_OBL_RC_ACT")
+    value = read(vehicle, "NAV_RCL_ACT")
     assert value.param_type == INT32
-    assert struct.pack("<f", value.param_value) == struct.pack("<i", 5)
+    assert struct.pack("<f", value.param_value) == struct.pack("<i", 2)
     (three,) = struct.unpack("<f", struct.pack("<i", 3))
     write(vehicle, "COM_OBL_RC_ACT", three, INT32)
     assert struct.pack("<f", read(vehicle, "COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
@@ -108,14 +107,14 @@ def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: 
 def test_px4_s_offboard_loss_obeys_its_parameters(station: Station) -> None:
     vehicle = station(autopilot="px4")
     write(vehicle, "COM_OF_LOSS_T", 3.0)
-    (return_home,) = struct.unpack("<f", struct.pack("<i", 3))
-    write(vehicle, "COM_OBL_RC_ACT", return_home, INT32)
+    (loiter,) = struct.unpack("<f", struct.pack("<i", 5))
+    write(vehicle, "COM_OBL_RC_ACT", loiter, INT32)
     vehicle.velocity_setpoint(20.0, 0.0)
     vehicle.command_long(176, 1, 6)
-    vehicle.advance(2.9)
+    vehicle.advance(3.6)
     assert vehicle.autopilot.truth().mode == "OFFBOARD"
-    vehicle.advance(3.1)
-    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
+    vehicle.advance(3.8)
+    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
 
 
 def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value(station: Station) -> None:

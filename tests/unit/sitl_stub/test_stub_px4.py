@@ -1,4 +1,5 @@
 import math
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -9,8 +10,14 @@ from sitl_stub import PlantParameters, SteadyWind
 
 Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
+Version = tuple[int, int]
 
-OFFBOARD = (176, 1, 6)
+OFFBOARD, GUIDED_COURSE, LOITER = (176, 1, 6), (176, 1, 4, 19), (176, 1, 4, 3)
+STEERED = (1, 14)
+"""The last version that flies the course of a velocity."""
+
+EAST_M = 50_000.0
+"""So far away that the bearing stays what it is."""
 
 
 def offboard(vehicle: Vehicle, north_m_s: float = 0.0, east_m_s: float = 20.0) -> None:
@@ -18,12 +25,26 @@ def offboard(vehicle: Vehicle, north_m_s: float = 0.0, east_m_s: float = 20.0) -
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
 
 
-def fly(vehicle: Vehicle, to_s: float, north_m_s: float, east_m_s: float, **options: float) -> None:
+def fly(vehicle: Vehicle, to_s: float, setpoint: Callable[[], object]) -> None:
     """Stream a setpoint at 10 Hz until `to_s`."""
     start = round(vehicle.autopilot.truth().time_s * 10.0)
     for tenth in range(start, round(to_s * 10.0)):
-        vehicle.velocity_setpoint(north_m_s, east_m_s, **options)
+        setpoint()
         vehicle.advance((tenth + 1) / 10.0)
+
+
+def course_deg(vehicle: Vehicle) -> float:
+    return math.degrees(vehicle.autopilot.truth().course_rad)
+
+
+def set_whole(vehicle: Vehicle, name: str, value: int) -> None:
+    (same_bytes,) = struct.unpack("<f", struct.pack("<i", value))
+    message = mavlink.MAVLink_param_set_message(7, 1, name.encode(), same_bytes, 6)
+    assert vehicle.send(message)[0].get_type() == "PARAM_VALUE"
+
+
+def ground_station_speaks(vehicle: Vehicle, kind: int = mavlink.MAV_TYPE_GCS) -> None:
+    vehicle.send(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3))
 
 
 def test_the_heartbeat_is_px4_s_in_auto_loiter(station: Station) -> None:
@@ -33,41 +54,174 @@ def test_the_heartbeat_is_px4_s_in_auto_loiter(station: Station) -> None:
     assert heartbeat.custom_mode == 0x0304_0000
 
 
+@pytest.mark.parametrize(
+    ("version", "number"),
+    [(None, 0x0112_0080), ((1, 18), 0x0112_0080), ((1, 16), 0x0110_00FF), ((1, 14), 0x010E_00FF)],
+)
+def test_it_tells_the_version_whose_manners_it_has(
+    station: Station, version: Version | None, number: int
+) -> None:
+    told = station(autopilot="px4", version=version).command_long(512, 148)[-1]
+    assert told.flight_sw_version == number
+    assert told.capabilities == 59_647
+
+
+@pytest.mark.parametrize("version", [(1, 13), (2, 0), (4, 7)])
+def test_versions_that_are_not_known_are_no_configuration(
+    station: Station, version: Version
+) -> None:
+    with pytest.raises(ValueError, match=r"1\.14, 1\.15, 1\.16, 1\.17, 1\.18"):
+        station(autopilot="px4", version=version)
+
+
 def test_offboard_without_a_stream_is_rejected(station: Station) -> None:
     vehicle = station(autopilot="px4")
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
 
 
-def test_offboard_needs_a_setpoint_within_half_a_second(station: Station) -> None:
+@pytest.mark.parametrize("setpoint", ["velocity_setpoint", "position_setpoint"])
+def test_offboard_needs_a_setpoint_within_half_a_second(station: Station, setpoint: str) -> None:
     vehicle = station(autopilot="px4")
-    vehicle.velocity_setpoint(20.0, 0.0)
+    getattr(vehicle, setpoint)(20.0, 0.0)
     vehicle.advance(0.6)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
-    vehicle.velocity_setpoint(20.0, 0.0)
+    getattr(vehicle, setpoint)(20.0, 0.0)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
     assert vehicle.autopilot.truth().mode == "OFFBOARD"
 
 
-def test_the_course_of_the_vector_is_flown_and_its_length_is_ignored(station: Station) -> None:
-    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4")
+def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored(
+    station: Station,
+) -> None:
+    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4", version=STEERED)
     offboard(vehicle)
-    fly(vehicle, 15.0, 0.0, 35.0)
-    truth = vehicle.autopilot.truth()
-    assert math.degrees(truth.course_rad) == pytest.approx(90.0, abs=1e-2)
-    assert truth.airspeed_m_s == pytest.approx(20.0)
+    fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 35.0))
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0)
 
 
-def test_a_lost_stream_leaves_offboard_after_one_second(station: Station) -> None:
+@pytest.mark.parametrize("version", [(1, 17), (1, 18)])
+def test_a_velocity_alone_is_accepted_and_keeps_the_course_from_1_17_on(
+    station: Station, version: Version
+) -> None:
+    vehicle = station(SteadyWind(5.0, 1.0), autopilot="px4", version=version, course_rad=1.0)
+    vehicle.advance(5.0)
+    offboard(vehicle)
+    before = course_deg(vehicle)
+    fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, -20.0, z=-200.0, mask=3523))
+    assert vehicle.autopilot.truth().mode == "OFFBOARD"
+    assert course_deg(vehicle) == pytest.approx(before, abs=0.1)
+    assert vehicle.autopilot.truth().altitude_amsl_m == 500.0
+
+
+@pytest.mark.parametrize("version", [(1, 15), (1, 16)])
+def test_a_velocity_alone_keeps_the_bank_of_the_moment_on_1_15_and_1_16(
+    station: Station, version: Version
+) -> None:
+    vehicle = station(autopilot="px4", version=version)
+    vehicle.advance(5.0)
+    circling = vehicle.autopilot.truth().bank_rad
+    assert abs(circling) > 0.1
+    offboard(vehicle)
+    fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 20.0))
+    assert vehicle.autopilot.truth().bank_rad == pytest.approx(circling, abs=1e-3)
+
+
+@pytest.mark.parametrize("version", [(1, 14), (1, 16), (1, 18)])
+def test_a_position_is_flown_to_at_its_height_by_every_version(
+    station: Station, version: Version
+) -> None:
+    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4", version=version)
+    vehicle.position_setpoint(0.0, EAST_M)
+    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
+    fly(vehicle, 40.0, lambda: vehicle.position_setpoint(0.0, EAST_M, z=-120.0))
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=0.5)
+    assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(520.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("frame", "altitude_m"), [(5, 510.0), (6, 110.0)])
+def test_a_global_position_carries_course_and_height(
+    station: Station, frame: int, altitude_m: float
+) -> None:
+    vehicle = station(autopilot="px4")
+    for tenth in range(400):
+        # 0.5 degrees of longitude further east, where the parallel's bearing is 89.8 degrees.
+        vehicle.send(
+            mavlink.MAVLink_set_position_target_global_int_message(
+                0, 7, 1, frame, 0xDF8, 470_000_000, 85_000_000, altitude_m, *(0,) * 8
+            )
+        )
+        if tenth == 0:
+            assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
+        vehicle.advance((tenth + 1) / 10.0)
+    assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(510.0, abs=1e-3)
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=0.5)
+
+
+@pytest.mark.parametrize("frame", [0, 3])
+def test_a_global_position_in_an_old_frame_is_not_taken(station: Station, frame: int) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.send(
+        mavlink.MAVLink_set_position_target_global_int_message(
+            0, 7, 1, frame, 0xDF8, 470_000_000, 85_000_000, 510.0, *(0,) * 8
+        )
+    )
+    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
+    assert vehicle.autopilot.counters["unsupported setpoint"] == 1
+
+
+def test_each_position_sets_the_airspeed_back_to_the_autopilot_s_own(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+
+    def both() -> None:
+        vehicle.position_setpoint(EAST_M, 0.0)
+        vehicle.command_long(178, 0, 24.0, -1)
+
+    vehicle.position_setpoint(EAST_M, 0.0)
+    vehicle.command_long(*OFFBOARD)
+    fly(vehicle, 15.0, both)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    fly(vehicle, 30.0, lambda: vehicle.position_setpoint(EAST_M, 0.0))
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0, abs=1e-3)
+
+
+def test_position_and_velocity_together_steer_but_take_no_airspeed(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+
+    def both() -> None:
+        vehicle.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 7, 1, 1, 0xDC0, 0, EAST_M, -100, 0, 20, 0, 0, 0, 0, 0, 0
+            )
+        )
+        vehicle.command_long(178, 0, 24.0, -1)
+
+    both()
+    vehicle.command_long(*OFFBOARD)
+    fly(vehicle, 15.0, both)
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, "AUTO.RTL"), (3, "AUTO.RTL"), (5, "AUTO.LOITER")])
+def test_a_lost_stream_leaves_offboard_after_1_7_seconds_without_a_word(
+    station: Station, action: int, mode: str
+) -> None:
+    vehicle = station(autopilot="px4")
+    set_whole(vehicle, "COM_OBL_RC_ACT", action)
+    offboard(vehicle)
+    vehicle.advance(1.65)
+    assert vehicle.autopilot.truth().mode == "OFFBOARD"
+    messages = vehicle.advance(1.75)
+    assert vehicle.autopilot.truth().mode == mode
+    assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == []
+
+
+def test_the_default_is_to_return(station: Station) -> None:
     vehicle = station(autopilot="px4")
     offboard(vehicle)
-    vehicle.advance(1.0)
-    assert vehicle.autopilot.truth().mode == "OFFBOARD"
-    messages = vehicle.advance(1.05)
-    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
-    assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == [
-        "Offboard control lost",
-        "Mode AUTO.LOITER",
-    ]
+    vehicle.advance(2.0)
+    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
 
 
 def test_the_stream_is_lost_just_as_late_in_one_long_advance(station: Station) -> None:
@@ -78,28 +232,28 @@ def test_the_stream_is_lost_just_as_late_in_one_long_advance(station: Station) -
     for tenth in range(51):
         short.advance(tenth / 10.0)
     expected, found = short.autopilot.truth(), long.autopilot.truth()
-    assert found.mode == "AUTO.LOITER"
+    assert found.mode == "AUTO.RTL"
     assert found.course_rad == pytest.approx(expected.course_rad, abs=1e-4)
 
 
 @pytest.mark.parametrize("mask", [2499, 3523])
 def test_z_is_flown_as_height_when_it_is_not_masked(station: Station, mask: int) -> None:
-    vehicle = station(autopilot="px4")
+    vehicle = station(autopilot="px4", version=STEERED)
     offboard(vehicle)
-    fly(vehicle, 40.0, 20.0, 0.0, z=-120.0, mask=mask)
+    fly(vehicle, 40.0, lambda: vehicle.velocity_setpoint(20.0, 0.0, z=-120.0, mask=mask))
     assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(520.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("mask", [2503, 3527])
 def test_a_masked_z_is_ignored(station: Station, mask: int) -> None:
-    vehicle = station(autopilot="px4")
+    vehicle = station(autopilot="px4", version=STEERED)
     offboard(vehicle)
-    fly(vehicle, 20.0, 20.0, 0.0, z=-120.0, mask=mask)
+    fly(vehicle, 20.0, lambda: vehicle.velocity_setpoint(20.0, 0.0, z=-120.0, mask=mask))
     assert vehicle.autopilot.truth().altitude_amsl_m == 500.0
 
 
-@pytest.mark.parametrize("mask", [0, 3527 & ~1, 3527 | 8, 3527 & ~64])
-def test_a_setpoint_that_is_not_velocity_only_does_not_count_as_a_stream(
+@pytest.mark.parametrize("mask", [3527 & ~1, 3527 | 8, 3527 & ~64])
+def test_a_setpoint_that_is_neither_position_nor_velocity_does_not_count_as_a_stream(
     station: Station, mask: int
 ) -> None:
     vehicle = station(autopilot="px4")
@@ -112,77 +266,204 @@ def test_a_non_finite_setpoint_is_counted_and_does_not_feed_the_stream(station: 
     vehicle = station(autopilot="px4")
     vehicle.velocity_setpoint(math.nan, 0.0)
     vehicle.velocity_setpoint(20.0, 0.0, z=math.inf, mask=3523)
+    vehicle.position_setpoint(math.nan, 0.0)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
-    assert vehicle.autopilot.counters["non-finite field"] == 2
+    assert vehicle.autopilot.counters["non-finite field"] == 3
 
 
 def test_the_zero_vector_keeps_the_stream_alive_and_the_course_as_it_was(
     station: Station,
 ) -> None:
-    vehicle = station(autopilot="px4")
+    vehicle = station(autopilot="px4", version=STEERED)
     offboard(vehicle)
-    fly(vehicle, 10.0, 0.0, 20.0)
-    fly(vehicle, 15.0, 0.0, 0.0)
+    fly(vehicle, 10.0, lambda: vehicle.velocity_setpoint(0.0, 20.0))
+    fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 0.0))
+    assert vehicle.autopilot.truth().mode == "OFFBOARD"
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-3)
+
+
+def test_guided_course_flies_commands_and_flies_on_when_they_stop(station: Station) -> None:
+    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4")
+    assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "ACCEPTED"
+    heartbeat = vehicle.advance(0.0)[0]
+    assert heartbeat.custom_mode >> 16 == 19 << 8 | 4
+    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "ACCEPTED"
+    assert vehicle.result(vehicle.command_long(178, 0, 24.0, -1)) == "ACCEPTED"
+    assert vehicle.result(vehicle.command_long(186, 520.0, 0)) == "ACCEPTED"
+    vehicle.advance(120.0)
     truth = vehicle.autopilot.truth()
-    assert truth.mode == "OFFBOARD"
-    assert math.degrees(truth.course_rad) == pytest.approx(90.0, abs=1e-3)
+    assert truth.mode == "AUTO.COURSE"
+    assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
+    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=1e-3)
 
 
-def test_a_global_setpoint_carries_course_and_height_above_sea_level(station: Station) -> None:
+def test_guided_course_keeps_the_course_of_its_entry_until_it_is_told_another(
+    station: Station,
+) -> None:
+    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4")
+    vehicle.advance(7.0)
+    vehicle.command_long(*GUIDED_COURSE)
+    before = course_deg(vehicle)
+    vehicle.advance(20.0)
+    assert course_deg(vehicle) == pytest.approx(before, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "degrees", "answer"),
+    [
+        (0.0, 90.0, "ACCEPTED"),
+        (math.nan, 90.0, "ACCEPTED"),
+        (0.0, -270.0, "ACCEPTED"),
+        (0.0, 450.0, "ACCEPTED"),
+        (1.0, 90.0, "DENIED"),
+        (2.0, 90.0, "DENIED"),
+    ],
+)
+def test_a_course_is_taken_over_ground_and_beyond_a_turn(
+    station: Station, kind: float, degrees: float, answer: str
+) -> None:
     vehicle = station(autopilot="px4")
-    for tenth in range(400):
-        vehicle.send(
-            mavlink.MAVLink_set_position_target_global_int_message(
-                0, 7, 1, 5, 3523, 0, 0, 510.0, 0, 20, 0, 0, 0, 0, 0, 0
-            )
-        )
-        if tenth == 0:
-            assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
-        vehicle.advance((tenth + 1) / 10.0)
-    truth = vehicle.autopilot.truth()
-    assert truth.altitude_amsl_m == pytest.approx(510.0, abs=1e-3)
-    assert math.degrees(truth.course_rad) == pytest.approx(90.0, abs=1e-3)
+    vehicle.command_long(*GUIDED_COURSE)
+    assert vehicle.result(vehicle.command_long(43_002, kind, degrees)) == answer
+    vehicle.advance(20.0)
+    flown = 90.0 if answer == "ACCEPTED" else 0.0
+    assert math.remainder(course_deg(vehicle) - flown, 360.0) == pytest.approx(0.0, abs=1e-2)
 
 
-def test_speed_comes_by_the_common_command(station: Station) -> None:
+@pytest.mark.parametrize("mode", [LOITER, OFFBOARD])
+def test_a_course_is_denied_outside_guided_course(station: Station, mode: tuple[int, ...]) -> None:
     vehicle = station(autopilot="px4")
-    offboard(vehicle)
-    assert vehicle.result(vehicle.command_long(178, 0, 24.0)) == "ACCEPTED"
-    assert vehicle.result(vehicle.command_long(178, 0, 50.0)) == "DENIED"
-    assert vehicle.result(vehicle.command_long(178, 1, 20.0)) == "DENIED"
-    fly(vehicle, 15.0, 0.0, 20.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    vehicle.velocity_setpoint(20.0, 0.0)
+    vehicle.command_long(*mode)
+    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "DENIED"
+
+
+def test_guided_course_came_with_1_18(station: Station) -> None:
+    vehicle = station(autopilot="px4", version=(1, 17))
+    assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "TEMPORARILY_REJECTED"
+    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "UNSUPPORTED"
+
+
+@pytest.mark.parametrize(
+    ("kind", "speed", "flown"),
+    [(0, 24.0, 24.0), (0, 99.0, 32.0), (0, 5.0, 12.0), (0, math.nan, 20.0), (1, 24.0, 24.0)],
+)
+def test_every_speed_is_accepted_and_flown_as_far_as_it_can_be(
+    station: Station, kind: int, speed: float, flown: float
+) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.command_long(*GUIDED_COURSE)
+    assert vehicle.result(vehicle.command_long(178, kind, speed, -1)) == "ACCEPTED"
+    vehicle.advance(20.0)
+    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(flown, abs=1e-3)
 
 
 def test_the_article_s_plant_takes_a_ground_speed_by_it(station: Station) -> None:
     vehicle = station(
         SteadyWind(5.0, 1.0), autopilot="px4", plant=PlantParameters(kind="course-hold")
     )
-    offboard(vehicle)
+    vehicle.command_long(*GUIDED_COURSE)
     assert vehicle.result(vehicle.command_long(178, 1, 22.0)) == "ACCEPTED"
-    fly(vehicle, 15.0, 0.0, 1.0)
+    vehicle.advance(15.0)
     assert vehicle.autopilot.truth().ground_speed_m_s == pytest.approx(22.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("command", [43000, 43001, 43002])
+@pytest.mark.parametrize("command", [43000, 43001])
 def test_arduplane_s_commands_are_unsupported(station: Station, command: int) -> None:
     vehicle = station(autopilot="px4")
     assert vehicle.result(vehicle.command_long(command)) == "UNSUPPORTED"
 
 
 @pytest.mark.parametrize(("main", "sub"), [(9, 0), (4, 99), (6, 1), (-1, 0), (6.5, 0), (300, 0)])
-def test_modes_that_do_not_exist_are_denied(station: Station, main: float, sub: float) -> None:
+def test_modes_that_do_not_exist_are_rejected(station: Station, main: float, sub: float) -> None:
     vehicle = station(autopilot="px4")
     vehicle.velocity_setpoint(20.0, 0.0)
-    assert vehicle.result(vehicle.command_long(176, 1, main, sub)) == "DENIED"
+    assert vehicle.result(vehicle.command_long(176, 1, main, sub)) == "TEMPORARILY_REJECTED"
     assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
+
+
+@pytest.mark.parametrize(("action", "mode"), [(1, "AUTO.LOITER"), (2, "AUTO.RTL")])
+def test_guided_course_ends_13_seconds_after_the_last_ground_station(
+    station: Station, action: int, mode: str
+) -> None:
+    vehicle = station(autopilot="px4")
+    ground_station_speaks(vehicle)
+    set_whole(vehicle, "NAV_DLL_ACT", action)
+    vehicle.command_long(*GUIDED_COURSE)
+    vehicle.advance(5.0)
+    ground_station_speaks(vehicle)
+    vehicle.advance(17.9)
+    assert vehicle.autopilot.truth().mode == "AUTO.COURSE"
+    messages = vehicle.advance(18.1)
+    assert vehicle.autopilot.truth().mode == mode
+    assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == ["Failsafe activated"]
+
+
+def test_a_companion_s_heartbeat_is_no_ground_station_s(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    ground_station_speaks(vehicle)
+    set_whole(vehicle, "NAV_DLL_ACT", 1)
+    vehicle.command_long(*GUIDED_COURSE)
+    for second in range(14):
+        ground_station_speaks(vehicle, mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
+        vehicle.advance(second + 1.0)
+    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
+
+
+def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_on(
+    station: Station,
+) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.command_long(*GUIDED_COURSE)
+    vehicle.advance(30.0)
+    set_whole(vehicle, "NAV_DLL_ACT", 1)
+    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
+    vehicle.advance(31.0)
+    ground_station_speaks(vehicle)
+    assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "ACCEPTED"
+
+
+def test_guided_course_can_be_excepted_from_it(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    ground_station_speaks(vehicle)
+    set_whole(vehicle, "COM_DLL_EXCEPT", 2)
+    set_whole(vehicle, "NAV_DLL_ACT", 1)
+    vehicle.command_long(*GUIDED_COURSE)
+    vehicle.advance(60.0)
+    assert vehicle.autopilot.truth().mode == "AUTO.COURSE"
+
+
+def test_the_link_for_companions_is_busy_without_being_asked(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.advance(0.0)
+    names = [message.get_type() for message in vehicle.advance(10.0)]
+    rates = {
+        name: names.count(name) / 10.0
+        for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "VFR_HUD")
+    }
+    assert rates == {
+        "ATTITUDE": 100.0,
+        "GLOBAL_POSITION_INT": 50.0,
+        "LOCAL_POSITION_NED": 30.0,
+        "VFR_HUD": 10.0,
+    }
+
+
+def test_an_unknown_parameter_is_answered_with_an_error(station: Station) -> None:
+    asked = mavlink.MAVLink_param_request_read_message(7, 1, b"NOPE", -1)
+    (error,) = station(autopilot="px4").send(asked)
+    assert error.get_type() == "PARAM_ERROR"
+    assert (error.param_id, error.error) == ("NOPE", mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
+    assert station(autopilot="px4", version=(1, 17)).send(asked) == []
+    assert station().send(asked) == []
 
 
 def test_position_control_is_left_to_the_pilot(station: Station) -> None:
     vehicle = station(autopilot="px4")
     offboard(vehicle)
     assert vehicle.result(vehicle.command_long(176, 1, 3)) == "ACCEPTED"
-    vehicle.velocity_setpoint(-20.0, 0.0)
+    vehicle.position_setpoint(-EAST_M, 0.0)
     vehicle.advance(5.0)
     truth = vehicle.autopilot.truth()
     assert truth.mode == "POSCTL"

@@ -1,4 +1,4 @@
-"""The gate behind which nothing depends on the laws: setpoints are finite and inside the vehicle's limits."""
+"""Nothing behind this guard depends on the laws: setpoints are finite and inside the vehicle's limits."""
 
 import math
 from collections import Counter
@@ -9,18 +9,25 @@ from vfguide.state import Setpoint
 PATIENCE_S = 1.0
 """An autopilot holds its last setpoint: after this without any other it is better off by itself."""
 
+STRONGEST_WIND = 0.75
+"""Wind over the greatest airspeed that a ground speed is believed with: in more no formation can be flown."""
+
+SLOWEST_GROUND = 0.25
+"""Least ground speed over the least airspeed: an aircraft that all but stands in a headwind has no course."""
+
 
 def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
     """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
     if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
         return False
     airframe = plan.airframe
+    slowest, fastest = airframe.airspeed_min, airframe.airspeed_max
     if airframe.hold == "course-hold":
-        return setpoint.speed > 0.0
-    return airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
+        slowest, fastest = SLOWEST_GROUND * slowest, fastest + STRONGEST_WIND * fastest
+    return slowest <= setpoint.speed <= fastest
 
 
-class Gate:
+class SetpointGuard:
     """Lets pass what can be flown."""
 
     def __init__(self, plan: FlightPlan) -> None:

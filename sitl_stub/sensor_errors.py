@@ -1,0 +1,160 @@
+"""What is wrong with real sensors: GNSS positions that wander, airspeed, barometer and clock.
+
+GNSS positions wander for minutes, and receivers that stand close together wander alike: satellites' orbits
+and clocks, ionosphere and troposphere are the same for them. What is left between two of them is their own
+(reflections, the receivers' noise). Each part is a Gauss-Markov process.
+
+Sizes: u-blox, ZED-F9P data sheet (CEP 1.5 m alone, 1.0 m with SBAS, 0.01 m + 1 ppm with RTK; velocity
+0.05 m/s); a CEP is 1.18 standard deviations per axis. How slowly they wander, and the noise of compass,
+airspeed and barometer: Beard and McLain, Small Unmanned Aircraft, chapter 7 (1100 s; 0.3 deg, 2 Pa, 10 Pa).
+What is left between neighbours is nobody's figure: with GNSS alone 0.28 m per aircraft, 0.4 m between two.
+The barometer's drift, the airspeed's scale and the clock's rate are usual ones.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.random import Generator, default_rng
+
+SensorGrade = Literal["ideal", "rtk", "sbas", "standalone"]
+"""Which receivers they have; the other sensors are the same in all but `ideal`."""
+
+TICK_S = 1.0
+"""Interval at which the wandering errors are drawn; straight lines between."""
+
+SHARED_S, OWN_S = 1100.0, 60.0
+"""Correlation times of what receivers share, and of what is their own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grade:
+    """Standard deviations of a receiver's errors, per axis."""
+
+    shared_m: float
+    """Of the position, the same for all near each other."""
+    own_m: float
+    """Of the position, wandering too, each its own."""
+    white_m: float
+    """Of each position by itself."""
+    velocity_m_s: float
+    """Of each velocity by itself."""
+
+
+GRADES: dict[SensorGrade, Grade] = {
+    "rtk": Grade(shared_m=0.002, own_m=0.008, white_m=0.003, velocity_m_s=0.042),
+    "sbas": Grade(shared_m=0.82, own_m=0.14, white_m=0.02, velocity_m_s=0.042),
+    "standalone": Grade(shared_m=1.26, own_m=0.2, white_m=0.02, velocity_m_s=0.042),
+}
+
+HEADING_RAD = math.radians(0.3)
+"""Of each heading: an autopilot's compass, Beard and McLain."""
+
+AIRSPEED_M_S = 0.08
+"""Of each airspeed: 2 Pa at 20 m/s."""
+
+CALIBRATION = 0.02
+"""Of the airspeed sensor's scale, which stays as it is during a flight."""
+
+ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
+"""Of each altitude (10 Pa); of its drift, and how slow that is."""
+
+CLOCK_RATE = 20e-6
+"""Of the rate of the autopilot's clock: an ordinary crystal's."""
+
+
+class GaussMarkov:
+    """A process of first order: exp(-t / T) of it is left after t. Asked for in the order of time."""
+
+    def __init__(self, deviation: float, time_constant_s: float, random: Generator) -> None:
+        """Begin anywhere in its distribution.
+
+        Args:
+            deviation: standard deviation, in the unit of what is asked for.
+            time_constant_s: T.
+            random: where it is drawn from.
+        """
+        self._keep = math.exp(-TICK_S / time_constant_s)
+        self._drawn = deviation * math.sqrt(1.0 - self._keep * self._keep)
+        self._random = random
+        self._tick = 0
+        self._before = deviation * random.standard_normal()
+        self._after = self._next(self._before)
+
+    def at(self, time_s: float) -> float:
+        """Its value at a time that is not before that of the call before by more than a tick."""
+        tick = math.floor(time_s / TICK_S)
+        while self._tick < tick:
+            self._tick += 1
+            self._before, self._after = self._after, self._next(self._after)
+        share = min(max(time_s / TICK_S - self._tick, 0.0), 1.0)
+        return self._before + share * (self._after - self._before)
+
+    def _next(self, value: float) -> float:
+        return self._keep * value + self._drawn * float(self._random.standard_normal())
+
+
+class SensorErrors:
+    """The errors of one aircraft's sensors; none of an ideal one's."""
+
+    def __init__(self, grade: SensorGrade, *, seed: int, system_id: int) -> None:
+        """Draw what stays as it is.
+
+        Args:
+            grade: of the receiver.
+            seed: of the formation.
+            system_id: of the aircraft.
+        """
+        self.figures = GRADES.get(grade)
+        """None: nothing is wrong."""
+        if self.figures is None:
+            self.calibration, self.clock_rate = 1.0, 0.0
+            return
+        own = default_rng((seed, system_id, 0x67_70_73))
+        self._random = default_rng((seed, system_id, 0x77_68_69))
+        # Nobody's own number: every process of a formation draws the same.
+        shared = default_rng((seed, 0x67_70_73))
+        self._wandering = [
+            (
+                GaussMarkov(self.figures.shared_m, SHARED_S, shared_axis),
+                GaussMarkov(self.figures.own_m, OWN_S, own_axis),
+            )
+            for shared_axis, own_axis in zip(shared.spawn(2), own.spawn(2), strict=True)
+        ]
+        self._altitude = GaussMarkov(DRIFTING_ALTITUDE_M, ALTITUDE_S, own.spawn(1)[0])
+        self.calibration = 1.0 + CALIBRATION * float(own.standard_normal())
+        """What the airspeed sensor shows in parts of what it should."""
+        self.clock_rate = CLOCK_RATE * float(own.standard_normal())
+        """By how much the autopilot's clock is fast."""
+
+    def position_m(self, time_s: float) -> tuple[float, float]:
+        """(north, east) error of a reported position."""
+        if self.figures is None:
+            return 0.0, 0.0
+        (north, own_north), (east, own_east) = self._wandering
+        return (
+            north.at(time_s) + own_north.at(time_s) + self._white(self.figures.white_m),
+            east.at(time_s) + own_east.at(time_s) + self._white(self.figures.white_m),
+        )
+
+    def altitude_m(self, time_s: float) -> float:
+        """Error of a reported altitude."""
+        return 0.0 if self.figures is None else self._altitude.at(time_s) + self._white(ALTITUDE_M)
+
+    def velocity_m_s(self) -> tuple[float, float]:
+        """(north, east) error of a reported velocity."""
+        if self.figures is None:
+            return 0.0, 0.0
+        size = self.figures.velocity_m_s
+        return self._white(size), self._white(size)
+
+    def heading_rad(self) -> float:
+        """Error of a reported heading."""
+        return 0.0 if self.figures is None else self._white(HEADING_RAD)
+
+    def airspeed_m_s(self) -> float:
+        """Error of a reported airspeed."""
+        return 0.0 if self.figures is None else self._white(AIRSPEED_M_S)
+
+    def _white(self, deviation: float) -> float:
+        return deviation * float(self._random.standard_normal())

@@ -1,0 +1,45 @@
+"""The autopilots' programs: a machine without them may do without these tests, CI may not."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+
+from tests.autopilots.formation import Plan, load
+from tests.autopilots.programs import FlightError, find_mosquitto
+from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
+
+Found = TypeVar("Found")
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+
+def found_or_skipped(find: Callable[[], Found]) -> Found:
+    """What is found; without it the test is skipped, or fails where CI runs."""
+    try:
+        return find()
+    except FlightError as error:
+        if os.environ.get("CI"):
+            pytest.fail(str(error))
+        pytest.skip(str(error))
+
+
+def program(kind: str) -> Path:
+    """The autopilot's program that a variable names."""
+    return found_or_skipped(lambda: find_program(kind, os.environ.get(kind.upper())))
+
+
+@pytest.fixture
+def arduplanes_in_gusts(tmp_path: Path) -> Plan:
+    """Four ArduPlanes on the circle, in wind and turbulence."""
+    return Plan(
+        mission=load(MISSIONS / "ardupilot-sitl.yaml", {}),
+        kind=PROGRAMS["arduplane"],
+        binary=program("arduplane"),
+        conditions=Conditions(wind_m_s=5.0, wind_from_deg=270.0, turbulence=1.0),
+        directory=tmp_path,
+        mosquitto=found_or_skipped(find_mosquitto),
+        engage=True,
+    )

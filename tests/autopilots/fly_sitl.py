@@ -1,0 +1,154 @@
+"""Flies a mission on real autopilots in software, and judges it by their true positions.
+
+    python -m tests.autopilots.fly_sitl missions/ardupilot-sitl.yaml --program arduplane --wind 5,270
+
+The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit status: 0 flown, 1 not.
+"""
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import yaml
+
+from tests.autopilots.faults import Fault, Occurrence, faults
+from tests.autopilots.formation import Plan, flight_directory, fly, load
+from tests.autopilots.programs import FlightError, find_mosquitto
+from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
+from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING
+from vfguide.companion.clock import Clock
+from vfguide.errors import VfguideError
+
+
+def arguments() -> argparse.ArgumentParser:
+    """The options."""
+    parser = argparse.ArgumentParser(description=__doc__, prog="fly_sitl")
+    formatter = "{} (default: %(default)s)".format
+    add = parser.add_argument
+    add("mission", type=Path, help="mission file")
+    add("--program", choices=list(PROGRAMS), default="arduplane", help=formatter("autopilot"))
+    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
+    add("--wind", default="0,270", metavar="M_S,FROM_DEG", help=formatter("mean wind"))
+    add("--turbulence", type=float, default=0.0, help=formatter("ArduPlane's SIM_WIND_TURB"))
+    add("--factory", action="store_true", help="leave the autopilot's parameters as they come")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter, in flight too",
+    )
+    add("--with", dest="changes", default="{}", metavar="YAML", help="change fields of the mission")
+    add(
+        "--duration", type=float, default=240.0, metavar="S", help=formatter("length of the flight")
+    )
+    what = f"what goes wrong, and when; may be repeated: {', '.join(faults('', ''))}"
+    add("--fault", action="append", default=[], metavar="NAME@S", help=what)
+    add("--vehicle", help="follower that faults meet (default: the second)")
+    add("--first-instance", type=int, help="of the simulators (default: the first that is free)")
+    add(
+        "--guided",
+        default="GUIDED",
+        help=formatter("what pilots select; PX4 before 1.18: OFFBOARD"),
+    )
+    add("--engage", action="store_true", help="start companions with --engage")
+    add("--pace", type=float, default=1.0, help=formatter("flight's time in parts of real time"))
+    add("--keep", type=Path, metavar="DIR", help="keep there what all programs said")
+    add("--json", action="store_true", help="print everything as JSON")
+    return parser
+
+
+def main() -> int:
+    """Fly, and print the row of the table."""
+    options = arguments().parse_args()
+    # Told to end, it ends what it has started, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    try:
+        return run(options)
+    except (FlightError, VfguideError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fly what the options say."""
+    mission = load(options.mission, yaml.safe_load(options.changes))
+    speed, from_deg = (float(part) for part in options.wind.split(","))
+    followers = list(mission.followers_by_name)
+    vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
+    known = faults(mission.leader.vehicle, vehicle)
+    occurrences = [occurrence(text, known) for text in options.fault]
+    binary = find_program(
+        options.program, options.binary or os.environ.get(options.program.upper())
+    )
+    with flight_directory(options.keep and options.keep.resolve()) as directory:
+        plan = Plan(
+            mission=mission,
+            kind=PROGRAMS[options.program],
+            binary=binary,
+            conditions=Conditions(
+                wind_m_s=speed,
+                wind_from_deg=from_deg,
+                turbulence=options.turbulence,
+                factory=options.factory,
+                parameters=dict(parameter(text) for text in options.set),
+                clock=Clock(epoch_s=time.monotonic(), rate=options.pace),
+            ),
+            directory=directory,
+            mosquitto=find_mosquitto(),
+            first_instance=options.first_instance,
+            guided=options.guided,
+            engage=options.engage,
+        )
+        verdict, _ = fly(plan, options.duration, sorted(occurrences, key=lambda one: one.began_s))
+    if options.json:
+        sys.stdout.write(json.dumps(asdict(verdict), indent=2) + "\n")
+    else:
+        sys.stdout.write(f"{HEADING}\n{verdict.row(mission.name)}\n")
+        if verdict.faults:
+            rows = "\n".join(one.row() for one in verdict.faults)
+            sys.stdout.write(f"\n{AFTERMATH_HEADING}\n{rows}\n\n")
+        for name, lost_s in verdict.lost_s.items():
+            late_ms = verdict.late_s[name] * 1e3
+            sys.stdout.write(
+                f"{name}: clock lost {lost_s:.2f} s; 95 % of reports within {late_ms:.0f} ms\n"
+            )
+    return 0
+
+
+def occurrence(text: str, known: Mapping[str, Fault]) -> Occurrence:
+    """NAME@S.
+
+    Raises:
+        FlightError: it is something else.
+    """
+    name, _, at = text.partition("@")
+    if name not in known:
+        raise FlightError(f"no fault {name}; there are {', '.join(known)}")
+    try:
+        return Occurrence(known[name], float(at))
+    except ValueError:
+        raise FlightError(f"--fault {text}: write NAME@S, as in {name}@70") from None
+
+
+def parameter(text: str) -> tuple[str, float]:
+    """NAME=VALUE.
+
+    Raises:
+        FlightError: it is something else.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name.upper(), float(value)
+    except ValueError:
+        raise FlightError(f"--set {text}: write NAME=VALUE") from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

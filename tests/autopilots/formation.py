@@ -1,0 +1,289 @@
+"""A formation of real autopilots in software: started, taken off, given to companions, disturbed, judged."""
+
+import json
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.autopilots.faults import Occurrence
+from tests.autopilots.ground_station import GroundStation
+from tests.autopilots.programs import (
+    FlightError,
+    Program,
+    broker,
+    first_in_line,
+    restore_priority,
+    vfguide,
+)
+from tests.autopilots.simulators import (
+    CLIMB_S,
+    ENOUGH_M,
+    ArduPlane,
+    Conditions,
+    Place,
+    Px4,
+    Simulator,
+    free_instances,
+)
+from tests.autopilots.true_tracks import STEP_S, true_track
+from tests.autopilots.verdict import Verdict, flight_record, judge
+from vfguide.companion.clock import Clock
+from vfguide.companion.plan import local_frame
+from vfguide.mission import Mission
+from vfguide.mission.load import parse_mission
+
+SPACING_M = 110.0
+"""From one runway to the next, eastward."""
+
+BOOT_S = 90.0
+"""Patience with a companion that starts, and with a broker."""
+
+
+def merged(content: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mission's content with some fields changed, or removed by null.
+
+    A group that says its type is replaced as a whole.
+    """
+    result = dict(content)
+    for key, value in changes.items():
+        old = result.get(key)
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, dict) and isinstance(old, dict) and "type" not in value:
+            result[key] = merged(old, value)
+        else:
+            result[key] = value
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What is to be flown."""
+
+    mission: Mission
+    kind: type[ArduPlane] | type[Px4]
+    """Which autopilot."""
+    binary: Path
+    """Its program."""
+    conditions: Conditions
+    directory: Path
+    """Where everything is kept."""
+    mosquitto: str
+    """The broker's program."""
+    first_instance: int | None = None
+    """Of the simulators, which decides their ports; the first free one if None."""
+    guided: str = "GUIDED"
+    """The mode that pilots select for their companions."""
+    engage: bool = False
+    """Whether companions are allowed to enter the guided mode by themselves."""
+
+
+@dataclass(slots=True)
+class Formation:
+    """What flies."""
+
+    mission: Mission
+    simulators: dict[str, Simulator]
+    broker: Program
+    companions: dict[str, Program]
+    clock: Clock
+    """Of the flight."""
+    guided: str = "GUIDED"
+    """The mode in which an autopilot obeys, by its pilot's word for it."""
+    began_s: float = 0.0
+    """When the pilots had selected the guided mode, s of the flight's clock."""
+
+    def give(self, vehicle: str) -> None:
+        """The pilot of a vehicle gives it to its companion."""
+        self.simulators[vehicle].enter(self.guided)
+
+    def check(self) -> None:
+        """See that every simulator runs.
+
+        Raises:
+            FlightError: one has ended.
+        """
+        for simulator in self.simulators.values():
+            simulator.program.check()
+
+
+@contextmanager
+def airborne(plan: Plan) -> Iterator[Formation]:
+    """Everybody at height and in companions' hands; at the end no program is left."""
+    mission, clock = plan.mission, plan.conditions.clock
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    first = plan.first_instance
+    if first is None:
+        first = free_instances(plan.kind, len(names))
+    directory = plan.directory
+    directory.mkdir(parents=True, exist_ok=True)
+    file = directory / "mission.yaml"
+    # JSON is YAML.
+    file.write_text(json.dumps(mission.model_dump(mode="json", exclude_unset=True)))
+    frame = local_frame(mission)
+    simulators: dict[str, Simulator] = {}
+    for n, name in enumerate(names):
+        latitude, longitude = frame.to_geodetic(0.0, SPACING_M * n)
+        follower = mission.followers_by_name.get(name)
+        up_m = 0.0 if follower is None else follower.slot.up_m
+        simulators[name] = plan.kind(
+            plan.binary,
+            directory / name,
+            name=name,
+            system_id=mission.vehicles[name].system_id,
+            instance=first + n,
+            place=Place(
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl_m=mission.origin.altitude_amsl_m,
+            ),
+            height_m=mission.height_above_origin_m + up_m,
+            conditions=plan.conditions,
+        )
+    mosquitto, link = broker(plan.mosquitto, directory)
+    companions = {
+        name: Program(
+            f"{name}.companion",
+            vfguide(
+                *("companion", name, "--mission", str(file), "--link", link),
+                *("--clock", f"{clock.epoch_s!r},{clock.rate!r}"),
+                *("--mavlink", simulators[name].companion_url, "--state", str(directory / "state")),
+                *(("--engage",) if plan.engage else ()),
+            ),
+            directory,
+        )
+        for name in names
+    }
+    formation = Formation(mission, simulators, mosquitto, companions, clock, plan.guided)
+    priority = first_in_line()
+    try:
+        mosquitto.start()
+        for simulator in simulators.values():
+            simulator.program.start()
+        at_once([partial(climb, simulator, mission) for simulator in simulators.values()])
+        for companion in companions.values():
+            companion.start()
+        at_once([partial(hand_over, name, formation) for name in names])
+        formation.began_s = clock.now()
+        yield formation
+    finally:
+        restore_priority(priority)
+        # At the same time: each companion waits until its autopilot shows that it flies by itself.
+        at_once([companion.stop for companion in companions.values()])
+        mosquitto.stop()
+        at_once([simulator.close for simulator in simulators.values()])
+
+
+def at_once(calls: Sequence[Callable[[], None]]) -> None:
+    """Do several things at the same time, and wait for all."""
+    with ThreadPoolExecutor(len(calls)) as pool:
+        for waiting in [pool.submit(call) for call in calls]:
+            waiting.result()
+
+
+def climb(simulator: Simulator, mission: Mission) -> None:
+    """Take off and reach the mission's height."""
+    station = simulator.station
+    simulator.take_off()
+    height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
+    station.wait(
+        lambda: station.altitude_amsl_m > height - ENOUGH_M, f"not at {height:.0f} m", CLIMB_S
+    )
+
+
+def hand_over(name: str, formation: Formation) -> None:
+    """The pilot selects the guided mode once the companion is there."""
+    companion, station = formation.companions[name], formation.simulators[name].station
+    station.wait(lambda: "connected" in companion.output.read_text(), "no companion", BOOT_S)
+    formation.give(name)
+
+
+def fly(
+    plan: Plan,
+    duration_s: float,
+    faults: Sequence[Occurrence] = (),
+) -> tuple[Verdict, dict[str, list[tuple[float, int]]]]:
+    """Fly a mission and judge it.
+
+    Args:
+        plan: what is to be flown.
+        duration_s: how long, from the moment at which all pilots have selected the guided mode.
+        faults: what goes wrong, in the order of time.
+
+    Raises:
+        FlightError: it could not be flown.
+
+    Returns:
+        The verdict, and each vehicle's changes of mode: s after the pilots' selection, and the number.
+    """
+    with airborne(plan) as formation:
+        pass_time(formation, duration_s, faults)
+    time_s = np.arange(formation.began_s, formation.began_s + duration_s, STEP_S)
+    modes = {
+        name: changes_of(simulator.station, formation.began_s, duration_s)
+        for name, simulator in formation.simulators.items()
+    }
+    return conclude(formation, time_s, faults), modes
+
+
+def changes_of(
+    station: GroundStation, began_s: float, duration_s: float
+) -> list[tuple[float, int]]:
+    """Changes of mode (s after the beginning, number) up to the end, before companions were told to stop."""
+    changes = ((change.time_s - began_s, change.custom_mode) for change in station.modes)
+    return [(time_s, mode) for time_s, mode in changes if time_s <= duration_s]
+
+
+def pass_time(formation: Formation, duration_s: float, faults: Sequence[Occurrence]) -> None:
+    """Let the time of a flight pass, and do what is to be done in it."""
+    steps = [(one.began_s + step.after_s, step.act) for one in faults for step in one.fault.steps]
+    due = sorted(steps, key=lambda step: step[0])
+    while (now_s := formation.clock.now() - formation.began_s) < duration_s + 0.5:
+        while due and now_s >= due[0][0]:
+            _, act = due.pop(0)
+            act(formation)
+        formation.check()
+        time.sleep(0.05)
+
+
+def conclude(formation: Formation, time_s: np.ndarray, faults: Sequence[Occurrence]) -> Verdict:
+    """The verdict on a flight at the times of the flight's clock (N)."""
+    mission = formation.mission
+    frame = local_frame(mission)
+    tracks = {
+        name: true_track(simulator.station, frame, time_s)
+        for name, simulator in formation.simulators.items()
+    }
+    return judge(mission, flight_record(mission, time_s, tracks), tracks, faults)
+
+
+@contextmanager
+def flight_directory(keep: Path | None) -> Iterator[Path]:
+    """A directory for a flight; one that nobody asked for goes with a flight that succeeds."""
+    directory = keep or Path(tempfile.mkdtemp(prefix="vfguide-sitl-"))
+    try:
+        yield directory
+    except FlightError as error:
+        raise FlightError(f"{error}; what the programs said is in {directory}") from error
+    if keep is None:
+        shutil.rmtree(directory, ignore_errors=True)
+
+
+def load(file: Path, changes: Mapping[str, Any]) -> Mission:
+    """A mission with some fields changed.
+
+    Raises:
+        MissionError: it is none.
+    """
+    content = parse_mission(file.read_bytes(), file=str(file)).mission
+    changed = merged(content.model_dump(mode="json", exclude_unset=True), changes)
+    return parse_mission(json.dumps(changed).encode(), file=f"{file} with changes").mission

@@ -1,0 +1,240 @@
+"""A ground station for one simulated aircraft: the pilot's hand, and the recorder of where it truly is."""
+
+import math
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from tests.autopilots.programs import FlightError
+from vfguide.companion.clock import Clock
+from vfguide.elementwise import FloatArray
+from vfguide.mavlink.framing import HEADER_2, Frame, end_of_frame, frame_at, next_magic
+
+HEARTBEAT_S = 1.0
+ASK_AGAIN_S = 1.0
+
+
+WANTED = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_SIM_STATE,
+        mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+    }
+)
+"""Most of what an autopilot tells a ground station is not looked at: it would take a third of a core."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """Where the simulator says that its aircraft is."""
+
+    arrival_s: float
+    """When the report came, s of the flight's clock."""
+    clock_s: float
+    """The simulator's clock in the report of it just before, s."""
+    clock_arrival_s: float
+    """When that came, s of the flight's clock."""
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    north_m_s: float
+    east_m_s: float
+    bank_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChange:
+    """The autopilot has changed its mode."""
+
+    time_s: float
+    """s of the flight's clock."""
+    custom_mode: int
+
+
+class GroundStation:
+    """Speaks with one aircraft from a thread of its own."""
+
+    def __init__(
+        self,
+        system_id: int,
+        connect: Callable[[], socket.socket],
+        truth: Callable[[MAVLink_message], tuple[float, ...] | None],
+        clock: Clock,
+    ) -> None:
+        """Connect, and begin to listen.
+
+        Args:
+            system_id: of the aircraft.
+            connect: makes the connected socket.
+            truth: (latitude in degrees, longitude, altitude, velocity north, east, bank) of a message
+                that holds the true state; None of any other.
+            clock: of the flight, which may be slower than the computer's.
+        """
+        self.system_id = system_id
+        self.fixes: list[Fix] = []
+        self.modes: list[ModeChange] = []
+        self.texts: list[tuple[float, str]] = []
+        self.parameters: dict[str, float] = {}
+        self.armed = False
+        self.results: dict[int, int] = {}
+        self._truth = truth
+        self._flight_clock = clock
+        self._clock: tuple[float, float] | None = None
+        self._sent_heartbeat_s = -math.inf
+        self._lock = threading.Lock()
+        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._socket = connect()
+        self._socket.settimeout(0.2)
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    @property
+    def mode(self) -> int | None:
+        """The newest mode; None before the first heartbeat."""
+        return self.modes[-1].custom_mode if self.modes else None
+
+    @property
+    def altitude_amsl_m(self) -> float:
+        """The newest true altitude; no number before the first."""
+        return self.fixes[-1].altitude_amsl_m if self.fixes else math.nan
+
+    def close(self) -> None:
+        """Hang up."""
+        self._ends.set()
+        self._thread.join(2.0)
+        self._socket.close()
+
+    def command(self, number: int, *parameters: float) -> None:
+        """Send COMMAND_LONG; parameters that are not given are 0."""
+        values = (*parameters, *(0.0,) * (7 - len(parameters)))
+        message = mavlink.MAVLink_command_long_message(self.system_id, 1, number, 0, *values)
+        self.results.pop(number, None)
+        self._send(message)
+
+    def ask_for(self, message_id: int, rate_hz: float) -> None:
+        """Ask for a message at a rate."""
+        self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
+
+    def stop_sending(self, message_ids: Iterable[int]) -> None:
+        """Ask for none of these messages."""
+        for message_id in message_ids:
+            self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1)
+
+    def set_mode(self, main: int, sub: int = 0) -> None:
+        """Ask for a mode by its numbers."""
+        self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
+
+    def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
+        """Set a parameter; PX4 wants the bytes of a whole number in the place of the float."""
+        kind = mavlink.MAV_PARAM_TYPE_INT32 if whole else mavlink.MAV_PARAM_TYPE_REAL32
+        sent = struct.unpack("<f", struct.pack("<i", round(value)))[0] if whole else value
+        self.parameters.pop(name, None)
+        self._send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), sent, kind))
+
+    def wait(
+        self,
+        condition: Callable[[], object],
+        what: str,
+        patience_s: float,
+        ask: Callable[[], None] | None = None,
+    ) -> None:
+        """Wait for a condition, and ask for it every second.
+
+        Raises:
+            FlightError: it takes too long.
+        """
+        gives_up, asks = time.monotonic() + patience_s, -math.inf
+        while not condition():
+            now = time.monotonic()
+            if now > gives_up:
+                last = self.texts[-1][1] if self.texts else "without a word"
+                raise FlightError(
+                    f"vehicle {self.system_id}: {what} not within {patience_s:g} s ({last})"
+                )
+            if ask is not None and now - asks >= ASK_AGAIN_S:
+                asks = now
+                ask()
+            time.sleep(0.05)
+
+    def track(self) -> dict[str, FloatArray]:
+        """All fixes as arrays by field, in the order of arrival."""
+        rows = list(self.fixes)
+        return {
+            name: np.array([getattr(row, name) for row in rows])
+            for name in Fix.__dataclass_fields__
+        }
+
+    def _send(self, message: MAVLink_message) -> None:
+        with self._lock, suppress(OSError):
+            self._socket.sendall(message.pack(self._writer))
+
+    def _listen(self) -> None:
+        parser = mavlink.MAVLink(None)
+        waiting = b""
+        while not self._ends.is_set():
+            if self._flight_clock.now() - self._sent_heartbeat_s >= HEARTBEAT_S:
+                self._sent_heartbeat_s = self._flight_clock.now()
+                self._send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+            try:
+                data = self._socket.recv(65_536)
+            except TimeoutError:
+                continue
+            except OSError:
+                # Nobody at the port yet, or not any more.
+                time.sleep(0.1)
+                continue
+            if not data:
+                return
+            arrival_s = self._flight_clock.now()
+            frames, waiting = wanted_frames(waiting + data)
+            for frame in frames:
+                if frame.system_id == self.system_id:
+                    self._take(parser.decode(bytearray(frame.content)), arrival_s)
+
+    def _take(self, message: MAVLink_message, arrival_s: float) -> None:
+        kind = message.get_type()
+        if kind == "SYSTEM_TIME":
+            self._clock = message.time_boot_ms * 1e-3, arrival_s
+        elif kind == "HEARTBEAT" and message.get_srcComponent() == 1:
+            self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            if message.custom_mode != self.mode:
+                self.modes.append(ModeChange(arrival_s, message.custom_mode))
+        elif kind == "STATUSTEXT":
+            self.texts.append((arrival_s, message.text))
+        elif kind == "COMMAND_ACK":
+            self.results[message.command] = message.result
+        elif kind == "PARAM_VALUE":
+            self.parameters[message.param_id] = message.param_value
+        elif self._clock is not None and (state := self._truth(message)) is not None:
+            clock_s, clock_arrival_s = self._clock
+            self.fixes.append(Fix(arrival_s, clock_s, clock_arrival_s, *state))
+
+
+def wanted_frames(data: bytes) -> tuple[list[Frame], bytes]:
+    """(frames of wanted messages, what is left of one that is not whole) of bytes of which none is lost."""
+    found, start = [], 0
+    while start < len(data):
+        end = end_of_frame(data, start)
+        if end is None and len(data) - start >= HEADER_2:
+            start = next_magic(data, start + 1)
+            continue
+        if end is None or end > len(data):
+            break
+        frame = frame_at(data, start, end)
+        if frame.message_id in WANTED:
+            found.append(frame)
+        start = end
+    return found, data[start:]

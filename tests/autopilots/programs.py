@@ -1,0 +1,185 @@
+"""Programs of one flight: each in a session of its own, its output in a file, none left at the end."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+PATIENCE_S = 8.0
+"""That a program gets to end by itself."""
+
+PRIORITY = -10
+"""Simulators and companions must keep real time: before other work, where that is permitted."""
+
+
+class FlightError(Exception):
+    """A flight that could not be flown, in one sentence."""
+
+
+class Program:
+    """One program, started as often as the flight wants it."""
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        directory: Path,
+        *,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        """Remember a program; nothing is started yet.
+
+        Args:
+            name: what it is called in messages; its output goes to NAME.txt.
+            command: program and arguments.
+            directory: where it runs; made where it is missing.
+            environment: variables beside those of this process.
+        """
+        self.name = name
+        self.output = directory / f"{name}.txt"
+        self._command = command
+        self._directory = directory
+        self._environment = {**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})}
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether it runs now."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> None:
+        """Start it, or start it again."""
+        self._directory.mkdir(parents=True, exist_ok=True)
+        with self.output.open("ab") as output:
+            self._process = subprocess.Popen(
+                self._command,
+                cwd=self._directory,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env=self._environment,
+                start_new_session=True,
+            )
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, PRIORITY)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to it and to all that it has started."""
+        if self._process is not None and self.running:
+            with suppress(ProcessLookupError):
+                os.killpg(self._process.pid, number)
+
+    def kill(self) -> None:
+        """End it at once, as a loss of power does."""
+        self.signal(signal.SIGKILL)
+        if self._process is not None:
+            self._process.wait()
+
+    def stop(self) -> None:
+        """Ask it to end, and end it if it does not."""
+        self.signal(signal.SIGCONT)
+        self.signal(signal.SIGTERM)
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE_S)
+            self.kill()
+
+    def check(self) -> None:
+        """See that it runs.
+
+        Raises:
+            FlightError: it has ended.
+        """
+        if not self.running:
+            raise FlightError(f"{self.name} has ended: {self.last_words()}; see {self.output}")
+
+    def last_words(self) -> str:
+        """The last line of its output."""
+        text = self.output.read_text(errors="replace") if self.output.exists() else ""
+        lines = text.strip().splitlines()
+        return lines[-1] if lines else "without a word"
+
+
+def first_in_line() -> int:
+    """Put this process, which notes when reports come, before other work; the priority that it had."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
+    return before
+
+
+def restore_priority(before: int) -> None:
+    """Give this process back the priority that it had."""
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, before)
+
+
+def vfguide(*arguments: str) -> list[str]:
+    """A command of this installation."""
+    return [sys.executable, "-m", "vfguide", *arguments]
+
+
+def find_mosquitto() -> str:
+    """The broker's program.
+
+    Raises:
+        FlightError: there is none.
+    """
+    found = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
+    if found is None:
+        raise FlightError("mosquitto is not installed; apt install mosquitto")
+    return found
+
+
+BROKER = """\
+listener {port} 127.0.0.1
+allow_anonymous true
+set_tcp_nodelay true
+persistence false
+user root
+"""
+
+
+def broker(program: str, directory: Path) -> tuple[Program, str]:
+    """(Mosquitto on a free port, its address)."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    directory.mkdir(parents=True, exist_ok=True)
+    config = directory / "mosquitto.conf"
+    config.write_text(BROKER.format(port=port))
+    return Program("mosquitto", [program, "-c", str(config)], directory), f"mqtt://127.0.0.1:{port}"
+
+
+def is_free(port: int, kind: socket.SocketKind) -> bool:
+    """Whether a port of the loopback interface is in no use."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        if kind is socket.SOCK_STREAM:
+            # What was closed a moment ago is free, as it is for the simulator.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def wait_for_port(port: int, program: Program, patience_s: float) -> None:
+    """Wait until a program can be called.
+
+    Raises:
+        FlightError: it has ended, or takes too long.
+    """
+    gives_up = time.monotonic() + patience_s
+    while time.monotonic() < gives_up:
+        program.check()
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0):
+            return
+        time.sleep(0.1)
+    raise FlightError(f"{program.name} does not listen at port {port}; see {program.output}")

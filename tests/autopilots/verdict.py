@@ -1,0 +1,281 @@
+"""How well a formation of real autopilots was kept, by the geometry that reports have."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from tests.autopilots.faults import Occurrence
+from tests.autopilots.true_tracks import TrueTrack
+from vfguide.companion.plan import path_of
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.mission import Mission
+from vfguide.record.flight import Acceptance as RecordedAcceptance
+from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.report.geometry import slot_error
+
+END_S = 5.0
+"""At the end of a flight, to see where everybody was then."""
+
+BACK_M = 3.0
+"""Within this of the slots counts as back; calm flights stay within 1.1 m, gusty ones within 2 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Distances from the slots, all followers; m."""
+
+    mean: float
+    p95: float
+    greatest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """How near two aircraft came."""
+
+    distance_m: float
+    first: str
+    second: str
+    time_s: float
+    """After the pilots had selected the guided mode."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aftermath:
+    """What came of a fault, until the next one or the end."""
+
+    what: str
+    nearest_horizontal: Nearest
+    nearest: Nearest
+    """In three dimensions."""
+    back_s: float | None
+    """From its end until every follower that is steered was back and stayed; None: not by then."""
+
+    def row(self) -> str:
+        """The line of a table."""
+        back = "-" if self.back_s is None else f"{self.back_s:.0f}"
+        cells = (self.nearest_horizontal.distance_m, self.nearest.distance_m)
+        return f"| {self.what} | {' | '.join(f'{cell:.1f}' for cell in cells)} | {back} |"
+
+
+AFTERMATH_HEADING = """\
+| fault | nearest two, level, m | in space, m | back after, s |
+|---|---|---|---|"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """One flight."""
+
+    window_s: tuple[float, float]
+    """In which the distances were taken, s after the pilots had selected the guided mode."""
+    as_it_is: Spread
+    """From the slots at the leader as it truly was, in its true course."""
+    intended: Spread
+    """From the slots at the leader's true place, in the course of the path there."""
+    followers: dict[str, float]
+    """Mean distance of each follower from its slot at the leader as it was, m."""
+    at_end: dict[str, float]
+    """The same, over the last seconds of the flight."""
+    nearest_horizontal: Nearest
+    nearest: Nearest
+    """In three dimensions."""
+    faults: tuple[Aftermath, ...]
+    """In the order of time."""
+    bank_rate_rms_deg_s: dict[str, float]
+    """Of each aircraft in the window."""
+    lost_s: dict[str, float]
+    """By how much each simulator's clock fell behind in the flight."""
+    late_s: dict[str, float]
+    """How late 95 % of each one's reports at most were."""
+
+    @property
+    def kept_time(self) -> bool:
+        """Whether all simulators kept time: else the figures say more of the computer than of the law."""
+        return max(self.lost_s.values()) < 0.3
+
+    def row(self, title: str) -> str:
+        """The line of a table."""
+        kept = "" if self.kept_time else f" (a simulator lost {max(self.lost_s.values()):.1f} s)"
+        cells = [
+            title + kept,
+            *(f"{value:.2f}" for value in asdict(self.intended).values()),
+            *(f"{value:.2f}" for value in asdict(self.as_it_is).values()),
+            f"{self.nearest_horizontal.distance_m:.1f}",
+            f"{self.nearest.distance_m:.1f}",
+        ]
+        return f"| {' | '.join(cells)} |"
+
+
+COLUMNS = (
+    "flight",
+    "intended: mean, m",
+    "95 %",
+    "greatest",
+    "as it is: mean, m",
+    "95 %",
+    "greatest",
+    "nearest two, level, m",
+    "in space, m",
+)
+HEADING = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
+
+
+def flight_record(
+    mission: Mission, time_s: FloatArray, tracks: dict[str, TrueTrack]
+) -> FlightRecord:
+    """The flight as reports have it; what an observer on the ground does not know is no number."""
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    unknown = np.full(time_s.size, np.nan)
+    vehicles = []
+    for name in names:
+        track, follower = tracks[name], mission.followers_by_name.get(name)
+        vehicles.append(
+            VehicleRecord(
+                name=name,
+                role="leader" if follower is None else "follower",
+                system_id=mission.vehicles[name].system_id,
+                slot_forward_m=0.0 if follower is None else follower.slot.forward_m,
+                slot_right_m=0.0 if follower is None else follower.slot.right_m,
+                north_m=track.north_m,
+                east_m=track.east_m,
+                altitude_amsl_m=track.altitude_amsl_m,
+                course_rad=np.arctan2(track.east_m_s, track.north_m_s),
+                ground_speed_m_s=np.hypot(track.east_m_s, track.north_m_s),
+                heading_rad=unknown,
+                airspeed_m_s=unknown,
+                bank_rad=track.bank_rad,
+                wind_north_m_s=unknown,
+                wind_east_m_s=unknown,
+                path_cross_track_error_m=unknown,
+                course_setpoint_rad=unknown,
+                airspeed_setpoint_m_s=unknown,
+                ground_speed_setpoint_m_s=unknown,
+                mode=np.zeros(time_s.size, dtype=np.int64),
+                limited=np.zeros(time_s.size, dtype=np.bool_),
+                lyapunov=unknown,
+            )
+        )
+    return FlightRecord(
+        time_s=time_s - time_s[0],
+        vehicles=tuple(vehicles),
+        mode_names=("unknown",),
+        path_north_m=np.empty(0),
+        path_east_m=np.empty(0),
+        mission=mission.name,
+        controller=mission.controller.type,
+        plant="autopilot",
+        wind=mission.wind.type,
+        mode="live",
+        rate_hz=mission.rehearsal.rate_hz,
+        seed=0,
+        duration_s=float(np.ptp(time_s)),
+        wall_s=None,
+        acceptance=RecordedAcceptance(),
+    )
+
+
+def intended_leader(mission: Mission, leader: VehicleRecord) -> VehicleRecord:
+    """The leader where it is, but in the course of the path there."""
+    path = path_of(mission.path)
+    places = zip(leader.north_m, leader.east_m, strict=True)
+    course = np.array([path.nearest(float(n), float(e)).course for n, e in places])
+    return replace(leader, course_rad=course)
+
+
+def judge(
+    mission: Mission,
+    record: FlightRecord,
+    tracks: dict[str, TrueTrack],
+    faults: Sequence[Occurrence] = (),
+) -> Verdict:
+    """Judge a flight of a mission.
+
+    Args:
+        mission: what was flown.
+        record: where everybody truly was.
+        tracks: the same, with what is known of the simulators' clocks.
+        faults: what went wrong, in the order of time.
+    """
+    time_s, last = record.time_s, record.time_s[-1]
+    window = time_s >= last / 2.0
+    intended = intended_leader(mission, record.leader)
+    gone = {name for one in faults for name in one.fault.without}
+    kept = [one for one in record.followers if one.name not in gone]
+    true = np.array([slot_error(record.leader, one).distance_m for one in kept])
+    meant = np.array([slot_error(intended, one).distance_m for one in kept])
+    begins_s = [one.began_s for one in faults]
+    return Verdict(
+        window_s=(float(time_s[window][0]), float(last)),
+        as_it_is=spread(true[:, window]),
+        intended=spread(meant[:, window]),
+        followers={
+            one.name: float(row[window].mean()) for one, row in zip(kept, true, strict=True)
+        },
+        at_end={
+            one.name: float(row[time_s >= last - END_S].mean())
+            for one, row in zip(kept, true, strict=True)
+        },
+        nearest_horizontal=nearest(record, time_s >= 0.0, with_height=False),
+        nearest=nearest(record, time_s >= 0.0, with_height=True),
+        faults=tuple(
+            aftermath(record, one, meant, until_s)
+            for one, until_s in zip(faults, (*begins_s[1:], float(last)), strict=False)
+        ),
+        bank_rate_rms_deg_s={
+            one.name: bank_rate_rms_deg_s(time_s[window], one.bank_rad[window])
+            for one in record.vehicles
+        },
+        lost_s={name: track.lost_s for name, track in tracks.items()},
+        late_s={name: track.late_s for name, track in tracks.items()},
+    )
+
+
+def spread(distances_m: FloatArray) -> Spread:
+    """Mean, 95th percentile and greatest."""
+    return Spread(
+        float(distances_m.mean()),
+        float(np.percentile(distances_m, 95.0)),
+        float(distances_m.max()),
+    )
+
+
+def aftermath(
+    record: FlightRecord, fault: Occurrence, distances_m: FloatArray, until_s: float
+) -> Aftermath:
+    """What came of a fault, by the distances from the slots (rows) up to a time."""
+    during = (record.time_s >= fault.began_s) & (record.time_s <= until_s)
+    return Aftermath(
+        what=fault.fault.what,
+        nearest_horizontal=nearest(record, during, with_height=False),
+        nearest=nearest(record, during, with_height=True),
+        back_s=back_after(record.time_s[during], distances_m[:, during], fault.ended_s),
+    )
+
+
+def nearest(record: FlightRecord, when: BoolArray, *, with_height: bool) -> Nearest:
+    """The nearest that any two aircraft came at these times."""
+    found = []
+    for one, other in combinations(record.vehicles, 2):
+        distance = np.hypot(one.north_m - other.north_m, one.east_m - other.east_m)
+        if with_height:
+            distance = np.hypot(distance, one.altitude_amsl_m - other.altitude_amsl_m)
+        at = int(np.where(when, distance, np.inf).argmin())
+        found.append(Nearest(float(distance[at]), one.name, other.name, float(record.time_s[at])))
+    return min(found, key=lambda each: each.distance_m)
+
+
+def back_after(time_s: FloatArray, distances_m: FloatArray, ended_s: float) -> float | None:
+    """Seconds from the end of a fault until all distances (rows) stay within `BACK_M`; None: they do not."""
+    outside = time_s[(time_s >= ended_s) & (distances_m >= BACK_M).any(axis=0)]
+    if not outside.size:
+        return 0.0
+    return None if outside[-1] >= time_s[-1] - 1.0 else float(outside[-1] - ended_s)
+
+
+def bank_rate_rms_deg_s(time_s: FloatArray, bank_rad: FloatArray) -> float:
+    """Root mean square of the rate at which the bank changes."""
+    rate = np.gradient(np.unwrap(bank_rad), time_s)
+    return float(np.degrees(np.sqrt(np.mean(rate**2))))

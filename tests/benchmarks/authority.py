@@ -1,0 +1,397 @@
+"""Random pilots against companions that are killed, hang, go deaf and are lied to: is any mode undone?
+
+    python tests/benchmarks/authority.py [ACTIONS] [--seed N]
+
+Real MAVLink bytes, an emulated autopilot, virtual time. A mode that pilot or fail-safe has selected is undone
+where a command of the companion changes it. Guided, selected by the pilot, and the one engaging of a flight,
+out of the mode that it began in, are none. Prints what happened how often; exit status 1 if any was undone.
+"""
+
+import argparse
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from vfguide.companion.consent import MemoryStore
+from vfguide.companion.core import Companion
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.mission import load_mission
+
+MISSION = load_mission(Path(__file__).parents[2] / "missions" / "line-calm.yaml")
+
+RATE_HZ = 10.0
+STEPS_A_FLIGHT = 40
+"""Actions in one flight: then everything is new."""
+
+ARDUPLANE_MODES = {"GUIDED": 15, "LOITER": 12, "RTL": 11, "MANUAL": 0, "FBWA": 5, "FBWB": 6} | {
+    "CRUISE": 7,
+    "AUTO": 10,
+    "CIRCLE": 1,
+}
+PX4_MODES = {
+    "AUTO.COURSE": (4, 19),
+    "AUTO.LOITER": (4, 3),
+    "AUTO.RTL": (4, 5),
+    "AUTO.MISSION": (4, 4),
+    "AUTO.LAND": (4, 6),
+    "MANUAL": (1, 0),
+    "POSCTL": (3, 0),
+    "ALTCTL": (2, 0),
+}
+MODES = {
+    "ardupilot": {name: (number, 0) for name, number in ARDUPLANE_MODES.items()},
+    "px4": PX4_MODES,
+}
+"""What pilots select, by their names in the emulator: main and sub mode."""
+
+GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
+ALLOWED = {"ardupilot": {"LOITER"}, "px4": {"AUTO.LOITER"}}
+
+SYSTEM_ID = 2
+
+ACTIONS = (
+    *("select",) * 8,
+    *("select_guided",) * 3,
+    *("restart", "kill", "stop", "hang", "go_deaf", "lose_uplink", "silence_leader"),
+    *("reboot", "disarm", "forge_guided", "forge_reboot", "forge_answer"),
+)
+"""What happens, as often as it is named."""
+
+LENGTHS_S = (0.1, 0.3, 0.7, 1.3, 2.6, 4.0, 8.0)
+"""Until the next thing happens."""
+
+
+class Encounter:
+    """One vehicle with its companion, and everything that happens to them."""
+
+    def __init__(self, seed: int, kind: str) -> None:
+        self._random = Random(f"{seed} {kind}")
+        self._kind = kind
+        self._vehicle = MISSION.vehicles["f1"].model_copy(update={"autopilot": kind})
+        engage = self._random.random() < 0.8
+        patience = {"prediction_s": 4.0, "breakaway_s": 2.0}
+        hasty = MISSION.model_copy(
+            update={"patience": MISSION.patience.model_copy(update=patience)}
+        )
+        self._plan = flight_plan(hasty, "f1")
+        self._engage = engage
+        self._store = MemoryStore()
+        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._forger = mavlink.MAVLink(None, srcSystem=SYSTEM_ID, srcComponent=1)
+        self.counts: Counter[str] = Counter()
+        self.undone: list[str] = []
+        self._now = 0.0
+        self._booted = 0.0
+        self._autopilot = self._new_autopilot()
+        self._companion: Companion | None = self._new_companion()
+        self._waiting = b""
+        self._deaf_until = self._mute_until = self._silent_until = -math.inf
+        self._stood_until = self._blank_until = -math.inf
+        self._blank_place: tuple[int, int, int] | None = None
+        self._forged_until = -math.inf
+        self._forged: Callable[[], bytes] = bytes
+        self._pilots_mode = False
+        self._engaged_once = False
+        self._history: list[str] = []
+
+    def run(self, actions: int) -> None:
+        """Let so many things happen."""
+        self._fly(self._random.choice([0.1, 0.7, 3.0]))
+        for _ in range(actions):
+            self.do(self._random.choice(ACTIONS), self._random.choice(LENGTHS_S))
+
+    def do(self, action: str, length_s: float) -> None:
+        """Let one thing happen, and fly on for some time."""
+        self.counts[action] += 1
+        self._history.append(f"{self._now:.1f} {action}")
+        getattr(self, f"_{action}")()
+        self._fly(length_s)
+
+    @property
+    def _mode(self) -> str:
+        return self._autopilot.truth().mode
+
+    def _new_companion(self) -> Companion:
+        return Companion(
+            replace(self._plan),
+            adapter_of(self._vehicle),
+            engage=self._engage,
+            consent=self._store,
+        )
+
+    def _new_autopilot(self) -> Autopilot:
+        latitude, longitude = self._plan.frame.to_geodetic(-50.0, -30.0)
+        config = AutopilotConfig(
+            system_id=SYSTEM_ID,
+            autopilot="px4" if self._kind == "px4" else "ardupilot",
+            plant=PlantParameters(),
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=588.0,
+            home_altitude_amsl_m=488.0,
+            course_rad=0.0,
+            airspeed_m_s=20.0,
+        )
+        autopilot = Autopilot(config, CalmWind())
+        for name, value in (("FS_GCS_ENABL", 1.0), ("FS_LONG_ACTN", 1.0), ("MAV_GCS_SYSID", 2.0)):
+            if self._kind == "ardupilot":
+                kind = mavlink.MAV_PARAM_TYPE_REAL32
+                message = mavlink.MAVLink_param_set_message(2, 1, name.encode(), value, kind)
+                autopilot.receive(message.pack(self._codec))
+        return autopilot
+
+    def _leader(self) -> bytes:
+        latitude, longitude = self._plan.frame.to_geodetic(0.0, 20.0 * self._now)
+        return encode(
+            LeaderMessage(
+                sequence=1,
+                time_s=self._now,
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl=588.0,
+                course=math.pi / 2.0,
+                ground_speed=20.0,
+                acceleration=0.0,
+                turn_rate=0.0,
+                turn_acceleration=0.0,
+            )
+        )
+
+    def _fly(self, length_s: float) -> None:
+        for _ in range(max(1, round(length_s * RATE_HZ))):
+            self._now = round(self._now + 1.0 / RATE_HZ, 6)
+            before = self._mode
+            said = self._blanked(self._autopilot.advance(self._now - self._booted))
+            if self._mode != before:
+                self._pilots_mode = True
+            if self._now >= self._deaf_until:
+                self._waiting += said
+            if self._now <= self._forged_until:
+                self._waiting += self._forged()
+            if self._companion is None or self._now < self._stood_until:
+                continue
+            if self._now >= self._silent_until:
+                self._companion.receive_link(self._leader(), self._now)
+            heard, self._waiting = self._waiting, b""
+            # A buffer is read piece by piece.
+            for piece in pieces(heard):
+                self._deliver(self._companion.receive_mavlink(piece, self._now).to_autopilot)
+            self._deliver(self._companion.poll(self._now).to_autopilot)
+
+    def _blanked(self, said: bytes) -> bytes:
+        """What an autopilot says while it comes up: disarmed, and no position or one without a velocity."""
+        if self._now >= self._blank_until:
+            return said
+        messages = mavlink.MAVLink(None).parse_buffer(said) or []
+        blank = [coming_up(message, self._blank_place) for message in messages]
+        return b"".join(message.pack(self._forger) for message in blank if message is not None)
+
+    def _deliver(self, data: bytes) -> None:
+        """What the companion says reaches the autopilot; does it change a mode that is not its to change?"""
+        if self._now < self._mute_until:
+            return
+        before = self._mode
+        answer = self._autopilot.receive(data)
+        if self._now >= self._deaf_until:
+            self._waiting += answer
+        after = self._mode
+        if after == before:
+            return
+        guided = GUIDED[self._kind]
+        if before == guided:
+            self.counts["handed back"] += 1
+            self._pilots_mode = False
+            return
+        # The one engaging of a flight, out of the mode that it began in and nobody has changed.
+        first = after == guided and not self._engaged_once and before in ALLOWED[self._kind]
+        if first and not self._pilots_mode and self._engage:
+            self.counts["engaged by itself"] += 1
+            self._engaged_once = True
+            return
+        self.undone.append(f"{before} -> {after} after {self._history[-6:]}")
+
+    def _pilot(self, main: int, sub: int) -> None:
+        command = mavlink.MAVLink_command_long_message(
+            SYSTEM_ID, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, main, sub, 0, 0, 0, 0
+        )
+        before = self._mode
+        answer = self._autopilot.receive(command.pack(self._codec))
+        if self._now >= self._deaf_until:
+            self._waiting += answer
+        if self._mode != before:
+            self._pilots_mode = self._mode != GUIDED[self._kind]
+            self._engaged_once = True
+
+    def _select(self) -> None:
+        modes = MODES[self._kind]
+        self._pilot(
+            *modes[self._random.choice([name for name in modes if name != GUIDED[self._kind]])]
+        )
+
+    def _select_guided(self) -> None:
+        self._pilot(*MODES[self._kind][GUIDED[self._kind]])
+
+    def _restart(self) -> None:
+        self._companion, self._waiting = self._new_companion(), b""
+
+    def _kill(self) -> None:
+        self._companion = None
+        self._fly(self._random.choice([0.5, 2.0, 7.0]))
+        self._select()
+        self._fly(self._random.choice([0.2, 2.0, 5.0]))
+        self._restart()
+
+    def _go_deaf(self) -> None:
+        self._deaf_until = self._now + self._random.choice([1.5, 4.0, 15.0])
+
+    def _lose_uplink(self) -> None:
+        self._mute_until = self._now + self._random.choice([1.5, 4.0, 15.0])
+
+    def _hang(self) -> None:
+        self._stood_until = self._now + self._random.choice([1.0, 3.0, 20.0])
+        if self._random.random() < 0.7:
+            self._fly(0.3)
+            self._select()
+            self._fly(self._stood_until - self._now)
+
+    def _stop(self) -> None:
+        if self._companion is None:
+            return
+        if self._random.random() < 0.5:
+            self._select()
+        self._deliver(self._companion.stop(self._now).to_autopilot)
+        self._fly(self._random.choice([0.3, 2.0, 6.0]))
+        self._restart()
+
+    def _reboot(self) -> None:
+        """In the air; what is said before is lost, and the mode that it comes up in is nobody's to change."""
+        command = mavlink.MAVLink_command_long_message(
+            SYSTEM_ID, 1, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0, 1, 0, 0, 0, 0, 0, 0
+        )
+        before = self._mode
+        self._autopilot.receive(command.pack(self._codec))
+        self._blank_until = self._now + self._random.choice([0.0, 3.0, 12.0])
+        position = MISSION.origin
+        place = (position.latitude_deg * 1e7, position.longitude_deg * 1e7, 588e3)
+        here = (round(place[0]), round(place[1]), round(place[2]))
+        ground = (here[0], here[1], round(position.altitude_amsl_m * 1e3))
+        self._blank_place = self._random.choice([None, (0, 0, 0), here, ground])
+        self._pilots_mode = self._pilots_mode or self._mode != before
+        self._engaged_once = self._engaged_once or self._pilots_mode
+
+    def _forge(self, forged: Callable[[], bytes]) -> None:
+        self._forged, self._forged_until = forged, self._now + self._random.choice([0.2, 2.0, 6.0])
+
+    def _forge_guided(self) -> None:
+        main, sub = MODES[self._kind][GUIDED[self._kind]]
+        firmware, mode = (3, main) if self._kind == "ardupilot" else (12, sub << 24 | main << 16)
+        message = mavlink.MAVLink_heartbeat_message(1, firmware, 129, mode, 4, 3)
+        self._forge(lambda: message.pack(self._forger))
+
+    def _forge_reboot(self) -> None:
+        began = self._now
+
+        def position() -> bytes:
+            return mavlink.MAVLink_global_position_int_message(
+                round((self._now - began) * 1e3),
+                473_977_420,
+                85_455_940,
+                588_000,
+                100_000,
+                2000,
+                0,
+                0,
+                0,
+            ).pack(self._forger)
+
+        self._forge(position)
+
+    def _forge_answer(self) -> None:
+        message = mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0)
+        self._forge(lambda: message.pack(self._forger))
+
+    def _silence_leader(self) -> None:
+        self._silent_until = self._now + self._random.choice([2.0, 9.0])
+
+    def _disarm(self) -> None:
+        for armed, force, length_s in ((0, 21196, 8.0), (1, 2989, 0.1)):
+            command = mavlink.MAVLink_command_long_message(
+                SYSTEM_ID, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, armed, force, 0, 0, 0, 0, 0
+            )
+            self._waiting += self._autopilot.receive(command.pack(self._codec))
+            self._fly(length_s)
+
+
+def coming_up(
+    message: mavlink.MAVLink_message, place: tuple[int, int, int] | None
+) -> mavlink.MAVLink_message | None:
+    """A message as an autopilot sends it that is not ready yet: its place in 1e-7 degrees and mm, if any."""
+    match message.get_type():
+        case "HEARTBEAT":
+            return mavlink.MAVLink_heartbeat_message(
+                message.type,
+                message.autopilot,
+                message.base_mode & ~mavlink.MAV_MODE_FLAG_SAFETY_ARMED,
+                message.custom_mode,
+                mavlink.MAV_STATE_BOOT,
+                3,
+            )
+        case "EXTENDED_SYS_STATE":
+            return mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
+        case "GLOBAL_POSITION_INT":
+            if place is None:
+                return None
+            return mavlink.MAVLink_global_position_int_message(
+                message.time_boot_ms, *place, 0, 0, 0, 0, 0
+            )
+    return message
+
+
+def pieces(data: bytes) -> Iterator[bytes]:
+    """Datagrams of some hundred bytes, cut between frames."""
+    messages = mavlink.MAVLink(None).parse_buffer(data) or []
+    frames = [bytes(message.get_msgbuf()) for message in messages]
+    for start in range(0, len(frames), 4):
+        yield b"".join(frames[start : start + 4])
+
+
+def meet(actions: int, seed: int) -> tuple[Counter[str], list[str]]:
+    """Flights until so many things have happened: (what happened how often, what was undone)."""
+    counts: Counter[str] = Counter()
+    undone: list[str] = []
+    flight = 0
+    while actions > 0:
+        encounter = Encounter(seed + flight, "px4" if flight % 4 == 3 else "ardupilot")
+        encounter.run(min(actions, STEPS_A_FLIGHT))
+        counts += encounter.counts
+        undone += [f"flight {flight}: {one}" for one in encounter.undone]
+        actions -= STEPS_A_FLIGHT
+        flight += 1
+    return counts, undone
+
+
+def main() -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description="Is any pilot's mode undone?")
+    parser.add_argument("actions", nargs="?", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    counts, undone = meet(chosen.actions, chosen.seed)
+    for name, count in sorted(counts.items()):
+        sys.stdout.write(f"{count:7d}  {name}\n")
+    for one in undone:
+        sys.stdout.write(f"UNDONE {one}\n")
+    sys.stdout.write(f"{len(undone)} undone\n")
+    return 1 if undone else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,183 @@
+"""Reports that cannot be true, through MAVLink bytes, measured on the emulators' true places.
+
+Short flights at 10 Hz, leader and two followers, all in place at the start; one flight has several faults,
+one after the other, far enough apart for each to be told.
+"""
+
+from math import cos, inf, radians, sin
+
+import pytest
+
+from sitl_stub import Fault
+from tests.benchmarks.impossible_reports import Flown, Stop, fly, in_place
+from vfguide.mission import Mission
+
+APART_S = 16.0
+"""Between two faults: no text is repeated within 10 s."""
+
+FIRST_S = 5.0
+
+LEAST_M = 5.0
+
+OWN_FAULTS = (
+    ("latitude and longitude 0", Fault("zero", 0.0, 3.0), "m from where it can be", 1.0),
+    ("5 km off", Fault("offset", 0.0, 3.0, 5000.0), "5000 m from where it can be", 1.0),
+    ("50 m off", Fault("offset", 0.0, 3.0, 50.0), "50 m from where it can be", 1.0),
+    ("frozen", Fault("frozen", 0.0, 3.0), "m from where it can be", 2.0),
+    # Nothing to steer by for 5 s, and then for another 2 s: it flies on on its last course.
+    ("velocity 327 m/s", Fault("velocity", 0.0, 3.0, 327.0), "a speed of 327 m/s", 10.0),
+    ("airspeed 500 m/s", Fault("airspeed", 0.0, 3.0, 500.0), "an airspeed of 500 m/s", 1.0),
+    # No report is newer than the one before for 5 s, 100 m of a turn.
+    ("clock stops for 5 s", Fault("clock", 0.0, 5.0, 5.0), "clock has lost", 80.0),
+)
+"""What f1's autopilot reports, what its pilot is told, and how far (m) f1 may get off."""
+
+LOST_S = (0.5, 1.0, 5.0)
+"""What the leader's clock loses."""
+
+OFF_M = (1.0, 8.0, 100.0)
+"""How far that takes followers off: no further than the leader, which nothing steers meanwhile."""
+
+STEERED = {"tracking", "joining"}
+
+SLOWER_S = 20.0
+"""Between two of these."""
+
+
+def starts(number: int, apart_s: float = APART_S) -> float:
+    """When a fault begins, s."""
+    return FIRST_S + apart_s * number
+
+
+def placed(fault: Fault, at_s: float) -> Fault:
+    return Fault(fault.kind, at_s, fault.length_s, fault.north, fault.east)
+
+
+def small(name: str) -> Mission:
+    """A mission in place, at 10 Hz and with the two followers beside the leader."""
+    content = in_place(name).model_dump(exclude_unset=True)
+    content["followers"] = content["followers"][:2]
+    content["rehearsal"]["rate_hz"] = 10
+    content["patience"] = {"prediction_s": 6.0, "breakaway_s": 8.0}
+    del content["vehicles"]["f3"], content["rehearsal"]["start"]["f3"]
+    return Mission.model_validate(content)
+
+
+@pytest.fixture(scope="module")
+def circle() -> Mission:
+    return small("circle-wind")
+
+
+@pytest.fixture(scope="module")
+def line() -> Mission:
+    return small("line-wind")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(circle: Mission) -> Flown:
+    return fly(circle, {}, starts(len(OWN_FAULTS)))
+
+
+@pytest.fixture(scope="module")
+def one_after_another(circle: Mission) -> Flown:
+    faults = [placed(fault, starts(number)) for number, (_, fault, *_) in enumerate(OWN_FAULTS)]
+    return fly(circle, {"f1": faults}, starts(len(OWN_FAULTS)))
+
+
+@pytest.mark.parametrize("number", range(len(OWN_FAULTS)), ids=[name for name, *_ in OWN_FAULTS])
+def test_a_followers_impossible_reports_cost_metres_at_most_and_are_told(
+    number: int, undisturbed: Flown, one_after_another: Flown
+) -> None:
+    begins = starts(number)
+    ends = begins + APART_S
+    _, _, sentence, most_m = OWN_FAULTS[number]
+    assert one_after_another.off(undisturbed, "f1", begins, ends) < most_m
+    assert one_after_another.nearest(begins, ends) > 20.0
+    assert any(sentence in text for text in one_after_another.said("f1", begins, ends))
+    assert one_after_another.mode_at("f1", ends) == "tracking"
+
+
+@pytest.fixture(scope="module")
+def leader_slips(circle: Mission) -> Flown:
+    """The leader's clock loses time while the aircraft flies on."""
+    faults = [
+        Fault("clock", starts(number, SLOWER_S), lost_s, lost_s)
+        for number, lost_s in enumerate(LOST_S)
+    ]
+    return fly(circle, {"leader": faults}, starts(len(LOST_S), SLOWER_S))
+
+
+@pytest.fixture(scope="module")
+def leader_stops(circle: Mission) -> Flown:
+    """The leader's autopilot and its simulated aircraft stand still for a while."""
+    stops = [Stop(starts(number, SLOWER_S), lost_s) for number, lost_s in enumerate(LOST_S)]
+    return fly(circle, {}, starts(len(LOST_S), SLOWER_S), stops={"leader": stops})
+
+
+@pytest.mark.parametrize("number", range(len(LOST_S)))
+def test_followers_follow_again_3_s_after_the_leaders_clock_has_slipped(
+    number: int, undisturbed: Flown, leader_slips: Flown
+) -> None:
+    begins = starts(number, SLOWER_S)
+    ends = begins + SLOWER_S
+    over = begins + LOST_S[number] + 3.0
+    assert any("clock has lost" in text for text in leader_slips.said("leader", begins, over))
+    for name in ("f1", "f2"):
+        assert leader_slips.off(undisturbed, name, begins, ends) < OFF_M[number]
+        assert leader_slips.mode_at(name, over) in STEERED
+        assert set(leader_slips.mode_changes(name, over, ends)) <= STEERED
+    assert leader_slips.nearest(begins, ends) > LEAST_M
+
+
+@pytest.mark.parametrize("number", range(len(LOST_S)))
+def test_followers_follow_again_3_s_after_the_leader_stood_still(
+    number: int, leader_stops: Flown
+) -> None:
+    begins = starts(number, SLOWER_S)
+    over = begins + LOST_S[number] + 3.0
+    assert any("clock has lost" in text for text in leader_stops.said("leader", begins, over))
+    for name in ("f1", "f2"):
+        assert leader_stops.mode_at(name, over) in STEERED
+        assert set(leader_stops.mode_changes(name, over, begins + SLOWER_S)) <= STEERED
+    assert leader_stops.nearest(begins, begins + SLOWER_S) > LEAST_M
+
+
+def ahead(metres: float, start_s: float, length_s: float) -> Fault:
+    """The place steps along the line's course."""
+    course = radians(45.0)
+    return Fault("offset", start_s, length_s, metres * cos(course), metres * sin(course))
+
+
+@pytest.fixture(scope="module")
+def leader_ahead(line: Mission) -> Flown:
+    """The leader's positions step 40 m ahead for 3 s, and 15 s later for ever."""
+    faults = [ahead(40.0, 5.0, 3.0), ahead(40.0, 20.0, inf)]
+    return fly(line, {"leader": faults}, 75.0)
+
+
+def test_a_leader_whose_position_is_40_m_ahead_for_3_s_misleads_no_follower(
+    leader_ahead: Flown,
+) -> None:
+    assert leader_ahead.nearest(0.0, 20.0) > 25.0
+    assert [leader_ahead.mode_changes(name, 5.0, 20.0) for name in ("f1", "f2")] == [[], []]
+    assert "40 m from where it can be" in leader_ahead.said("leader", 5.0, 20.0)[0]
+
+
+def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formation_comes_apart(
+    leader_ahead: Flown,
+) -> None:
+    assert leader_ahead.nearest(20.0) > LEAST_M
+    said = leader_ahead.said("leader", 20.0, 75.0)
+    assert any("40 m from where it can be: not steered" in text for text in said)
+    assert "autopilot: Mode LOITER" in leader_ahead.said("leader", 20.0, 40.0)
+    for name in ("f1", "f2"):
+        assert leader_ahead.mode_changes(name, 50.0, 65.0)[-3:] == [
+            "predicting",
+            "breakaway",
+            "lost",
+        ]
+        assert "autopilot: Mode LOITER" in leader_ahead.said(name, 63.0, 70.0)
+        assert any(
+            "the leader reports what cannot be" in one
+            for one in leader_ahead.said(name, 50.0, 51.0)
+        )

@@ -1,0 +1,63 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.hearing import Hearing
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SAME_CLOCK
+
+Make = Callable[..., Any]
+
+
+def judged(altitudes: list[float], interval_s: float = 1.0) -> list[bool]:
+    """Which of these reports are believed."""
+    gate = AltitudeGate()
+    return [
+        not math.isnan(gate.judge(altitude, number * interval_s))
+        for number, altitude in enumerate(altitudes)
+    ]
+
+
+@given(st.lists(st.floats(-29.0, 29.0), min_size=1, max_size=50))
+def test_what_an_aircraft_can_climb_is_believed(rates: list[float]) -> None:
+    altitudes = [588.0]
+    for rate in rates:
+        altitudes.append(altitudes[-1] + rate)
+    assert all(judged(altitudes))
+
+
+@given(st.floats(41.0, 1000.0), st.sampled_from([-1.0, 1.0]))
+def test_a_step_is_doubted_at_once(step: float, side: float) -> None:
+    assert judged([588.0, 588.0, 588.0 + side * step]) == [True, True, False]
+
+
+def test_the_old_altitude_is_believed_again_after_two_seconds_of_agreement() -> None:
+    # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
+    assert judged([588.0, 588.0, 688.0, 688.0, 588.0, 588.0, 588.0, 588.0]) == (
+        [True] * 2 + [False] * 4 + [True] * 2
+    )
+
+
+def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_half_a_minute() -> None:
+    # 10 m and 3 m/s reach 100 m at 30 s after the last believed report, at 1 s.
+    believed = judged([588.0] * 2 + [688.0] * 40)
+    assert believed.index(True, 2) == 31
+
+
+@pytest.mark.parametrize("step", [100.0, -100.0])
+def test_a_neighbour_whose_altitude_steps_has_none(
+    plan: Callable[..., FlightPlan], leader_bytes: Make, step: float
+) -> None:
+    hearing = Hearing(plan().frame, SAME_CLOCK)
+    for number in range(20):
+        time_s = number / 5
+        altitude = 588.0 + (step if number >= 10 else 0.0)
+        assert hearing.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
+        assert hearing.newest is not None
+        assert math.isnan(hearing.newest.altitude_amsl) is (number >= 10)
+    assert [word.split(":")[0] for word in hearing.words()] == ["reports an altitude that steps"]

@@ -1,0 +1,62 @@
+"""A vehicle whose mission leaves its response to what its autopilot says of itself."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from vfguide.companion.core import Companion
+from vfguide.companion.plan import FlightPlan, adapter_of, flown_by
+from vfguide.companion.supervisor import Mode
+from vfguide.mavlink.parameters import AutopilotResponse
+from vfguide.mission.model import Mission
+
+Make = Callable[..., Any]
+
+WORDS = "flown by the autopilot's own parameters"
+
+
+@pytest.fixture
+def asking(plan: Callable[..., FlightPlan]) -> FlightPlan:
+    """A plan whose alpha is far from what the emulated autopilot does."""
+    declared = plan()
+    slow = replace(declared.airframe, alpha=0.3, beta=0.3)
+    return replace(declared, airframe=slow, asks_response=True)
+
+
+def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_what(
+    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
+) -> None:
+    flown = flight()
+    adapter = adapter_of(mission("line-calm").vehicles["f1"])
+    flown.companion = Companion(asking, adapter, engage=True)
+    flown.run(30.0)
+    told = next(time for time, text in flown.texts() if WORDS in text)
+    steering = next(time for time, mode in flown.modes if mode in {Mode.JOINING, Mode.TRACKING})
+    assert told < 10.0
+    assert steering > 0.0
+    words = next(text for _, text in flown.texts() if WORDS in text)
+    # GUIDED_P of the emulated 1.2 1/s at 22 m/s, flown at 20 m/s: 1.2 * 22 / 20.
+    assert "alpha 1.32" in words
+
+
+def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:
+    told = AutopilotResponse(
+        alpha=0.5, beta=0.4, airspeed_min=14.0, airspeed_max=40.0, max_bank=0.5
+    )
+    airframe = flown_by(asking, told).airframe
+    assert (airframe.alpha, airframe.beta, airframe.max_bank) == (0.5, 0.4, 0.5)
+    assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, asking.airframe.airspeed_max)
+
+
+def test_what_an_autopilot_does_not_tell_stays_as_declared(asking: FlightPlan) -> None:
+    flown = flown_by(asking, AutopilotResponse())
+    assert flown == replace(asking, asks_response=False)
+
+
+def test_limits_that_exclude_each_other_stay_as_declared(asking: FlightPlan) -> None:
+    declared = asking.airframe
+    airframe = flown_by(asking, AutopilotResponse(airspeed_min=50.0)).airframe
+    assert airframe.airspeed_min == declared.airspeed_min
+    assert airframe.airspeed_max == declared.airspeed_max

@@ -1,0 +1,67 @@
+"""What a pilot hears of a vehicle that keeps clear of another, and what the vehicle does."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import pytest
+
+from vfguide.companion.plan import flight_plan
+from vfguide.companion.supervisor import Mode
+from vfguide.mission.model import Mission
+
+Make = Callable[..., Any]
+
+Place = Callable[[float, float], dict[str, float]]
+
+JOINED_S = 25.0
+"""By then f1 is in its slot, 20 m behind and 20 m left of the leader."""
+
+
+@pytest.fixture
+def place(mission: Callable[[str], Mission]) -> Place:
+    """Makes the coordinates of a place, m from the mission's origin."""
+    frame = flight_plan(mission("line-calm"), "f1").frame
+
+    def make(north: float, east: float) -> dict[str, float]:
+        latitude, longitude = frame.to_geodetic(north, east)
+        return {"latitude_deg": latitude, "longitude_deg": longitude}
+
+    return make
+
+
+def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(
+    flight: Make, leader_bytes: Make, place: Place
+) -> None:
+    one = flight()
+
+    def link(now: float) -> Iterable[bytes]:
+        if now >= JOINED_S:
+            # f2, flown by hand, comes up from behind to beside f1's slot: by 3 m/s, 4 m right of it.
+            north = 20.0 * now - 60.0 + 3.0 * (now - JOINED_S)
+            state = leader_bytes(now, **place(north, -16.0), ground_speed=23.0, steered=False)
+            one.companion.receive_neighbour("f2", state, now)
+        return [leader_bytes(now)]
+
+    one.link = link
+    one.run(JOINED_S + 20.0)
+    assert one.mode_at(JOINED_S) is Mode.TRACKING
+    said = [text for time, text in one.texts() if time > JOINED_S and "f2" in text]
+    assert any("keeping clear of f2, off its slot until that is past" in text for text in said)
+    assert all(text.endswith("; watch f2, be ready to take over") for text in said)
+    # Once each, not at every look.
+    assert len(said) == len(set(said)) <= 4
+
+
+def test_a_vehicle_with_room_around_it_says_nothing(
+    flight: Make, leader_bytes: Make, place: Place
+) -> None:
+    one = flight()
+
+    def link(now: float) -> Iterable[bytes]:
+        state = leader_bytes(now, **place(20.0 * now - 20.0, 200.0), steered=False)
+        one.companion.receive_neighbour("f2", state, now)
+        return [leader_bytes(now)]
+
+    one.link = link
+    one.run(JOINED_S + 10.0)
+    assert not [text for _, text in one.texts() if "f2" in text]

@@ -1,0 +1,342 @@
+"""Whether a vehicle may be engaged by itself: what is kept over restarts, and what it is decided by."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.consent import Consent, FileStore, default_directory
+from vfguide.companion.supervisor import Mode
+
+Make = Callable[..., Any]
+
+SET_MODE, HEADING, ARM = 176, 43_002, 400
+GUIDED, LOITER, MANUAL, RTL, FBWA, AUTO = 15, 12, 0, 11, 5, 10
+
+
+def stored(directory: Path, consent: Consent) -> FileStore:
+    store = FileStore(directory, "f1")
+    store.load()
+    store.save(consent)
+    store.close()
+    return store
+
+
+def test_what_is_saved_is_found_by_the_next_process(tmp_path: Path) -> None:
+    directory = tmp_path / "new" / "state"
+    store = stored(directory, Consent(spent="it has been in GUIDED in this flight"))
+    assert store.holds(Consent(spent="it has been in GUIDED in this flight"))
+    assert not store.holds(Consent())
+    assert [file.name for file in directory.iterdir()] == ["f1.consent.json"]
+    assert FileStore(directory, "f1").load().spent == "it has been in GUIDED in this flight"
+    assert FileStore(directory, "f2").load() == Consent()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[]", b"\xff\xfe", b"[" * 4000, b'{"version": 2, "spent": ""}', b'{"version": 1}'],
+)
+def test_a_damaged_file_is_no_consent(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "f1.consent.json"
+    file.write_bytes(content)
+    store = FileStore(tmp_path, "f1")
+    assert store.load().is_spent
+    assert store.fault is not None
+    assert store.fault.startswith(
+        f"not engaged by itself: {file} cannot be read (damaged); mend it"
+    )
+    # What is known again, on the ground, mends it.
+    store.save(Consent())
+    store.close()
+    assert store.holds(Consent())
+    assert json.loads(file.read_text()) == {"version": 1, "spent": ""}
+
+
+def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path: Path) -> None:
+    (tmp_path / "state").write_text("a file where the directory should be")
+    store = FileStore(tmp_path / "state", "f1")
+    consent = store.load()
+    store.close()
+    assert not store.holds(consent)
+    assert store.fault is not None
+    assert "--state" in store.fault
+
+
+def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", "/home/pilot/.state")
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/vfguide")
+    assert default_directory() == Path("/var/lib/vfguide")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    assert default_directory() == Path("/home/pilot/.state/vfguide")
+
+
+@pytest.mark.parametrize("mode", [RTL, FBWA, MANUAL, LOITER])
+def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(
+    flight: Make, mode: int
+) -> None:
+    flown = flight()
+    flown.run(10.0)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    flown.pilot(mode)
+    taken = flown.autopilot.truth().mode
+    flown.run(12.0)
+    flown.restart()
+    flown.run(20.0)
+    assert flown.autopilot.truth().mode == taken
+    assert flown.later(SET_MODE, 10.0) == []
+    assert flown.mode_at(20.0) is Mode.PILOT
+
+
+def test_a_companion_that_is_replaced_while_it_steers_goes_on(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.restart()
+    flown.run(14.0)
+    assert flown.mode_at(14.0).steers
+    assert len(flown.times(SET_MODE)) == 1
+
+
+@pytest.mark.parametrize("mode", [RTL, AUTO, FBWA, MANUAL])
+def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(
+    flight: Make, mode: int
+) -> None:
+    flown = flight()
+    flown.pilot(mode)
+    flown.run(8.0)
+    assert flown.times(SET_MODE) == []
+    # Nor does a loiter that the pilot selects after that.
+    flown.pilot(LOITER)
+    flown.run(14.0)
+    assert flown.times(SET_MODE) == []
+    assert any("to be steered" in text for _, text in flown.texts())
+
+
+def test_a_deaf_companion_commands_no_mode(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.deaf = True
+    flown.run(11.0)
+    flown.pilot(RTL)
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.later(SET_MODE, 10.0) == []
+    assert flown.later(HEADING, 10.1) == []
+
+
+def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.hang(29.0)
+    flown.pilot(LOITER)
+    flown.waiting = flown.waiting[:-200]
+    flown.hang(30.0)
+    flown.run(40.0)
+    assert flown.later(HEADING, 10.1) == flown.later(SET_MODE, 10.0) == []
+    assert flown.mode_at(40.0) is Mode.PILOT
+    assert sum("stood still for 20 s" in text for _, text in flown.events) == 1
+
+
+def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on(flight: Make) -> None:
+    flown = flight()
+    flown.run(10.0)
+    flown.command(ARM, 0, 21196)
+    flown.run(20.0)
+    assert flown.later(HEADING, 11.1) == flown.later(SET_MODE, 10.0) == []
+    assert flown.mode_at(20.0) is Mode.WAITING
+
+
+def beat(status: int, *, armed: bool, mode: int = LOITER) -> mavlink.MAVLink_heartbeat_message:
+    return mavlink.MAVLink_heartbeat_message(1, 3, 1 | armed << 7, mode, status, 3)
+
+
+def place(
+    now: float, north: float, speed: float, altitude: float
+) -> mavlink.MAVLink_global_position_int_message:
+    latitude = 473_977_420 + round(north / 111_177.0 * 1e7)
+    return mavlink.MAVLink_global_position_int_message(
+        *(round(now * 1e3), latitude, 85_455_940, round(altitude * 1e3), 0),
+        *(round(speed * 100), 0, 0, 0),
+    )
+
+
+def toward(value: float, wanted: float, step: float) -> float:
+    return value + min(max(wanted - value, -step), step)
+
+
+@pytest.fixture
+def asked(
+    flight: Make, spoken: Make, parsed: Make, leader_bytes: Make
+) -> Callable[..., list[float]]:
+    """When GUIDED is asked for in five seconds of these reports after what came before.
+
+    Between two of them it climbs or sinks by 10 m/s and changes its speed by 4 m/s², armed.
+    """
+
+    def hear(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
+        companion, times, now, north = flight().companion, [], 0.0, 0.0
+        speed, altitude = spans[0].get("speed", 20.0), spans[0].get("altitude", 588.0)
+        before = spans[0]
+        for span in spans:
+            wanted = (span.get("speed", 20.0), span.get("altitude", 588.0))
+            left = round(span.get("length", 5.0) * 10)
+            while left > 0:
+                now = round(now + 0.1, 3)
+                arrived = (speed, altitude) == wanted
+                shown = span if arrived or span["armed"] else before
+                left -= arrived
+                speed, altitude = toward(speed, wanted[0], 0.4), toward(altitude, wanted[1], 1.0)
+                north += 0.1 * speed
+                companion.receive_link(leader_bytes(now), now)
+                messages = [
+                    beat(shown["status"], armed=shown["armed"]),
+                    place(now, north, speed, altitude),
+                ]
+                if landed is not None:
+                    messages.append(mavlink.MAVLink_extended_sys_state_message(0, landed))
+                sent = parsed(companion.receive_mavlink(spoken(*messages), now).to_autopilot)
+                times += [now for one in sent if getattr(one, "command", 0) == SET_MODE]
+            before = span
+        return times
+
+    return hear
+
+
+STANDING = {"status": 3, "armed": False, "speed": 0.0, "altitude": 488.0}
+FLYING = {"status": 4, "armed": True}
+
+
+def test_it_engages_in_the_air(asked: Make) -> None:
+    assert asked(FLYING)
+    assert asked(FLYING, landed=mavlink.MAV_LANDED_STATE_IN_AIR)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"status": 3}, {"status": 5}, {"armed": False}, {"speed": 5.0}, {"altitude": 500.0}],
+)
+def test_it_does_not_engage_on_the_ground_too_low_or_in_a_fail_safe(
+    asked: Make, change: dict[str, Any]
+) -> None:
+    assert asked(FLYING | change) == []
+
+
+@pytest.mark.parametrize("landed", [0, 1, 3, 4])
+def test_it_does_not_engage_where_the_autopilot_says_that_it_is_not_in_the_air(
+    asked: Make, landed: int
+) -> None:
+    assert asked(FLYING, landed=landed) == []
+
+
+def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground(asked: Make) -> None:
+    # A fail-safe ends the consent of a flight, a landing that flight.
+    failed = FLYING | {"status": 5}
+    assert asked(failed, FLYING) == []
+    assert asked(failed, STANDING | {"length": 3.0}, FLYING) == []
+    assert asked(failed, STANDING | {"length": 7.0}, FLYING)
+    assert asked(failed, STANDING | {"length": 7.0, "speed": 20.0}, FLYING) == []
+    # In the air without a speed, as with the wind against it.
+    assert asked(failed, STANDING | {"length": 7.0, "altitude": 588.0}, FLYING) == []
+
+
+def test_a_reboot_in_the_air_does_not_end_the_flight(flight: Make, spoken: Make) -> None:
+    # For 9 s without a fix: disarmed, standing by, no speed. The pilot has taken LOITER before.
+    flown = flight()
+    flown.run(8.0)
+    flown.pilot(LOITER)
+
+    def rebooted(now: float) -> bytes:
+        passed_s = now - 8.0
+        if not 0.0 < passed_s <= 9.0:
+            return b""
+        nowhere = mavlink.MAVLink_global_position_int_message(
+            round(passed_s * 1e3), 0, 0, 0, 0, 0, 0, 0, 0
+        )
+        return spoken(nowhere, beat(3, armed=False))
+
+    flown.deaf, flown.forge = True, rebooted
+    flown.run(17.0)
+    flown.deaf = False
+    flown.run(24.0)
+    assert flown.later(SET_MODE, 8.0) == []
+    assert flown.autopilot.truth().mode == "LOITER"
+
+
+def test_a_companion_that_has_stood_still_hands_back_what_it_steered(flight: Make) -> None:
+    flown = flight()
+    flown.run(8.0)
+    flown.hang(12.0)
+    flown.companion.receive_mavlink(b"", 12.0)
+    flown.companion.stop(12.1)
+    assert not flown.companion.released
+    flown.run(18.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.companion.released
+
+
+def test_a_stop_before_guided_shows_is_followed_by_handing_back(flight: Make) -> None:
+    flown = flight()
+    flown.run(1.05)
+    assert flown.times(SET_MODE) == [1.0]
+    flown.companion.stop(1.06)
+    assert not flown.companion.released
+    flown.run(6.5)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.companion.released
+
+
+def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(
+        engage=False, link=until(1.0), patience={"prediction_s": 1.0, "breakaway_s": 1.0}
+    )
+    flown.run(4.0)
+    flown.pilot(GUIDED)
+    flown.run(9.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.autopilot.truth().mode == "GUIDED"
+    assert [text for _, text in flown.texts()] == [
+        (
+            "vfguide f1: nothing to steer by: it stays in GUIDED, as it was selected by hand;"
+            " watch it, or select another mode"
+        )
+    ]
+
+
+def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(
+    flight: Make, parsed: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = flight(kind="px4")
+    flown.run(5.0)
+    assert flown.mode_at(5.0).steers
+    advance = flown.autopilot.advance
+
+    def without_heartbeats(now: float) -> bytes:
+        heard = [one for one in parsed(advance(now)) if one.get_type() != "HEARTBEAT"]
+        return b"".join(bytes(one.get_msgbuf()) for one in heard)
+
+    monkeypatch.setattr(flown.autopilot, "advance", without_heartbeats)
+    flown.run(9.0)
+    assert flown.later(178, 6.0)
+    assert flown.later(178, 7.6) == []
+
+
+def test_a_state_that_cannot_be_kept_is_told_at_the_start(flight: Make, tmp_path: Path) -> None:
+    file = tmp_path / "f1.consent.json"
+    file.write_text("[" * 4000)
+    flown = flight(store=FileStore(tmp_path, "f1"), link=lambda _now: [])
+    flown.run(0.2)
+    assert any("cannot be read (damaged)" in text for _, text in flown.texts())
+
+
+def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "f1.consent.json")
+    store = FileStore(tmp_path, "f1")
+    assert store.load().is_spent
+    assert store.fault is not None

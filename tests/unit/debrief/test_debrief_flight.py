@@ -1,0 +1,198 @@
+"""A flight put together from what companions recorded, on computers whose clocks do not agree."""
+
+import json
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.plan import local_frame
+from vfguide.debrief.flight import flight_of
+from vfguide.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
+from vfguide.errors import InputError
+from vfguide.mission import load_mission
+from vfguide.mission.model import Mission
+from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step
+from vfguide.record.recording import Start, files_of
+from vfguide.record.tlog import stamped
+from vfguide.report.geometry import slot_error
+from vfguide.report.metrics import summarise
+
+SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
+LATE_M = 3.0
+"""How far f1 flies behind its slot."""
+
+FLOWN_S = 1_800_000_000.0
+"""True time at which the flight begins, s since 1970."""
+
+
+@pytest.fixture
+def mission() -> Mission:
+    return load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+
+
+def moments() -> Iterator[float]:
+    return (step / RATE_HZ for step in range(int(LENGTH_S * RATE_HZ)))
+
+
+def write(
+    parent: Path,
+    mission: Mission,
+    name: str,
+    *,
+    behind_m: float,
+    right_m: float,
+    wrong_s: float,
+    clock_s: float,
+    formation_s: float,
+) -> Path:
+    """A recording of a vehicle that flies north at 20 m/s.
+
+    Args:
+        behind_m: of the origin at the beginning, and `right_m` east of it.
+        wrong_s: how much its computer's time of day is ahead.
+        clock_s: what its companion's clock shows at the beginning.
+        formation_s: what the leader's shows then; NaN for not known.
+    """
+    vehicle = mission.vehicles[name]
+    start = Start(
+        vehicle=name,
+        mission=mission.name,
+        system_id=vehicle.system_id,
+        unix_s=FLOWN_S + wrong_s,
+        clock_s=clock_s,
+        computer=name,
+        program="0",
+    )
+    directory = parent / f"{name}-1"
+    directory.mkdir()
+    content = {"format": "vfguide-recording", "version": 1, **asdict(start)}
+    (directory / "recording.json").write_text(json.dumps(content))
+    text = yaml.safe_dump(mission.model_dump(mode="json", exclude_unset=True), sort_keys=False)
+    (directory / "mission.yaml").write_text(text)
+    sender = mavlink.MAVLink(None, srcSystem=vehicle.system_id, srcComponent=1)
+    frame = local_frame(mission)
+    tlog, guidance = bytearray(), bytearray(HEADER)
+    for time_s in moments():
+        latitude, longitude = frame.to_geodetic(SPEED * time_s - behind_m, right_m)
+        position = mavlink.MAVLink_global_position_int_message(
+            round(time_s * 1e3) + 5000,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            588_000,
+            100_000,
+            round(SPEED * 100),
+            0,
+            0,
+            0,
+        )
+        speed = mavlink.MAVLink_vfr_hud_message(SPEED, SPEED, 0, 50, 588.0, 0.0)
+        datagram = position.pack(sender) + speed.pack(sender)
+        tlog += stamped(start.unix_s + time_s, datagram)
+        step = GuidanceStep(
+            time_s=clock_s + time_s,
+            mode="tracking",
+            course_rad=0.0,
+            speed_m_s=SPEED,
+            limited=False,
+            lyapunov_m2=math.nan,
+            formation_time_s=formation_s + time_s,
+        )
+        guidance += encode_step(step)
+    for path, written in zip(files_of(directory, name), (tlog, guidance), strict=True):
+        path.write_bytes(written)
+    return directory
+
+
+@pytest.fixture
+def recordings(mission: Mission, tmp_path: Path) -> Path:
+    slot = mission.followers_by_name["f1"].slot
+    write(
+        tmp_path, mission, "leader",
+        behind_m=0.0, right_m=0.0, wrong_s=0.0, clock_s=100.0, formation_s=math.nan,
+    )  # fmt: skip
+    write(
+        tmp_path, mission, "f1",
+        behind_m=LATE_M - slot.forward_m, right_m=slot.right_m,
+        wrong_s=7.0, clock_s=900.0, formation_s=100.0,
+    )  # fmt: skip
+    return tmp_path
+
+
+def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordings: Path) -> None:
+    found = collect([recordings])
+    assert found.clock == FORMATION_CLOCK
+    record = flight_of(found)
+    (follower,) = record.followers
+    error = slot_error(record.leader, follower)
+    # Positions are whole units of 1e-7 degrees, 11 mm.
+    np.testing.assert_allclose(error.along_track_m, LATE_M, atol=0.03)
+    np.testing.assert_allclose(error.cross_track_m, 0.0, atol=0.03)
+    assert record.duration_s == pytest.approx(LENGTH_S, abs=0.3)
+    assert "not the truth" in record.notes[0]
+    assert "formation's clock" in record.notes[1]
+    assert record.notes[2] == "Not recorded: f2, f3."
+
+
+def test_without_a_common_clock_the_page_says_what_that_costs(recordings: Path) -> None:
+    path = files_of(recordings / "f1-1", "f1")[1]
+    path.write_bytes(HEADER)
+    found = collect([recordings])
+    assert found.clock == TIME_OF_DAY
+    record = flight_of(found)
+    # 7 s at 20 m/s.
+    error = slot_error(record.leader, record.followers[0]).along_track_m
+    assert np.nanmedian(error) == pytest.approx(LATE_M + 7.0 * SPEED, abs=0.1)
+    assert any("time of day" in note for note in record.notes)
+
+
+def test_a_recording_that_was_cut_off_counts_up_to_there(recordings: Path) -> None:
+    tlog, guidance = files_of(recordings / "f1-1", "f1")
+    for path in (tlog, guidance):
+        os.truncate(path, path.stat().st_size // 2 + 3)
+    record = flight_of(collect([recordings]))
+    known = np.isfinite(record.followers[0].north_m)
+    assert known[: known.size // 2 - 5].all()
+    assert not known[known.size // 2 + 15 :].any()
+    summary = summarise(record)
+    assert summary.formation.min_separation_m is not None
+    # 3 m off its slot when it was last heard of, and so it stays.
+    assert summary.formation.settle_10m_s is not None
+    assert summary.formation.settle_1m_s is None
+    log = mavutil.mavlink_connection(str(tlog))
+    count = 0
+    while log.recv_match(type="GLOBAL_POSITION_INT") is not None:
+        count += 1
+    log.close()
+    assert count == pytest.approx(LENGTH_S * RATE_HZ / 2, abs=2)
+
+
+def test_recordings_of_two_missions_are_not_mixed(mission: Mission, recordings: Path) -> None:
+    path = recordings / "f1-1" / "mission.yaml"
+    path.write_text(path.read_text().replace(f"name: {mission.name}", "name: another"))
+    with pytest.raises(InputError, match="flew another mission than"):
+        collect([recordings])
+
+
+def test_without_the_leader_there_is_no_formation(recordings: Path) -> None:
+    with pytest.raises(InputError, match="no position of the leader 'leader' is recorded"):
+        flight_of(collect([recordings / "f1-1"]))
+
+
+@pytest.mark.parametrize("wrong_s", [1e9, -1e9])
+def test_frames_that_are_years_from_their_start_are_left_out(
+    recordings: Path, wrong_s: float
+) -> None:
+    path = recordings / "f1-1" / "recording.json"
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, "unix_s": content["unix_s"] + wrong_s}))
+    record = flight_of(collect([recordings / "f1-1", recordings / "leader-1"]))
+    assert record.duration_s < LENGTH_S
+    assert "Not recorded: f1, f2, f3." in record.notes

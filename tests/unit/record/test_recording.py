@@ -1,0 +1,179 @@
+"""A recording is written while it is made, and nothing that a disk does reaches the flight."""
+
+import errno
+import os
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from vfguide.errors import InputError
+from vfguide.mission import load_mission
+from vfguide.mission.model import Mission
+from vfguide.record.disk_writer import DiskWriter, GrowingFile
+from vfguide.record.guidance_log import GuidanceStep, read_guidance
+from vfguide.record.recording import (
+    begin_recording,
+    files_of,
+    find_recordings,
+    read_start,
+)
+from vfguide.record.tlog import read_tlog
+
+HEARTBEAT = bytes.fromhex("fe0900010100000000000106510003000d1a")[:17]
+"""A MAVLink 1 heartbeat; its checksum does not matter here."""
+
+REMEDY = "steering goes on, make room on the disk or mend it"
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def mission() -> Mission:
+    return load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+
+
+def until(happened: Callable[[], bool]) -> None:
+    """Wait for another thread."""
+    gives_up = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < gives_up
+        time.sleep(0.01)
+
+
+def step(time_s: float) -> GuidanceStep:
+    return GuidanceStep(
+        time_s=time_s,
+        mode="tracking",
+        course_rad=0.5,
+        speed_m_s=21.0,
+        limited=False,
+        lyapunov_m2=0.25,
+    )
+
+
+def test_what_was_recorded_is_in_the_files_before_the_recording_ends(
+    mission: Mission, tmp_path: Path
+) -> None:
+    recording = begin_recording(tmp_path, mission, "f1", clock_s=100.0)
+    recording.add_datagram(101.0, HEARTBEAT + HEARTBEAT)
+    recording.add_step(step(101.0))
+    tlog, guidance = files_of(recording.directory, "f1")
+    until(lambda: len(list(read_tlog(tlog))) == 2)
+    until(lambda: read_guidance(guidance).at(101.0) is not None)
+    (first, _) = read_tlog(tlog)
+    assert first.frame.content == HEARTBEAT
+    # One second of the companion's clock after the start.
+    assert first.time_s - recording.start.unix_s == pytest.approx(1.0, abs=1e-3)
+    assert recording.close() == 0
+
+
+def test_every_start_has_a_directory_of_its_own(mission: Mission, tmp_path: Path) -> None:
+    recordings = [begin_recording(tmp_path, mission, "f1", clock_s=0.0) for _ in range(3)]
+    for recording in recordings:
+        recording.close()
+    names = {recording.directory for recording in recordings}
+    assert len(names) == 3
+    assert all(name.name.startswith("f1-2") for name in names)
+    assert set(find_recordings([tmp_path])) == names
+    assert read_start(recordings[0].directory) == recordings[0].start
+    assert load_mission(recordings[0].directory / "mission.yaml") == mission
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/none"])
+def test_a_place_that_takes_nothing_is_one_line_at_the_start(
+    mission: Mission, tmp_path: Path, place: str
+) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(
+        InputError, match=r"cannot be recorded to .*another directory with --record"
+    ):
+        begin_recording(tmp_path / place, mission, "f1", clock_s=0.0)
+
+
+def test_a_name_with_a_slash_stays_below_its_directory(mission: Mission, tmp_path: Path) -> None:
+    vehicles = {**mission.vehicles, "../../f1": mission.vehicles["f1"]}
+    odd = mission.model_copy(update={"vehicles": vehicles})
+    recording = begin_recording(tmp_path, odd, "../../f1", clock_s=0.0)
+    recording.close()
+    assert recording.directory.parent == tmp_path
+    assert all(
+        path.parent == recording.directory for path in files_of(recording.directory, "../../f1")
+    )
+
+
+class FullDisk:
+    """Takes some bytes, then none, then all again."""
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self.write = os.write
+
+    def __call__(self, descriptor: int, content: bytes | memoryview) -> int:
+        if self.room <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        count = self.write(descriptor, content[: self.room])
+        self.room -= count
+        return count
+
+
+def test_a_full_disk_is_told_once_and_leaves_whole_entries(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "some.file"
+    file = GrowingFile(path)
+    disk = FullDisk(room=14)
+    monkeypatch.setattr("vfguide.record.disk_writer.os.write", disk)
+    writer = DiskWriter(write_s=0.01)
+    writer.put(file, lambda: b"entry 1\n")
+    until(lambda: path.read_bytes() == b"entry 1\n")
+    writer.put(file, lambda: b"entry 2\n")
+    until(lambda: writer.lost == 1)
+    writer.put(file, lambda: b"entry 3\n")
+    until(lambda: writer.lost == 2)
+    until(lambda: path.read_bytes() == b"entry 1\n")
+    assert writer.news() == [f"not recording: No space left on device; {REMEDY}"]
+    disk.room = 1000
+    writer.put(file, lambda: b"entry 4\n")
+    until(lambda: path.read_bytes() == b"entry 1\nentry 4\n")
+    writer.close()
+    assert writer.news() == ["recording again, 2 entries lost"]
+    assert writer.missing == 2
+
+
+def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path: Path) -> None:
+    file = GrowingFile(tmp_path / "some.file")
+    released = threading.Event()
+    began = threading.Event()
+
+    def hang() -> bytes:
+        began.set()
+        released.wait(PATIENCE_S)
+        return b"x"
+
+    writer = DiskWriter(longest_queue=5, write_s=0.01)
+    writer.put(file, hang)
+    until(began.is_set)
+    for number in range(20):
+        writer.put(file, partial(bytes, [number]))
+    assert writer.dropped == 15
+    released.set()
+    writer.close()
+    assert (tmp_path / "some.file").read_bytes() == b"x" + bytes(range(5))
+    assert writer.missing == 15
+    assert writer.news() == [
+        f"not recording: the disk is too slow; {REMEDY}",
+        "recording again, 15 entries lost",
+    ]
+
+
+def test_a_file_that_is_there_is_not_written_to(tmp_path: Path) -> None:
+    (tmp_path / "other").write_text("precious")
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    for name in ("other", "link"):
+        with pytest.raises(FileExistsError):
+            GrowingFile(tmp_path / name)
+    assert not (tmp_path / "elsewhere").exists()

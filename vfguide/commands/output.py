@@ -1,0 +1,153 @@
+"""The directory that a flight is kept in: replaced as a whole, and nothing in it that is somebody else's.
+
+Everything is written into a hidden directory inside and moved into place at the end. Moving replaces a name:
+it never writes through a symbolic link.
+"""
+
+import json
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vfguide.errors import InputError
+
+RECORD_NAME = "flight.npz"
+SUMMARY_NAME = "summary.json"
+PAGE_NAME = "report.html"
+RECORDINGS = "recordings"
+"""Directories of the companions' own recordings, of a live flight."""
+
+PLOT_NAMES = ("tracks", "errors", "setpoints", "separation", "wind")
+
+SHARED_NAMES = (
+    *(SUMMARY_NAME, RECORD_NAME, PAGE_NAME, RECORDINGS, "mission.yaml", "broker.log"),
+    *(f"{name}.png" for name in PLOT_NAMES),
+)
+VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
+
+PARTIAL = ".partial-"
+"""How the hidden directory's name begins. One that a killed program left is removed by the next."""
+
+LONGEST_SUMMARY = 4 * 1024**2
+"""Bytes."""
+
+
+@contextmanager
+def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) -> Iterator[Path]:
+    """A directory to write a flight into, whose contents are moved into `out` at the end.
+
+    Args:
+        out: made if need be.
+        mission: name of the mission.
+        vehicles: names of the vehicles.
+        force: whether files of another flight, or of something else, may be replaced.
+
+    Raises:
+        InputError: nothing can be written there, or it holds what must not be replaced.
+    """
+    refuse_foreign(out, mission, own_names(vehicles), force=force)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=out))
+    except OSError as error:
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
+        raise InputError(
+            f"{out}: cannot be written to ({reason}); give another directory with --out"
+        ) from error
+    partial.chmod(0o755)
+    try:
+        yield partial
+    except BaseException:
+        # Logs of a flight that broke are left, for whoever wants to know why; the next flight removes them.
+        if not any(partial.iterdir()):
+            partial.rmdir()
+        raise
+    move_into(out, partial)
+
+
+def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: bool) -> None:
+    """See that nothing of somebody else is replaced.
+
+    Raises:
+        InputError: something would be; one line.
+    """
+    if out.is_symlink():
+        raise InputError(
+            f"{out}: is a symbolic link; give the directory that it leads to, or another with --out"
+        )
+    found = flown_before(out)
+    if found is not None and found[0] != mission and not force:
+        raise InputError(
+            f"{out}: holds a flight of the mission {found[0]!r}; "
+            "give another directory with --out, or --force to replace it"
+        )
+    own = set() if found is None else own_names(found[1])
+    for name in sorted(written):
+        path = out / name
+        if path.is_dir() and not path.is_symlink() and not (name == RECORDINGS and name in own):
+            raise InputError(f"{path}: is a directory; give another directory with --out")
+        if name not in own and not force and (path.exists() or path.is_symlink()):
+            raise InputError(
+                f"{path}: is there already, and no flight has written it; "
+                "give another directory with --out, or --force to replace it"
+            )
+
+
+def own_names(vehicles: Collection[str]) -> set[str]:
+    """Names of all that a flight of these vehicles may leave."""
+    return {*SHARED_NAMES, *(name + end for name in vehicles for end in VEHICLE_ENDINGS)}
+
+
+def flown_before(out: Path) -> tuple[str, list[str]] | None:
+    """(mission, vehicles) of the flight that a directory holds; None where there is none."""
+    path = out / SUMMARY_NAME
+    try:
+        if path.is_symlink():
+            return None
+        with path.open("rb") as file:
+            summary = json.loads(file.read(LONGEST_SUMMARY))
+        return str(summary["mission"]), [str(name) for name in summary["vehicles"]]
+    except (OSError, ValueError, TypeError, LookupError, RecursionError):
+        return None
+
+
+def move_into(out: Path, partial: Path) -> None:
+    """Put what was written in the place of the flight before.
+
+    Raises:
+        OSError: the file system does not let it.
+    """
+    found = flown_before(out)
+    if found is not None:
+        for name in own_names(found[1]):
+            remove(out / name)
+    for path in partial.iterdir():
+        path.replace(out / path.name)
+    for left in out.glob(f"{PARTIAL}*"):
+        remove(left)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a directory of a flight, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def written_beside(directory: Path) -> Iterator[Path]:
+    """A directory to write files into, which then take the place of those of their names in `directory`.
+
+    Raises:
+        OSError: the file system does not let it.
+    """
+    partial = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=directory))
+    try:
+        yield partial
+        for path in partial.iterdir():
+            path.replace(directory / path.name)
+    finally:
+        remove(partial)

@@ -1,0 +1,114 @@
+"""Texts for the pilot, as STATUSTEXT: whole sentences, each once, and never a flood."""
+
+import math
+from collections import OrderedDict
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.supervisor import Control, Mode
+from vfguide.mavlink.announcements import NOTICE, WARNING, status_texts
+
+QUIET_S = 30.0
+"""Until the same warning is sent again."""
+
+PAUSE_S = 1.0
+"""Between texts on average."""
+
+BURST = 4
+"""Texts that may follow each other at once."""
+
+MOST_WAITING = 8
+"""Texts that wait for their turn: of more the oldest are left to the log."""
+
+MOST_REMEMBERED = 64
+
+
+class Announcer:
+    """Texts of one companion."""
+
+    def __init__(self, name: str) -> None:
+        """Before the first text.
+
+        Args:
+            name: of the vehicle.
+        """
+        self._name = name
+        self._waiting: list[tuple[int, str]] = []
+        self._warned: OrderedDict[str, float] = OrderedDict()
+        self._credit = float(BURST)
+        self._time = -math.inf
+        self._number = 0
+
+    def warn(self, text: str, now: float) -> None:
+        """Send a warning, unless it was sent a short while ago."""
+        if now - self._warned.get(text, -math.inf) < QUIET_S:
+            return
+        self._warned[text] = now
+        self._warned.move_to_end(text)
+        if len(self._warned) > MOST_REMEMBERED:
+            self._warned.popitem(last=False)
+        self._add(WARNING, text)
+
+    def change(self, text: str) -> None:
+        """Send a change of mode; texts about the mode before, which still wait, are out of date."""
+        self._waiting = [one for one in self._waiting if one[0] != NOTICE]
+        self._add(NOTICE, text)
+
+    def due(self, now: float) -> list[MAVLink_message]:
+        """Messages for the texts that may be sent now."""
+        passed = now - self._time
+        self._time = now
+        self._credit = min(float(BURST), self._credit + max(passed, 0.0) / PAUSE_S)
+        messages: list[MAVLink_message] = []
+        while self._waiting and self._credit >= 1.0:
+            severity, text = self._waiting.pop(0)
+            self._credit -= 1.0
+            self._number = self._number % 65_535 + 1
+            messages += status_texts(f"vfguide {self._name}: {text}", severity, self._number)
+        return messages
+
+    def _add(self, severity: int, text: str) -> None:
+        self._waiting.append((severity, text))
+        del self._waiting[:-MOST_WAITING]
+
+
+def mode_sentence(
+    mode: Mode, control: Control, flight_mode: str, guided: str, returns_s: float | None
+) -> str:
+    """What has happened, and what to do.
+
+    Args:
+        mode: of the companion, now.
+        control: in whose hands the vehicle is.
+        flight_mode: of the autopilot.
+        guided: what the autopilot calls the mode in which it is steered.
+        returns_s: silence of the positions (s) after which it is handed back; None where it was not steered.
+    """
+    if mode is Mode.WAITING:
+        return waiting_sentence(control, flight_mode, guided, returns_s)
+    return {
+        Mode.JOINING: f"steering to its place; leave {guided} to take over",
+        Mode.TRACKING: "in its place",
+        Mode.PREDICTING: f"leader not heard, steering by its path; leave {guided} to take over",
+        Mode.BREAKAWAY: f"leader lost, flying away from the others; leave {guided} to take over",
+        Mode.LOST: f"leader lost, handing back to the autopilot; select {guided} once it is heard",
+        Mode.PILOT: f"{flight_mode}: the pilot flies; select {guided} to be steered",
+    }[mode]
+
+
+def waiting_sentence(
+    control: Control, flight_mode: str, guided: str, returns_s: float | None
+) -> str:
+    """Why nothing is steered."""
+    if control is Control.GUIDED and returns_s is not None:
+        return (
+            "no position heard, not steering; without one the autopilot's loiter follows after"
+            f" {returns_s:g} s; watch it, or take over"
+        )
+    if control is Control.GUIDED:
+        return "not steering, no position or no leader heard; watch it, or take over"
+    if control is Control.UNKNOWN:
+        return "no heartbeat heard, not steering; check the telemetry, or take over"
+    if control is Control.DISARMED:
+        return "disarmed, not steering"
+    return f"{flight_mode}, not steering; select {guided} to be steered"

@@ -1,0 +1,373 @@
+"""Who may steer: decided here alone, from what the autopilot shows and from what was agreed for this flight.
+
+The pilot always wins. The guided mode is entered by this companion once in a flight, out of modes that the
+mission allows; from then on it comes back by the pilot's hand alone, however it was left and also after a
+restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left:
+without heartbeats nothing is commanded. Only what this companion has steered is handed back.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.consent import Consent, ConsentStore
+from vfguide.companion.flight_phase import FlightPhase
+from vfguide.companion.supervisor import Control
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.reports import CommandReport, HeartbeatReport
+
+SETTLED_S = 2.5
+"""A mode counts as settled after this long without a sign of any other: forged heartbeats stand between true
+ones, which come once a second, and one of those may get lost."""
+
+LEAST_RUN_S = 0.5
+"""A single heartbeat settles nothing."""
+
+ALIVE_S = 1.0
+"""Heartbeats without anything else in this time are not believed: where the true autopilot is not heard,
+forged ones are all there is. It is asked for its telemetry once a second, and answers that."""
+
+LOST_S = 5.0
+"""After this long without a heartbeat the mode is not known."""
+
+FRESH_S = 2.5
+"""A heartbeat older than this shows what the mode was, not what it is: one may get lost, two may not."""
+
+ANSWER_S = 3.0
+"""A request for the guided mode may show in the heartbeats this late: until then it counts as obeyed."""
+
+RETURN_SHOWS_S = 3.0
+"""A hand-back shows in the heartbeats this soon; later it was the pilot's doing."""
+
+MOST_RETURNS = 3
+"""How often one hand-back is commanded."""
+
+LONGEST_PAUSE_S = 32.0
+"""Between requests for the guided mode; the first pause is 1 s, each other twice the one before."""
+
+JITTER_S = 0.25
+"""Heartbeats may come this much early."""
+
+TAKE_OFFS = frozenset({"TAKEOFF", "VTOL_TAKEOFF"})
+
+FAILSAFES = frozenset(
+    {
+        mavlink.MAV_STATE_CRITICAL,
+        mavlink.MAV_STATE_EMERGENCY,
+        mavlink.MAV_STATE_FLIGHT_TERMINATION,
+    }
+)
+
+
+class Wish(Enum):
+    """What the companion would like of the autopilot."""
+
+    NONE = "none"
+    STEER = "steer"
+    """There is something to fly."""
+    RETURN = "return"
+    """There is nothing to fly any more: the autopilot is better off by itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngageRule:
+    """When a companion may enter the guided mode by itself."""
+
+    allowed: bool
+    """At all."""
+    modes: tuple[str, ...]
+    """Out of which modes, as ground stations call them."""
+
+
+class ModeAuthority:
+    """Decides about one autopilot's mode."""
+
+    def __init__(
+        self,
+        adapter: AutopilotAdapter,
+        rule: EngageRule,
+        store: ConsentStore,
+        phase: FlightPhase,
+    ) -> None:
+        """Start from what is known of this flight.
+
+        Args:
+            adapter: how to speak to the autopilot.
+            rule: when the guided mode may be entered.
+            store: keeps the consent over restarts.
+            phase: tells whether the vehicle flies, and when a flight has ended.
+        """
+        self._adapter = adapter
+        self._rule = rule
+        self._store = store
+        self._phase = phase
+        self._consent = store.load()
+        self._stranger: str | None = None
+        self._noticed: set[str] = set()
+        self._notices: list[str] = []
+        self._asking: int | None = None
+        self._asks = 0
+        self._next_ask = self._request_time = -math.inf
+        self._steered = False
+        self._seen_guided = False
+        self._returns = 0
+        self._return_time = -math.inf
+        self._previous: HeartbeatReport | None = None
+        self.connected = False
+        """Whether a heartbeat has come."""
+        self.forget()
+
+    @property
+    def recognised(self) -> bool:
+        """Whether nothing speaks against this being the autopilot that the adapter speaks to."""
+        return self._stranger is None
+
+    @property
+    def shows_guided(self) -> bool:
+        """Whether the newest heartbeat, however old it is, shows the guided mode."""
+        return self._beat is not None and self._adapter.is_engaged(self._beat.custom_mode)
+
+    @property
+    def answers_for_vehicle(self) -> bool:
+        """Whether the vehicle flies by what this companion has sent since it was last in other hands.
+
+        A request for the guided mode counts until heartbeats show what has become of it.
+        """
+        return self._steered or math.isfinite(self._request_time)
+
+    def is_current(self, now: float) -> bool:
+        """Whether the newest heartbeat is young enough to show the mode of now (s)."""
+        return self._beat is not None and now - self._beat_time <= FRESH_S
+
+    def note_steering(self) -> None:
+        """A setpoint has gone out."""
+        self._steered = True
+
+    def mode_name(self) -> str:
+        """What ground stations call the mode that was heard last."""
+        return "no mode" if self._beat is None else self._adapter.mode_name(self._beat.custom_mode)
+
+    def control(self, now: float) -> Control:
+        """In whose hands the vehicle is."""
+        if self._beat is None or now - self._beat_time > LOST_S:
+            return Control.UNKNOWN
+        if not self._beat.armed:
+            return Control.DISARMED
+        if self.shows_guided:
+            denied = now - self._denied_time <= SETTLED_S
+            return Control.PILOT if denied else Control.GUIDED
+        if self._returned:
+            return Control.RETURNED
+        taken = self._consent.is_spent and self._asking is None
+        return Control.PILOT if taken else Control.FREE
+
+    def notices(self) -> list[str]:
+        """What the pilot should know, each once."""
+        if self._rule.allowed and self._store.fault is not None:
+            self._notice(self._store.fault)
+        notices, self._notices = self._notices, []
+        return notices
+
+    def forget(self) -> None:
+        """What was heard is too old to go by, as after a hang of this process."""
+        self._beat: HeartbeatReport | None = None
+        self._beat_time = self._changed_time = self._denied_time = -math.inf
+        self._run_began = math.inf
+        self._life_time = -math.inf
+        self._returned = False
+
+    def hear(self, report: HeartbeatReport, now: float) -> str | None:
+        """Take a heartbeat; a complaint, once, about a stranger."""
+        complaint, before = self._adapter.recognise(report.autopilot), self._stranger
+        self._stranger = complaint
+        self.connected = True
+        if complaint is not None:
+            # Modes are numbers that mean something else to every autopilot.
+            self._beat = None
+            return complaint if complaint != before else None
+        previous, self._previous = self._previous, report
+        self._note(report, now)
+        self._watch_consent(report, previous, now)
+        return None
+
+    def hear_answer(self, report: CommandReport, now: float) -> None:
+        """Take an answer to a command: some are given in other modes than the guided one only."""
+        if self._adapter.denies_guided(report):
+            self._denied_time = self._changed_time = now
+
+    def note_life(self, now: float) -> None:
+        """Something else than a heartbeat has come from the autopilot."""
+        self._life_time = now
+
+    def commands(self, wish: Wish, now: float) -> list[MAVLink_message]:
+        """Mode commands in answer to the heartbeat that has just been heard."""
+        if wish is not Wish.RETURN:
+            self._returns = 0
+        if self._beat is None or self._beat_time != now:
+            return []
+        if self.shows_guided:
+            return self._hand_back(now) if wish is Wish.RETURN else []
+        return self._ask(self._beat, now) if wish is Wish.STEER and self._rule.allowed else []
+
+    def rebooted(self) -> None:
+        """The autopilot says that it has started anew: in flight that ends the right to engage it."""
+        stands = self._phase.is_over
+        self._phase.forget()
+        if stands:
+            return
+        self._spend("the autopilot has rebooted in this flight")
+        self._asking = None
+        self._notice(
+            "the autopilot has rebooted: it is not engaged again by itself;"
+            f" select {self._adapter.engaged_name} to be steered"
+        )
+
+    def _note(self, report: HeartbeatReport, now: float) -> None:
+        before = self._beat
+        guided = self._adapter.is_engaged(report.custom_mode)
+        handed_back = self._adapter.is_handed_back(report.custom_mode)
+        if before is None or now - self._beat_time > SETTLED_S:
+            self._run_began = now
+        elif before.custom_mode != report.custom_mode or before.armed != report.armed:
+            self._run_began = self._changed_time = now
+        if guided:
+            self._steered = self.answers_for_vehicle
+            self._request_time = -math.inf
+            self._returned = False
+        else:
+            self._note_other_mode(before, handed_back=handed_back, now=now)
+        self._beat, self._beat_time = report, now
+
+    def _note_other_mode(
+        self, before: HeartbeatReport | None, *, handed_back: bool, now: float
+    ) -> None:
+        """A heartbeat shows that the autopilot is not in its guided mode."""
+        self._steered = False
+        if now - self._request_time > ANSWER_S:
+            self._request_time = -math.inf
+        if before is None or self._adapter.is_engaged(before.custom_mode):
+            self._returned = handed_back and now - self._return_time <= RETURN_SHOWS_S
+            self._returns = 0
+        else:
+            self._returned = self._returned and handed_back
+
+    def _watch_consent(
+        self, report: HeartbeatReport, previous: HeartbeatReport | None, now: float
+    ) -> None:
+        """What ends the right to engage, and the end of the flight, which gives it back."""
+        if self._phase.hear(report, now) and self._consent.is_spent:
+            self._asking, self._asks, self._next_ask = None, 0, -math.inf
+            self._seen_guided = False
+            self._noticed.clear()
+            self._set(Consent())
+        if not report.armed:
+            return
+        name = self._adapter.mode_name(report.custom_mode)
+        if self.shows_guided:
+            self._spend(f"it has been in {name} in this flight")
+            self._asking = None
+            self._seen_guided = True
+        elif report.status in FAILSAFES:
+            self._spend("the autopilot has reported a fail-safe in this flight")
+            self._asking = None
+        elif self._adapter.goes_home(report.custom_mode):
+            self._spend(f"it has been in {name} in this flight")
+        elif self._is_pilots_change(report, previous) and self._phase.flies(now):
+            self._spend(f"{name} was selected in the air")
+        if self._asking is not None and self._asking != report.custom_mode:
+            self._asking = None
+
+    def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
+        """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""
+        if previous is None or previous.custom_mode == report.custom_mode:
+            return False
+        return self._adapter.mode_name(previous.custom_mode) not in TAKE_OFFS
+
+    def _spend(self, reason: str) -> None:
+        if not self._consent.is_spent:
+            self._set(Consent(spent=reason))
+
+    def _set(self, consent: Consent) -> None:
+        if consent != self._consent:
+            self._consent = consent
+            self._store.save(consent)
+
+    def _is_settled(self, now: float, *, run_s: float) -> bool:
+        """Whether nothing has spoken for another mode lately, and heartbeats of a live autopilot for this."""
+        alive = now - self._life_time <= ALIVE_S
+        unbroken = now - self._run_began >= run_s
+        return alive and unbroken and now - self._changed_time >= SETTLED_S
+
+    def _hand_back(self, now: float) -> list[MAVLink_message]:
+        if not self._is_settled(now, run_s=SETTLED_S) or self._returns > MOST_RETURNS:
+            return []
+        if not self.answers_for_vehicle:
+            self._notice(
+                f"nothing to steer by: it stays in {self.mode_name()}, as it was selected by hand;"
+                " watch it, or select another mode"
+            )
+            return []
+        self._returns += 1
+        if self._returns > MOST_RETURNS:
+            self._notices.append(
+                f"the autopilot stays in {self.mode_name()} although it was handed back"
+                f" {MOST_RETURNS} times: take it by hand"
+            )
+            return []
+        self._return_time = now
+        return self._adapter.hand_back()
+
+    def _ask(self, beat: HeartbeatReport, now: float) -> list[MAVLink_message]:
+        if not self._is_settled(now, run_s=LEAST_RUN_S):
+            return []
+        spent = self._consent.is_spent and self._asking is None
+        if spent and self._seen_guided:
+            # The pilot was told when the guided mode was left.
+            return []
+        obstacle = self._obstacle(beat, now)
+        if obstacle is not None:
+            self._notice(obstacle)
+            return []
+        if self._asking is None:
+            self._asking = beat.custom_mode
+            self._spend("it has engaged itself once in this flight")
+        if not self._store.holds(self._consent):
+            # On its way to the disk; or it does not get there.
+            if self._store.fault is not None:
+                self._notice(self._store.fault)
+            return []
+        if now < self._next_ask:
+            return []
+        self._next_ask = now + min(2.0**self._asks, LONGEST_PAUSE_S) - JITTER_S
+        self._asks += 1
+        if self._asks == 2:
+            self._notice(
+                f"the autopilot stays in {self.mode_name()} although it was asked for"
+                f" {self._adapter.engaged_name}: it is asked again, less and less often"
+            )
+        self._request_time = now
+        return self._adapter.engage()
+
+    def _obstacle(self, beat: HeartbeatReport, now: float) -> str | None:
+        """Why the guided mode is not entered by itself, and what to do; None where it may be."""
+        engaged, name = self._adapter.engaged_name, self._adapter.mode_name(beat.custom_mode)
+        by_hand = f"select {engaged} to be steered"
+        if self._store.fault is not None:
+            return self._store.fault
+        if self._consent.is_spent and self._asking is None:
+            return f"not engaged by itself, {self._consent.spent}: {by_hand}"
+        if not beat.armed:
+            return "the vehicle is not armed: not engaged until it is"
+        if name not in self._rule.modes:
+            return (
+                f"not engaged out of {name}: select {' or '.join(self._rule.modes)}, or {engaged}"
+            )
+        return self._phase.obstacle(now, holds_altitude=self._adapter.holds_altitude)
+
+    def _notice(self, text: str) -> None:
+        if text not in self._noticed:
+            self._noticed.add(text)
+            self._notices.append(text)

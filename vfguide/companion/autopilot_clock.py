@@ -1,0 +1,233 @@
+"""An autopilot's clock, as seen from the companion's: it slips, runs slow, wraps, and starts anew.
+
+A report is never read before it was made, so the least difference between the reader's clock and the
+autopilot's is the one with the least delay in it. From reports alone a clock that has lost time looks like a
+link that has become slower. TIMESYNC tells the two apart: what was asked at t0 and answered at t3 with the
+autopilot's time c shows that the difference lies between t0 - c and t3 - c.
+"""
+
+import math
+from dataclasses import dataclass
+
+ASK_S = 0.5
+"""Between questions for the autopilot's time: a slip is found in less than a second."""
+
+OPEN = 4
+"""Questions that an answer is awaited for."""
+
+NANOSECOND = 1e-9
+
+ROUNDING_S = 0.01
+"""Stamps are in milliseconds, and two quartz clocks drift apart by some of them in a window."""
+
+SLIP_S = 0.25
+"""Without answers: reports that all come later by more than this show a clock that has lost time."""
+
+LOOK_S = 0.5
+"""Without answers: for how long they have to, at least."""
+
+UNANSWERED_S = 3.0
+"""After this the autopilot is taken for one that does not answer."""
+
+REPORTED_S = 0.2
+"""Lost time that is worth a text to the pilot."""
+
+QUIET_S = 60.0
+"""Between two such texts, unless much more is lost than before."""
+
+MUCH_MORE_S = 10.0
+"""Between two texts however much is lost: a clock that loses time for a while is worth one."""
+
+WINDOW_S = 30.0
+"""How long a fast report is remembered: two clocks drift apart by some milliseconds in this time."""
+
+WRAP_S = 2**32 * 1e-3
+"""Boot times are counted in 32 bits of milliseconds: after 49.7 days they begin at 0 again."""
+
+FALL_S = 1.0
+"""A boot time that falls back by more than this is no late report of an ordinary link."""
+
+LEAP_S = 2.0
+"""A boot time that runs ahead of the time that has passed by more than this is no ordinary report either."""
+
+CERTAIN_S = 1.0
+"""For so long boot times have to go on from elsewhere, as time does and with none of the former ones between
+them. Frames that are repeated or forged come singly, all at once, or among the autopilot's own."""
+
+CERTAIN_COUNT = 3
+"""How many of them, at least."""
+
+EVEN = 0.25
+"""By this share of the time that has passed they may disagree with it, and by 0.1 s of jitter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """What a report's boot time says."""
+
+    time_s: float
+    """When the report was true, s on the companion's clock."""
+    boot_time_s: float
+    """Its boot time, s, without wraps."""
+    read_s: float
+    """When it was read, s on the companion's clock."""
+    rebooted: bool = False
+    """Whether it shows that the autopilot has started anew."""
+
+
+@dataclass(slots=True)
+class Elsewhere:
+    """Boot times that do not follow from those before."""
+
+    began: tuple[float, float]
+    """The first: boot time and when it was read, s."""
+    newest: float
+    """The last boot time, s."""
+    count: int = 1
+    """How many."""
+
+
+class AutopilotClock:
+    """Puts an autopilot's boot times onto the companion's clock."""
+
+    def __init__(self) -> None:
+        self._asked: dict[int, float] = {}
+        self._reported_time = -math.inf
+        self._lost_s = 0.0
+        self._word: str | None = None
+        self._elsewhere: Elsewhere | None = None
+        self._least = self._least_before = self._recent = math.inf
+        self._window_ends = self._look_ends = -math.inf
+        self._looked = 0
+        self._newest = self._read = -math.inf
+        self._asked_time = self._answered = -math.inf
+
+    @property
+    def word(self) -> str | None:
+        """What a pilot should know of the clock, once."""
+        word, self._word = self._word, None
+        return word
+
+    def read(self, boot_time_s: float, now: float) -> Reading | None:
+        """When a report that is read now was true; None where its boot time cannot be believed.
+
+        Args:
+            boot_time_s: as reported, s; begins at 0 again after 2^32 ms.
+            now: s on the companion's clock.
+        """
+        boot_time_s = self._unwrapped(boot_time_s)
+        rebooted = False
+        if not self._follows(boot_time_s, now):
+            if not self._goes_on_elsewhere(boot_time_s, now):
+                return None
+            rebooted = boot_time_s < self._newest
+            self._forget()
+        self._elsewhere = None
+        self._note(boot_time_s, now)
+        return Reading(
+            time_s=boot_time_s + self._difference,
+            boot_time_s=boot_time_s,
+            read_s=now,
+            rebooted=rebooted,
+        )
+
+    def ask(self, now: float) -> int | None:
+        """The stamp (ns) of a question to send now, or None while none is due."""
+        if now - self._asked_time < ASK_S:
+            return None
+        self._asked_time = now
+        stamp = round(now / NANOSECOND)
+        self._asked[stamp] = now
+        while len(self._asked) > OPEN:
+            del self._asked[next(iter(self._asked))]
+        return stamp
+
+    def answer(self, stamp: int, autopilot_ns: int, now: float) -> None:
+        """Take the answer to a question, which carries its stamp; others are passed over."""
+        asked = self._asked.pop(stamp, None)
+        if asked is None or not math.isfinite(self._newest):
+            return
+        time_s = autopilot_ns * NANOSECOND
+        # The answer's clock does not wrap.
+        time_s += WRAP_S * round((self._newest - time_s) / WRAP_S)
+        least, most = asked - time_s, now - time_s
+        if self._elsewhere is not None or least - self._difference > WINDOW_S:
+            # A reboot that has not shown in the reports yet.
+            return
+        self._answered = now
+        if self._difference < least - ROUNDING_S:
+            self._slipped(most, now)
+        self._least = min(self._least, most)
+
+    @property
+    def _difference(self) -> float:
+        return min(self._least, self._least_before)
+
+    def _forget(self) -> None:
+        """Nothing is known of the autopilot any more."""
+        self._least = self._least_before = self._recent = math.inf
+        self._window_ends = self._look_ends = -math.inf
+        self._looked = 0
+        self._newest = self._read = -math.inf
+        self._asked_time = self._answered = -math.inf
+        self._elsewhere = None
+        self._asked.clear()
+
+    def _unwrapped(self, boot_time_s: float) -> float:
+        if not math.isfinite(self._newest):
+            return boot_time_s
+        return boot_time_s + WRAP_S * round((self._newest - boot_time_s) / WRAP_S)
+
+    def _follows(self, boot_time_s: float, now: float) -> bool:
+        """Whether a boot time follows from those before."""
+        if not math.isfinite(self._newest):
+            return True
+        ahead = boot_time_s - self._newest
+        return -FALL_S <= ahead <= max(now - self._read, 0.0) + LEAP_S
+
+    def _goes_on_elsewhere(self, boot_time_s: float, now: float) -> bool:
+        """Whether boot times have gone on from another one for so long that it is the autopilot's."""
+        other = self._elsewhere
+        if other is None or boot_time_s < other.newest:
+            self._elsewhere = Elsewhere((boot_time_s, now), boot_time_s)
+            return False
+        went_on, passed = boot_time_s - other.began[0], now - other.began[1]
+        if abs(went_on - passed) > EVEN * passed + 0.1:
+            self._elsewhere = Elsewhere((boot_time_s, now), boot_time_s)
+            return False
+        other.count += boot_time_s > other.newest
+        other.newest = boot_time_s
+        return went_on >= CERTAIN_S and other.count >= CERTAIN_COUNT
+
+    def _note(self, boot_time_s: float, now: float) -> None:
+        """Learn from a report."""
+        if boot_time_s > self._newest:
+            self._newest, self._read = boot_time_s, now
+        if now >= self._window_ends:
+            self._least_before, self._least = self._least, math.inf
+            self._window_ends = now + WINDOW_S
+        difference = now - boot_time_s
+        self._least = min(self._least, difference)
+        if now >= self._look_ends:
+            late = self._recent - self._difference
+            unanswered = now - self._answered > UNANSWERED_S
+            if unanswered and self._looked >= 2 and SLIP_S < late < math.inf:
+                self._slipped(min(self._recent, difference), now)
+            self._recent, self._looked = math.inf, 0
+            self._look_ends = now + LOOK_S
+        self._recent = min(self._recent, difference)
+        self._looked += 1
+
+    def _slipped(self, difference: float, now: float) -> None:
+        """The autopilot's clock has lost time: what was learned before is not so any more."""
+        self._lost_s += difference - self._difference
+        self._least, self._least_before = difference, math.inf
+        self._window_ends = now + WINDOW_S
+        since_s = now - self._reported_time
+        quiet = since_s < MUCH_MORE_S or (since_s < QUIET_S and self._lost_s < 1.0)
+        if self._lost_s >= REPORTED_S and not quiet:
+            self._word = (
+                f"the autopilot's clock has lost {self._lost_s:.1f} s: its times are put right;"
+                " see whether it is overloaded"
+            )
+            self._reported_time, self._lost_s = now, 0.0

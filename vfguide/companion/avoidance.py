@@ -1,0 +1,217 @@
+"""Keeping one vehicle clear of all others, whatever its guidance wants: in the plane, and in height.
+
+The only place where that is decided, for leader and followers and for all laws alike.
+"""
+
+import cmath
+import math
+from dataclasses import dataclass
+
+from vfguide.angles import wrap_angle
+from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.traffic import Traffic, Viewpoint, reaction_time
+from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
+from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
+from vfguide.guidance.response import course_error_for
+from vfguide.guidance.separation import Clearance, keep_clear, manoeuvres_of
+from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
+
+SLIPPING_SHARE = 0.75
+"""Of the turn rate of a coordinated turn, what a vehicle without coordination reaches."""
+
+STEP_M = 20.0
+"""Height that is climbed or descended where the plane is not enough."""
+
+STEP_SHARE = 0.25
+"""At most this of the height above the origin is descended."""
+
+STAY_S = 5.0
+"""A step in height is kept for this long after the last reason for it."""
+
+LEVEL_M = 3.0
+"""Vehicles whose altitudes differ by less than this step apart by their ranks."""
+
+ROOM_M = 3.0
+"""Where no manoeuvre leaves this much beyond the floor, height is used as well."""
+
+REPORT_S = 0.5
+"""Avoidance that lasts longer than this is worth a text to the pilot."""
+
+ANSWER_S = 0.4
+"""Time constant with which a heading is approached, beside the delays of the vehicle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Avoidance:
+    """What a step comes to."""
+
+    setpoint: Setpoint[float] | None
+    """To be flown instead of what is wanted; None: what is wanted is clear."""
+    climb_m: float
+    """To be added to the altitude of the mission, m."""
+
+
+class KeepClear:
+    """Looks at all others in every step."""
+
+    def __init__(self, plan: FlightPlan, traffic: Traffic) -> None:
+        self._plan = plan
+        self._traffic = traffic
+        self._side = 0.0
+        self._climb_m = 0.0
+        self._stepped_s = -math.inf
+        self._changed_since: float | None = None
+        self._reported: str | None = None
+        self._words: list[str] = []
+
+    def words(self) -> list[str]:
+        """What the pilot should know of it, each once: one sentence each."""
+        words, self._words = self._words, []
+        return words
+
+    def step(
+        self,
+        fix: Fix,
+        turn_rate: float,
+        wanted: WantedMotion,
+        *,
+        leader: LeaderState[float] | None,
+        astray: float,
+        steered: bool,
+    ) -> Avoidance:
+        """Check what is wanted, and change it if it would come too near to another vehicle.
+
+        Args:
+            fix: the vehicle now.
+            turn_rate: of its course, rad/s.
+            wanted: what its guidance wants.
+            leader: now; None for the leader itself.
+            astray: distance from its slot, m; 0 for the leader.
+            steered: whether the vehicle flies by it, so that its pilot sees what is done.
+        """
+        state, airframe = fix.state, self._plan.airframe
+        delay = airframe.course_dead_time + airframe.course_lag
+        velocity = cmath.rect(state.ground_speed, state.course)
+        here = Viewpoint(
+            time_s=state.time_s,
+            place=complex(state.north, state.east),
+            velocity=velocity,
+            wanted=wanted.velocity,
+            altitude_amsl=fix.altitude_amsl,
+            wind=complex(state.wind_north, state.wind_east),
+            astray=astray,
+            reaction_s=reaction_time(delay),
+        )
+        found = self._traffic.possibilities(here, leader)
+        if found is None:
+            self._side = 0.0
+            self._changed_since = self._reported = None
+            return Avoidance(setpoint=None, climb_m=self._height_for(None, fix))
+        others, rows = found
+        own = own_motion(state, turn_rate, airframe)
+        agility = agility_of(state, airframe, slips=self._plan.slips, period=fix.period)
+        clear = keep_clear(own, wanted, others, agility, manoeuvres_of(agility), side=self._side)
+        self._side = clear.turn
+        # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
+        tight = clear.changed and bool((clear.nearest < others.floor + ROOM_M).any())
+        row = int(rows[clear.nearest.argmin()]) if tight else None
+        climb_m = self._height_for(row, fix)
+        nearest = int(rows[clear.wanted_nearest.argmin()])
+        step_m = climb_m if tight else 0.0
+        self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
+        if not clear.changed:
+            return Avoidance(setpoint=None, climb_m=climb_m)
+        return Avoidance(
+            setpoint=setpoint_of(clear, wanted, own, agility, airframe), climb_m=climb_m
+        )
+
+    def _report(self, row: int | None, climb_m: float, now: float) -> None:
+        """Put into words what is done about the vehicle of a row (None: nothing)."""
+        if row is None:
+            self._changed_since = self._reported = None
+            return
+        if self._changed_since is None:
+            self._changed_since = now
+        other = self._traffic.vehicle_of(row).name
+        place = "path" if self._plan.leads else "slot"
+        doing = f"keeping clear of {other}, off its {place} until that is past"
+        if climb_m != 0.0:
+            step = f"{'climbing' if climb_m > 0.0 else 'descending'} {abs(climb_m):.0f} m"
+            doing = f"too near to {other}, turning away and {step}"
+        lasts = now - self._changed_since >= REPORT_S or climb_m != 0.0
+        if lasts and doing != self._reported:
+            self._reported = doing
+            self._words.append(f"{doing}; watch {other}, be ready to take over")
+
+    def _height_for(self, row: int | None, fix: Fix) -> float:
+        """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
+        now = fix.state.time_s
+        if row is None:
+            if now - self._stepped_s > STAY_S:
+                self._climb_m = 0.0
+            return self._climb_m
+        self._stepped_s = now
+        if self._climb_m == 0.0:
+            plan = self._plan
+            above = fix.altitude_amsl - self._traffic.altitude_of(row)
+            ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
+            up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
+            down_m = min(STEP_M, STEP_SHARE * max(plan.height, 0.0))
+            self._climb_m = STEP_M if up else -down_m
+        return self._climb_m
+
+
+def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:
+    """A vehicle as its tracks start; one that holds course and ground speed flies as if there was no wind."""
+    if airframe.hold == "course-hold":
+        air, wind = cmath.rect(state.ground_speed, state.course), 0j
+    else:
+        wind = complex(state.wind_north, state.wind_east)
+        air = cmath.rect(state.ground_speed, state.course) - wind
+    return OwnMotion(
+        place=complex(state.north, state.east), air_velocity=air, wind=wind, turn_rate=turn_rate
+    )
+
+
+def agility_of(
+    state: VehicleState[float], airframe: Airframe, *, slips: bool, period: float
+) -> Agility:
+    """How fast a vehicle answers now; a setpoint goes out with the next report (s)."""
+    speed_min, speed_max = speed_range(state, airframe)
+    held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
+    share = SLIPPING_SHARE if slips else 1.0
+    return Agility(
+        turn_rate=share * bank_limited_turn_rate(airframe.max_bank, max(held, 1.0)),
+        acceleration=airframe.max_acceleration,
+        turn_delay=airframe.course_dead_time + airframe.course_lag + period,
+        speed_delay=airframe.speed_dead_time + airframe.speed_lag + period,
+        alpha=airframe.alpha,
+        beta=airframe.beta,
+        speed_min=speed_min,
+        speed_max=speed_max,
+    )
+
+
+def setpoint_of(
+    clear: Clearance,
+    wanted: WantedMotion,
+    own: OwnMotion,
+    agility: Agility,
+    airframe: Airframe,
+) -> Setpoint[float]:
+    """Setpoint of a manoeuvre: the turn rate that brings the vehicle onto its heading, as hard as it can."""
+    air = wanted.velocity - own.wind
+    ahead = (own.turn_rate - wanted.turn_rate) * agility.turn_delay
+    flown = cmath.phase(own.air_velocity)
+    error = wrap_angle(cmath.phase(air) + clear.turn - flown - ahead)
+    rate = wanted.turn_rate + error / (agility.turn_delay + ANSWER_S)
+    limit = bank_limited_turn_rate(airframe.max_bank, max(abs(own.air_velocity), 1.0))
+    rate = min(max(rate, -limit), limit)
+    speed = abs(air) if math.isnan(clear.airspeed) else clear.airspeed
+    return Setpoint(
+        course=cmath.phase(own.velocity)
+        + course_error_for(rate, max(abs(own.air_velocity), 1.0), airframe),
+        speed=min(max(speed, agility.speed_min), agility.speed_max),
+        limited=True,
+    )

@@ -1,0 +1,1 @@
+"""A real flight put together from what each companion recorded."""

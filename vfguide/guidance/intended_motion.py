@@ -1,0 +1,208 @@
+"""How a leader means to fly: along its path, and lastingly as it is seen to fly beside it.
+
+Slots stand in the leader's course frame and turn with it, so whatever shakes the leader's course swings a
+slot 50 m away by 50 m times the angle, and asks its follower for turns that help nothing. A gust that takes
+leader and follower alike asks it for speeds that they both have already. A formation means to fly along its
+path at its airspeed, in the mean wind: that is known where the leader's place is. What the leader is seen to
+do is split into that and a difference. The difference is filtered with a long memory, and the more the
+course jitters the more the filtered one counts: in calm air slots follow the measured motion at once, in
+turbulence the meant one (the weight is that of a Wiener filter, signal power over signal and noise power).
+"""
+
+import math
+from dataclasses import dataclass
+
+from vfguide.angles import wrap_angle
+from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.navigation import fading_memory_2
+from vfguide.guidance.path import PathPoint
+from vfguide.guidance.path_field import (
+    desired_course,
+    desired_course_slope,
+    tangent_rate_per_speed,
+)
+from vfguide.guidance.settings import PathGains
+from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
+from vfguide.state import LeaderState
+
+CALM_RAD = 0.004
+"""Jitter of the course at which measured and filtered count alike: 0.1 m in a slot 25 m away."""
+
+SLOW_S = 1.0
+"""What changes more slowly than this is no jitter."""
+
+WATCH_S = 8.0
+"""Memory of the jitter."""
+
+MEMORY_S = 5.0
+"""Memory of the differences from what is meant."""
+
+FAR_RAD = 0.15
+"""A leader whose course differs by more than this is on its way to its path: that is no jitter, and slots
+follow the measured motion."""
+
+ON_PATH_S = 4.0
+"""Nor is what is left of that for so long."""
+
+FADE_S = 0.5
+"""In this time slots go over to the measured motion: the weight fades in about ten of it."""
+
+SMALL_BEND = 0.1
+"""rad: bends of the path's field that are smaller count less and less: near the path its tangent is meant."""
+
+PLAN_RATE_S = 0.6
+"""Time constant of how the planned turn rate changes."""
+
+TURN_STEP = 1e-3
+"""rad: over which the change of the ground speed with the course is found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What the mission alone says of a leader at a place, in a wind."""
+
+    course: float
+    """rad."""
+    turn_rate: float
+    """rad/s."""
+    ground_speed: float
+    """m/s."""
+    acceleration: float
+    """m/s²."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntendedMotion:
+    """What is known of how a leader means to fly."""
+
+    motion: LeaderState[float]
+    """The true place, and the intended course, speed and rates."""
+    planned: Plan
+    """At that place."""
+    turn_acceleration: float
+    """Of the plan, rad/s²."""
+    course: tuple[float, float]
+    """Measured course minus the planned one, filtered, rad; and its rate, rad/s."""
+    speed: tuple[float, float]
+    """The same of the ground speed, m/s and m/s²."""
+    slow: tuple[float, float]
+    """The difference of the course without what is fast in it, rad; and its rate, rad/s."""
+    jitter: float
+    """Mean square of what is fast in it, rad²."""
+    far_s: float
+    """When that difference was last a great one, s."""
+
+
+def planned_motion(
+    leader: LeaderState[float], known: KnownLeader, wind: tuple[float, float]
+) -> Plan:
+    """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
+    point = known.path.nearest(leader.north, leader.east)
+    course, slope = bent_course(point, known.path_gains)
+    ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
+    # It runs along the path, and towards it on that course.
+    tangent_rate = tangent_rate_per_speed(point, course)
+    turn_rate = ground_speed * (tangent_rate + slope * math.sin(course - point.course))
+    further = ground_speed_on_course(known.airspeed, course + TURN_STEP, *wind)
+    return Plan(
+        course=course,
+        turn_rate=turn_rate,
+        ground_speed=ground_speed,
+        acceleration=(further - ground_speed) / TURN_STEP * turn_rate,
+    )
+
+
+def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float]:
+    """(course of the field in rad, its change with the cross-track error in rad/m), small bends left out."""
+    bend = desired_course(point, gains.gain, gains.approach_angle) - point.course
+    size = abs(bend)
+    kept = size / (size + SMALL_BEND)
+    slope = desired_course_slope(point.cross_track_error, gains.gain, gains.approach_angle)
+    change = kept * (size + 2.0 * SMALL_BEND) / (size + SMALL_BEND)
+    return point.course + kept * bend, change * slope
+
+
+def intended_at_first(leader: LeaderState[float], planned: Plan) -> IntendedMotion:
+    """From one state of the leader alone: as it flies."""
+    difference = wrap_angle(leader.course - planned.course)
+    return IntendedMotion(
+        motion=leader,
+        planned=planned,
+        turn_acceleration=0.0,
+        course=(difference, 0.0),
+        speed=(leader.ground_speed - planned.ground_speed, 0.0),
+        slow=(difference, 0.0),
+        jitter=0.0,
+        far_s=leader.time_s,
+    )
+
+
+def intended_motion(
+    before: IntendedMotion, leader: LeaderState[float], planned: Plan
+) -> IntendedMotion:
+    """The motion that slots are fixed to.
+
+    Args:
+        before: the estimate before.
+        leader: as it was heard, later than that.
+        planned: see `planned_motion`, for this state.
+    """
+    period = leader.time_s - before.motion.time_s
+    difference = wrap_angle(leader.course - planned.course)
+    slow = _tracked(before.slow, difference, period, SLOW_S)
+    fast = wrap_angle(difference - slow[0])
+    far_s = leader.time_s if abs(slow[0]) > FAR_RAD else before.far_s
+    if leader.time_s - far_s >= ON_PATH_S:
+        jitter = low_pass(before.jitter, fast * fast, period, WATCH_S)
+    else:
+        # Not at once: slots would jump.
+        jitter = low_pass(before.jitter, 0.0, period, FADE_S)
+    weight = jitter / (jitter + CALM_RAD * CALM_RAD)
+    course = _tracked(before.course, difference, period, MEMORY_S)
+    speed = _tracked(before.speed, leader.ground_speed - planned.ground_speed, period, MEMORY_S)
+    turn_acceleration = low_pass(
+        before.turn_acceleration,
+        (planned.turn_rate - before.planned.turn_rate) / period,
+        period,
+        PLAN_RATE_S,
+    )
+
+    def meant(measured: float, filtered: float) -> float:
+        return measured + weight * (filtered - measured)
+
+    meant_course = planned.course + meant(difference, course[0])
+    meant_speed = meant(leader.ground_speed, planned.ground_speed + speed[0])
+    north, east = polar(leader.ground_speed, leader.course)
+    meant_north, meant_east = polar(meant_speed, meant_course)
+    return IntendedMotion(
+        motion=LeaderState(
+            time_s=leader.time_s,
+            north=leader.north,
+            east=leader.east,
+            course=meant_course,
+            ground_speed=meant_speed,
+            acceleration=meant(leader.acceleration, planned.acceleration + speed[1]),
+            turn_rate=meant(leader.turn_rate, planned.turn_rate + course[1]),
+            turn_acceleration=meant(leader.turn_acceleration, turn_acceleration),
+            drift_north=north - meant_north,
+            drift_east=east - meant_east,
+        ),
+        planned=planned,
+        turn_acceleration=turn_acceleration,
+        course=course,
+        speed=speed,
+        slow=slow,
+        jitter=jitter,
+        far_s=far_s,
+    )
+
+
+def _tracked(
+    before: tuple[float, float], measured: float, period: float, memory_s: float
+) -> tuple[float, float]:
+    """(value, rate) of a second-order fading-memory filter; values are differences, far from half a turn."""
+    gain, rate_gain = fading_memory_2(period, memory_s)
+    expected = before[0] + before[1] * period
+    surprise = measured - expected
+    return expected + gain * surprise, before[1] + rate_gain / period * surprise

@@ -1,0 +1,249 @@
+"""What one companion keeps of one start, in a directory of its own.
+
+    f1-20261122T061500Z/
+        recording.json     who flew, which program, and what its clocks showed at the start
+        mission.yaml       the mission as it was flown
+        f1.tlog            every MAVLink frame in and out
+        f1.guidance.csv    every step of guidance
+
+Each is written once or only ever appended to: none needs an orderly end.
+"""
+
+import json
+import math
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import yaml
+
+from vfguide.errors import InputError
+from vfguide.mission.model import Mission
+from vfguide.record.disk_writer import DiskWriter, GrowingFile
+from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
+from vfguide.record.tlog import stamped
+
+FORMAT, VERSION = "vfguide-recording", 1
+
+DESCRIPTION_NAME = "recording.json"
+MISSION_NAME = "mission.yaml"
+
+LONGEST_DESCRIPTION = 64 * 1024
+"""Bytes."""
+
+MOST_STARTS = 1000
+"""Starts of one vehicle within one second; more is a fault of the directory."""
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+"""Where Linux tells one run of the computer from the next."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Who began to record, and when."""
+
+    vehicle: str
+    """Name in the mission."""
+    mission: str
+    """Its name."""
+    system_id: int
+    """MAVLink system of the vehicle."""
+    unix_s: float
+    """The computer's time of day at the start, s since 1970."""
+    clock_s: float
+    """The companion's own clock at that moment, s."""
+    computer: str
+    """Tells one run of one computer from all others; monotonic clocks are comparable within it."""
+    program: str
+    """Version of vfguide."""
+
+    def to_unix(self, clock_s: float) -> float:
+        """A time of the companion's own clock as s since 1970, by what both showed at the start."""
+        return self.unix_s + (clock_s - self.clock_s)
+
+
+class Recording:
+    """Writes what a companion hears, says and does while it flies. Nothing here waits for the disk."""
+
+    def __init__(self, directory: Path, start: Start) -> None:
+        """Open the files in a directory that exists and is empty.
+
+        Raises:
+            OSError: it cannot be written to.
+        """
+        self.directory = directory
+        self.start = start
+        name = file_stem(start.vehicle)
+        self._tlog = GrowingFile(directory / f"{name}.tlog")
+        self._guidance = GrowingFile(directory / f"{name}{SUFFIX}")
+        self._guidance.append(HEADER)
+        self._writer = DiskWriter()
+
+    def add_datagram(self, now: float, datagram: bytes) -> None:
+        """Keep a datagram that passed at this time of the companion's clock, s."""
+        self._writer.put(self._tlog, partial(stamped, self.start.to_unix(now), datagram))
+
+    def add_step(self, step: GuidanceStep) -> None:
+        """Keep a step of guidance."""
+        self._writer.put(self._guidance, partial(encode_step, step))
+
+    def news(self) -> list[str]:
+        """What has happened to the record since the last call, one line each; empty while all is well."""
+        return self._writer.news()
+
+    def close(self) -> int:
+        """Write what waits; how many entries are missing from the record."""
+        self._writer.close()
+        return self._writer.missing
+
+
+def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: float) -> Recording:
+    """Begin a recording in a new directory below `parent`.
+
+    Args:
+        parent: made if need be.
+        mission: kept beside the recording.
+        vehicle: who records.
+        clock_s: what the companion's clock shows now, s.
+
+    Raises:
+        InputError: nothing can be written there.
+    """
+    start = Start(
+        vehicle=vehicle,
+        mission=mission.name,
+        system_id=mission.vehicles[vehicle].system_id,
+        unix_s=time.time(),
+        clock_s=clock_s,
+        computer=run_of_computer(),
+        program=version("vfguide"),
+    )
+    content = mission.model_dump(mode="json", exclude_unset=True)
+    text = json.dumps({"format": FORMAT, "version": VERSION, **asdict(start)}, indent=2)
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        directory = new_directory(parent, start)
+        write_synced(directory / MISSION_NAME, yaml.safe_dump(content, sort_keys=False))
+        write_synced(directory / DESCRIPTION_NAME, text + "\n")
+        return Recording(directory, start)
+    except OSError as error:
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
+        raise InputError(
+            f"{parent}: cannot be recorded to ({reason}); "
+            "give another directory with --record, or make room in this one"
+        ) from error
+
+
+def new_directory(parent: Path, start: Start) -> Path:
+    """A directory that no other start has."""
+    moment = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(start.unix_s))
+    name = f"{file_stem(start.vehicle)}-{moment}"
+    for number in range(1, MOST_STARTS):
+        directory = parent / (name if number == 1 else f"{name}-{number}")
+        try:
+            directory.mkdir()
+        except FileExistsError:
+            if parent.is_dir():
+                continue
+            raise
+        return directory
+    raise OSError(f"holds {MOST_STARTS} starts of one second")
+
+
+def write_synced(path: Path, text: str) -> None:
+    """Write a new file, and have the disk keep it.
+
+    Raises:
+        OSError: it exists, or the disk does not take it.
+    """
+    file = GrowingFile(path)
+    try:
+        file.append(text.encode())
+        file.sync()
+    finally:
+        file.close()
+
+
+def file_stem(vehicle: str) -> str:
+    """A vehicle's name as the beginning of a file name."""
+    return quote(vehicle, safe=" !'()+,;=@&") if vehicle.strip(".") else quote(vehicle + "_")
+
+
+def run_of_computer() -> str:
+    """What tells this run of this computer from all others; empty where the system does not say."""
+    try:
+        return BOOT_ID.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def is_recording(directory: Path) -> bool:
+    """Whether a companion has recorded a start there."""
+    return (directory / DESCRIPTION_NAME).is_file()
+
+
+def find_recordings(directories: Iterable[Path]) -> list[Path]:
+    """The directories of starts: those given themselves, and those up to two levels below, in order."""
+    found: dict[Path, None] = {}
+    for directory in directories:
+        for pattern in ("", "*/", "*/*/"):
+            for path in sorted(directory.glob(pattern + DESCRIPTION_NAME)):
+                found[path.parent] = None
+    return list(found)
+
+
+def read_start(directory: Path) -> Start:
+    """Who recorded into a directory, and when.
+
+    Raises:
+        InputError: it holds no recording that this program reads.
+    """
+    path = directory / DESCRIPTION_NAME
+    try:
+        with path.open("rb") as file:
+            content = json.loads(file.read(LONGEST_DESCRIPTION))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is no recording, or a damaged one") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path}: is no recording: its format is not {FORMAT}")
+    if content.get("version") != VERSION:
+        told = content.get("version")
+        raise InputError(
+            f"{path}: is a recording of version {told!r:.20}, this program reads {VERSION}"
+        )
+    try:
+        return _compose_start(content)
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: is a damaged recording: {reason}") from error
+
+
+def _compose_start(content: Mapping[str, Any]) -> Start:
+    kinds = {"str": str, "float": float, "int": int}
+    values: dict[str, Any] = {}
+    for field in fields(Start):
+        kind = field.type if isinstance(field.type, type) else kinds[str(field.type)]
+        values[field.name] = kind(content[field.name])
+    start = Start(**values)
+    if not (math.isfinite(start.unix_s) and math.isfinite(start.clock_s)):
+        raise ValueError("a time is none")
+    return start
+
+
+def files_of(directory: Path, vehicle: str) -> tuple[Path, Path]:
+    """(telemetry log, guidance log) of a recording."""
+    stem = file_stem(vehicle)
+    return directory / f"{stem}.tlog", directory / f"{stem}{SUFFIX}"
+
+
+def guidance_files(parent: Path, vehicle: str) -> list[Path]:
+    """The guidance logs of all starts of a vehicle below a directory."""
+    stem = file_stem(vehicle)
+    return sorted(parent.glob(f"*/{stem}{SUFFIX}"))
