@@ -25,8 +25,8 @@ REJOINING_APART_M = 5.0
 CUT_GIVE_WAY_M = 10.0
 """How far others may leave their slots for one silent for a while: the distance that they keep from it."""
 
-LOST_GIVE_WAY_M = 40.0
-"""The same for one who is silent for good, and may fly straight on through their slots."""
+REJOINING_GIVE_WAY_M = 4.0
+"""The same for one that comes back to its slot."""
 
 LINK = ("--cafile", "/var/lib/vfguide/trust/ca.pem", "-h", "broker", "-p", "8883")
 LIE = "/dev/shm/lie"  # noqa: S108
@@ -118,7 +118,8 @@ def abandoned(formation: Formation) -> Flown:
     seconds = IMPAIRED_S[1] - IMPAIRED_S[0]
     impaired = formation.impair("broker", seconds=seconds, delay_s=0.2, loss=0.2)
     formation.reach(LOST_S)
-    formation.cut_off("f2")
+    # On the outside of the turn: nobody is where it would be if its companion had died, and it held its course.
+    formation.cut_off("f1")
     return formation.finish({"impaired": impaired})
 
 
@@ -171,8 +172,8 @@ def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
     off_m = flown.greatest(PAUSED_S[0], KILLED_S, "f1")
     others_m = flown.greatest(PAUSED_S[0], KILLED_S, "f2", "f3")
     tell(f"paused for 5 s: at most {off_m:.1f} m off, the others {others_m:.2f} m")
-    assert others_m < IN_SLOT_M
-    assert flown.greatest(KILLED_S - 3.0, KILLED_S, "f1") < IN_SLOT_M
+    assert others_m < REJOINING_GIVE_WAY_M
+    assert flown.greatest(KILLED_S - 3.0, KILLED_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
 def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
@@ -220,17 +221,16 @@ def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> Non
     assert flown.greatest(LOST_S - 3.0, LOST_S, "f1", "f2") < IN_SLOT_M
 
 
-def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights) -> None:
+def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights, tell: Tell) -> None:
     flown = flights["abandoned"]
-    assert flown.modes("f2")[-1] != "tracking"
-    assert flown.greatest(LOST_S, LOST_S + PREDICTION_S - 1.0, "f2") < 5.0
-    assert float(flown.errors("f2", LOST_S + PREDICTION_S + 15.0, LOST_ENDS_S).min()) > 30.0
+    assert flown.modes("f1")[-1] != "tracking"
+    off_m = flown.greatest(LOST_S, LOST_S + PREDICTION_S - 1.0, "f1")
+    tell(f"without the link: at most {off_m:.2f} m off for {PREDICTION_S - 1.0:.0f} s")
+    assert off_m < 2.0
+    assert float(flown.errors("f1", LOST_S + PREDICTION_S + 15.0, LOST_ENDS_S).min()) > 30.0
     assert flown.least_separation_m("leader", "f1", "f2") > APART_M
 
 
-def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights, tell: Tell) -> None:
+def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights) -> None:
     flown = flights["abandoned"]
-    off_m = flown.greatest(LOST_S, LOST_ENDS_S, "f1")
-    tell(f"a follower lost for good: another gave way by {off_m:.1f} m")
-    assert off_m < LOST_GIVE_WAY_M
-    assert flown.greatest(LOST_S + PREDICTION_S + 15.0, LOST_ENDS_S, "f1") < IN_SLOT_M
+    assert flown.greatest(LOST_S, LOST_ENDS_S, "f2") < IN_SLOT_M
