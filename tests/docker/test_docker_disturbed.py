@@ -118,7 +118,7 @@ def abandoned(formation: Formation) -> Flown:
     seconds = IMPAIRED_S[1] - IMPAIRED_S[0]
     impaired = formation.impair("broker", seconds=seconds, delay_s=0.2, loss=0.2)
     formation.reach(LOST_S)
-    # On the outside of the turn: nobody is where it would be if its companion had died, and it held its course.
+    # On the outside of the turn: where it would be if its companion had died, nobody is.
     formation.cut_off("f1")
     return formation.finish({"impaired": impaired})
 

@@ -35,8 +35,14 @@ LEVEL_M = 3.0
 ROOM_M = 3.0
 """Where no manoeuvre leaves this much beyond the floor, height is used as well."""
 
+INSISTS_S = 0.15
+"""Height is used once the plane has not been enough for so long: two that join meet for a step or two."""
+
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
+
+EPISODE_S = 5.0
+"""The same is not said again before nothing had to be avoided for so long."""
 
 ANSWER_S = 0.4
 """Time constant with which a heading is approached, beside the delays of the vehicle."""
@@ -61,8 +67,10 @@ class KeepClear:
         self._side = 0.0
         self._climb_m = 0.0
         self._stepped_s = -math.inf
-        self._changed_since: float | None = None
-        self._reported: str | None = None
+        self._tight_since = math.inf
+        self._changed_since = math.inf
+        self._changed_s = -math.inf
+        self._said: set[str] = set()
         self._words: list[str] = []
 
     def words(self) -> list[str]:
@@ -106,7 +114,7 @@ class KeepClear:
         found = self._traffic.possibilities(here, leader)
         if found is None:
             self._side = 0.0
-            self._changed_since = self._reported = None
+            self._report(None, 0.0, state.time_s)
             return Avoidance(setpoint=None, climb_m=self._height_for(None, fix))
         others, rows = found
         own = own_motion(state, turn_rate, airframe)
@@ -129,25 +137,29 @@ class KeepClear:
     def _report(self, row: int | None, climb_m: float, now: float) -> None:
         """Put into words what is done about the vehicle of a row (None: nothing)."""
         if row is None:
-            self._changed_since = self._reported = None
+            self._changed_since = math.inf
             return
-        if self._changed_since is None:
-            self._changed_since = now
+        if now - self._changed_s > EPISODE_S:
+            self._said.clear()
+        self._changed_s = now
+        self._changed_since = min(self._changed_since, now)
+        if now - self._changed_since < REPORT_S and climb_m == 0.0:
+            return
         other = self._traffic.vehicle_of(row).name
         place = "path" if self._plan.leads else "slot"
         doing = f"keeping clear of {other}, off its {place} until that is past"
         if climb_m != 0.0:
             step = f"{'climbing' if climb_m > 0.0 else 'descending'} {abs(climb_m):.0f} m"
             doing = f"too near to {other}, turning away and {step}"
-        lasts = now - self._changed_since >= REPORT_S or climb_m != 0.0
-        if lasts and doing != self._reported:
-            self._reported = doing
+        if doing not in self._said:
+            self._said.add(doing)
             self._words.append(f"{doing}; watch {other}, be ready to take over")
 
     def _height_for(self, row: int | None, fix: Fix) -> float:
         """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
         now = fix.state.time_s
-        if row is None:
+        self._tight_since = math.inf if row is None else min(self._tight_since, now)
+        if row is None or now - self._tight_since < INSISTS_S:
             if now - self._stepped_s > STAY_S:
                 self._climb_m = 0.0
             return self._climb_m

@@ -8,6 +8,7 @@ import pytest
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.mission.model import Mission
+from vfguide.rehearsal.lockstep import fly_lockstep
 
 Make = Callable[..., Any]
 
@@ -65,3 +66,18 @@ def test_a_vehicle_with_room_around_it_says_nothing(
     one.link = link
     one.run(JOINED_S + 10.0)
     assert not [text for _, text in one.texts() if "f2" in text]
+
+
+def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_once(
+    mission: Callable[[str], Mission],
+) -> None:
+    # f1 and f2 cross in front of f3: for one or two steps no turn alone keeps 10 m.
+    content = mission("circle-wind").model_dump(exclude_unset=True)
+    content["rehearsal"]["duration_s"] = 12.0
+    flight_of = fly_lockstep(Mission.model_validate(content))
+    said = [event.text for event in flight_of.events["f1"] if "be ready to take over" in event.text]
+    assert said
+    assert len(said) == len(set(said))
+    assert not [text for text in said if "descending" in text or "climbing" in text]
+    altitude = flight_of.record.followers[0].altitude_amsl_m
+    assert altitude.max() - altitude.min() < 1.0
