@@ -32,11 +32,14 @@ STAY_S = 5.0
 LEVEL_M = 3.0
 """Vehicles whose altitudes differ by less than this step apart by their ranks."""
 
+LITTLE_ROOM_M = 1.0
+"""Where no manoeuvre leaves this much beyond the floor, height is used as well, at once."""
+
 ROOM_M = 3.0
-"""Where no manoeuvre leaves this much beyond the floor, height is used as well."""
+"""Where none leaves this much for `INSISTS_S`, too: two that join come as near for a step or two."""
 
 INSISTS_S = 0.15
-"""Height is used once the plane has not been enough for so long: two that join meet for a step or two."""
+"""See `ROOM_M`."""
 
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
@@ -122,7 +125,8 @@ class KeepClear:
         clear = keep_clear(own, wanted, others, agility, manoeuvres_of(agility), side=self._side)
         self._side = clear.turn
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
-        tight = clear.changed and bool((clear.nearest < others.floor + ROOM_M).any())
+        room_m = float((clear.nearest - others.floor).min()) if clear.changed else math.inf
+        tight = self._is_tight(room_m, state.time_s)
         row = int(rows[clear.nearest.argmin()]) if tight else None
         climb_m = self._height_for(row, fix)
         nearest = int(rows[clear.wanted_nearest.argmin()])
@@ -155,11 +159,18 @@ class KeepClear:
             self._said.add(doing)
             self._words.append(f"{doing}; watch {other}, be ready to take over")
 
+    def _is_tight(self, room_m: float, now: float) -> bool:
+        """Whether the plane is not enough, by the room (m) that the best manoeuvre leaves beyond the floor."""
+        if room_m >= ROOM_M:
+            self._tight_since = math.inf
+            return False
+        self._tight_since = min(self._tight_since, now)
+        return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
+
     def _height_for(self, row: int | None, fix: Fix) -> float:
         """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
         now = fix.state.time_s
-        self._tight_since = math.inf if row is None else min(self._tight_since, now)
-        if row is None or now - self._tight_since < INSISTS_S:
+        if row is None:
             if now - self._stepped_s > STAY_S:
                 self._climb_m = 0.0
             return self._climb_m
