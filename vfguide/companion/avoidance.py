@@ -160,7 +160,7 @@ class KeepClear:
             self._words.append(f"{doing}; watch {other}, be ready to take over")
 
     def _is_tight(self, room_m: float, now: float) -> bool:
-        """Whether the plane is not enough, by the room (m) that the best manoeuvre leaves beyond the floor."""
+        """Whether the plane is not enough: the best manoeuvre leaves so much room (m) beyond the floor."""
         if room_m >= ROOM_M:
             self._tight_since = math.inf
             return False
