@@ -19,7 +19,7 @@ from vfguide.mission.starts import follower_start, leader_start
 def conditions_of(
     mission: Mission, ground: Ground | None = None, *, rounded: bool = True
 ) -> Conditions:
-    """What every formation of a mission has in common.
+    """What every formation of a mission has in common; slots are fixed to the leader's measured motion.
 
     Args:
         mission: the mission.

@@ -370,7 +370,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
-        slot_frame=chosen.slot_frame,
+        slot_frame="leader" if chosen.type == "article" else chosen.slot_frame,
         rate_feedforward=chosen.rate_feedforward,
         law=LAWS[chosen.type],
         pid=pid_gains(chosen.pid),

@@ -145,8 +145,8 @@ class Controller(Section):
     give_way: Switch = True
     """Let the leader change its airspeed when a slot would leave its follower's airspeed range."""
 
-    slot_frame: Literal["leader", "path"] = "leader"
-    """What slots turn with: the leader's course as measured, or as its path has it where gusts shake it."""
+    slot_frame: Literal["leader", "path"] = "path"
+    """What slots turn with: the leader's course as its path has it where gusts shake it, or as measured."""
 
     pid: Pid = Pid()
     """Gains of the baseline `pid`."""

@@ -17,7 +17,8 @@ DURATION_S = 30.0
 
 def mission_of_two(name: str, law: str, plant: str) -> Mission:
     """One of the four with one follower: the array form has nobody keep clear of anybody."""
-    changes = {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
+    controller = {"type": law, "slot_frame": "leader"}
+    changes = {"controller": controller, "rehearsal": {"duration_s": DURATION_S}}
     content = article_mission(name, changes, plant=plant).model_dump(exclude_unset=True)
     content["followers"] = content["followers"][:1]
     for absent in ("f2", "f3"):
