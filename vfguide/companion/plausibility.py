@@ -1,9 +1,9 @@
 """Whether a reported motion can be true: an innovation gate on position and velocity.
 
 A report is compared with where the vehicle must be, carried on from the last believed one by the reported
-velocities. With a greatest acceleration A, two velocities at both ends of an interval T leave the place open
-by A T² / 4 at most; to that comes the noise of the reports, which is learned from how much successive
-innovations differ. Neither a step nor a steady drag makes it look noisier.
+velocities. With a greatest acceleration a, a manoeuvre that begins within an interval T leaves the place open
+by a T² / 8; the gate allows a margin of two in a. To that comes the noise of the reports, which is learned
+from how much successive innovations differ. Neither a step nor a steady drag makes it look noisier.
 
 A position that fails is not used. While velocities pass, the place is carried on by them for `CARRIED_S`.
 Reports that agree with the carried place again are believed after `RETURN_S` of agreeing with each other;
@@ -11,6 +11,10 @@ those that stay elsewhere after `MOVED_S` of it, one's own after `STAYED_S`, and
 have flown there. Two kinds of elsewhere need `RETURN_S` only: a place that follows a time for which the
 autopilot itself said that it did not know the place, and one as far back along the course as a gap in the
 reports explains. An autopilot in software that is stopped for a second is behind by a second's flight.
+
+A position that leaves the carried place without a step, and is not stuck, or a velocity that steps, says
+that positions and velocities contradict each other, not which of them is false: neither is used until
+velocities alone have led from place to place for `RETURN_S`.
 
 The first report is believed until one does not agree with it. A place that has been believed for less than
 `MOVED_S` is no surer than reports from elsewhere that have agreed with each other for as long, and for
@@ -106,7 +110,7 @@ class Reach:
 
     def displacement(self, interval_s: float) -> float:
         """How far the place can be from the one that the mean of both velocities leads to, m."""
-        return min(0.25 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
+        return min(0.0625 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
 
 
 def reach_of(airframe: Airframe) -> Reach:
@@ -177,6 +181,13 @@ def carried(motion: Motion, to: Motion) -> tuple[float, float]:
     )
 
 
+def velocity_change(motion: Motion, to: Motion) -> float:
+    """By how much the velocity differs, m/s."""
+    return math.hypot(
+        to.velocity_north - motion.velocity_north, to.velocity_east - motion.velocity_east
+    )
+
+
 def innovation(
     motion: Motion, to: Motion, slack_s: float = 0.0, stood_s: float = 0.0
 ) -> tuple[float, float]:
@@ -230,6 +241,8 @@ class InnovationGate:
         self._seen: Motion | None = None
         self._seen_since = 0.0
         self._elsewhere_s = moved_s
+        self._newest: Motion | None = None
+        self._contradicts = False
         self._variance = EXPECTED_NOISE_M**2
         self._innovation: tuple[float, float] | None = None
 
@@ -246,7 +259,8 @@ class InnovationGate:
 
     def forget(self) -> None:
         """The next report is the first one."""
-        self._known = self._doubted_since = self._seen = self._innovation = None
+        self._known = self._doubted_since = self._seen = self._innovation = self._newest = None
+        self._contradicts = False
 
     def judge(self, motion: Motion, *, fault: str | None = None, slack_s: float = 0.0) -> Judgement:
         """What becomes of a report, which has to be later than the one before.
@@ -259,7 +273,8 @@ class InnovationGate:
         """
         unknown = fault is not None
         fault = fault or self._impossible(motion)
-        known = self._known
+        known, newest = self._known, self._newest
+        self._newest = motion
         if known is None:
             return self._refused(motion, fault) if fault else self._adopted(motion)
         if fault is not None:
@@ -269,32 +284,39 @@ class InnovationGate:
                 self._elsewhere_s = RETURN_S
             return self._refused(motion, fault)
         interval_s = motion.time_s - known.time_s
-        turned = math.hypot(
-            motion.velocity_north - known.velocity_north,
-            motion.velocity_east - known.velocity_east,
-        )
+        turned = velocity_change(known, motion)
         if turned > self._reach.velocity_change(interval_s):
             self._doubt(known)
+            self._contradicts = True
             self._watch(motion, slack_s)
             if self._has_moved(motion):
                 return self._adopted(motion)
             return self._refused(motion, f"the velocity steps by {turned:.0f} m/s")
-        return self._judge_place(known, motion, slack_s)
+        return self._judge_place(known, newest or known, motion, slack_s)
 
-    def _judge_place(self, known: Motion, motion: Motion, slack_s: float) -> Judgement:
-        """The velocity can be true: the position?"""
+    def _judge_place(
+        self, known: Motion, newest: Motion, motion: Motion, slack_s: float
+    ) -> Judgement:
+        """The velocity can be true: the position, after the believed one and the newest one?"""
         interval_s = motion.time_s - known.time_s
         north, east = innovation(known, motion, slack_s)
         off = math.hypot(north, east)
         self._learn_noise(north, east, interval_s)
         agrees = off <= self.tolerance + self._reach.displacement(interval_s) + self._drift(motion)
-        if not agrees:
-            if self._doubted_since is None and self._stood_still(known, motion):
+        if not agrees and self._doubted_since is None:
+            if self._stood_still(known, motion):
                 self._elsewhere_s = RETURN_S
+            else:
+                stuck = (newest.north, newest.east) == (motion.north, motion.east)
+                stepped = math.hypot(*innovation(newest, motion)) > self.tolerance
+                self._contradicts = not (stuck or stepped)
             self._doubt(known)
         if self._doubted_since is not None:
             self._watch(motion, slack_s)
             brief = motion.time_s - self._doubted_since <= BRIEF_S
+            if self._contradicts:
+                # Time passes, and with it what the velocity could have become: it has to be the former one.
+                brief = brief and velocity_change(known, motion) <= VELOCITY_TOLERANCE_M_S
             if agrees and (brief or self._steady_s(motion) >= RETURN_S):
                 self._settle()
         if self._doubted_since is None:
@@ -304,6 +326,8 @@ class InnovationGate:
             )
         if not agrees and self._has_moved(motion):
             return self._adopted(motion)
+        if self._contradicts:
+            return self._refused(motion, "position and velocity contradict each other")
         place_north, place_east = motion.north - north, motion.east - east
         self._known = motion._replace(north=place_north, east=place_east)
         if self._doubted_since - self._believed_since < START_S:
@@ -351,6 +375,7 @@ class InnovationGate:
     def _settle(self) -> None:
         """Nothing is doubted any more."""
         self._doubted_since = self._seen = None
+        self._contradicts = False
         self._elsewhere_s = self._moved_s
 
     def _stood_still(self, known: Motion, motion: Motion) -> bool:
@@ -374,16 +399,17 @@ class InnovationGate:
         seen, self._seen = self._seen, motion
         if seen is not None:
             interval_s = motion.time_s - seen.time_s
-            turned = math.hypot(
-                motion.velocity_north - seen.velocity_north,
-                motion.velocity_east - seen.velocity_east,
-            )
+            turned = velocity_change(seen, motion)
             north, east = innovation(seen, motion, slack_s)
             within = self.tolerance + self._reach.displacement(interval_s)
             turns = turned <= self._reach.velocity_change(interval_s)
             if turns and math.hypot(north, east) <= within:
                 # Not the report itself: one that stays behind its velocity a little each time is not steady.
-                self._seen = leaned(motion, north, east, interval_s)
+                self._seen = (
+                    motion._replace(north=motion.north - north, east=motion.east - east)
+                    if self._contradicts
+                    else leaned(motion, north, east, interval_s)
+                )
                 return
             self._elsewhere_s = self._moved_s
         self._seen_since = motion.time_s

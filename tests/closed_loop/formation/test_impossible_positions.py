@@ -181,3 +181,26 @@ def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formati
             "the leader reports what cannot be" in one
             for one in leader_ahead.said(name, 50.0, 51.0)
         )
+
+
+@pytest.mark.parametrize("vehicle", ["leader", "f1", "f2"])
+@pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (14.0, -14.0)])
+def test_a_velocity_that_stays_false_is_not_flown_by_and_the_vehicle_is_handed_back(
+    line: Mission, vehicle: str, north: float, east: float
+) -> None:
+    # The line leads north-east: it stands still, or flies across.
+    flown = fly(line, {vehicle: [Fault("velocity", 10.0, inf, north, east)]}, 35.0)
+    assert flown.nearest() > LEAST_M
+    said = flown.said(vehicle, 9.9, 35.0)
+    assert "the velocity steps by" in said[0]
+    assert "autopilot: Mode LOITER" in said
+
+
+def test_a_step_of_the_place_that_a_gap_in_the_telemetry_hides_is_not_flown_to(
+    line: Mission,
+) -> None:
+    # f1's slot is 20 m behind and 20 m left of the leader: after the gap it seems to be 28 m west of there.
+    gap = Stop(10.0, 2.5)
+    flown = fly(line, {"f1": [Fault("offset", 11.0, inf, 0.0, -28.0)]}, 30.0, stops={"f1": [gap]})
+    assert flown.nearest() > LEAST_M
+    assert any("from where it can be" in text for text in flown.said("f1", 12.0, 20.0))

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from random import Random
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -159,6 +160,69 @@ def test_a_velocity_of_327_m_s_is_refused() -> None:
     wrong = Motion(time_s=10.0, north=200.0, east=0.0, velocity_north=327.67, velocity_east=0.0)
     assert one.judge(wrong).verdict is Verdict.REFUSED
     assert one.judge(motions[201]).verdict is Verdict.BELIEVED
+
+
+def with_velocity(from_s: float, to_s: float, north: float, east: float) -> Iterator[Motion]:
+    """Straight flight whose reports have another velocity for a while."""
+    for motion in straight(30.0):
+        false = from_s - 0.01 < motion.time_s < to_s - 0.01
+        yield (motion._replace(velocity_north=north, velocity_east=east) if false else motion)
+
+
+@pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (0.0, 20.0), (-20.0, 0.0), (12.0, 0.0)])
+def test_a_false_velocity_is_not_flown_by_however_long_it_stays(north: float, east: float) -> None:
+    # By 0.6 s an aircraft could have changed its velocity by 19 m/s; it would have left its course.
+    found = judged(with_velocity(10.0, 99.0, north, east))
+    assert believed(found, 10.0, 30.0) == {Verdict.REFUSED}
+
+
+def test_a_false_velocity_that_goes_is_forgotten_2_s_later() -> None:
+    found = judged(with_velocity(10.0, 13.0, 0.0, 20.0))
+    assert believed(found, 10.0, 15.0) == {Verdict.REFUSED}
+    assert believed(found, 15.1, 30.0) == {Verdict.BELIEVED}
+    assert all(one.moved is None for _, one in found)
+
+
+def test_a_velocity_that_grows_false_is_not_carried_on_by() -> None:
+    # 3 m/s each second: no step of the velocity, and none of the positions, which go on as they did.
+    def drifting() -> Iterator[Motion]:
+        for motion in straight(30.0):
+            east = min(max(motion.time_s - 10.0, 0.0) * 3.0, 15.0)
+            yield motion._replace(velocity_east=east)
+
+    found = judged(drifting())
+    assert Verdict.CARRIED not in believed(found, 0.0, 30.0)
+    first = next(time_s for time_s, one in found if one.verdict is Verdict.REFUSED)
+    assert first < 13.0
+    assert believed(found, first, 30.0) == {Verdict.REFUSED}
+
+
+@pytest.mark.parametrize("gap_s", [1.3, 1.9, 2.5, 3.0])
+def test_a_step_of_28_m_that_a_gap_hides_is_not_flown_by(gap_s: float) -> None:
+    # A turn at 45 degrees of bank that begins within 3 s of silence ends 11 m off the straight course.
+    motions = straight(30.0, during(10.0, 99.0, 28.0))
+    found = judged(motion for motion in motions if not 10.0 - 0.01 < motion.time_s < 10.0 + gap_s)
+    assert Verdict.BELIEVED not in believed(found, 10.0, 30.0)
+
+
+def test_a_turn_that_began_in_a_gap_is_believed_at_once() -> None:
+    # 45 degrees of bank at 20 m/s: 0.49 rad/s on a circle of 41 m, from 10 s on.
+    rate, gap_s = 9.81 / 20.0, 2.5
+
+    def turning() -> Iterator[Motion]:
+        for motion in straight(30.0):
+            angle = rate * max(motion.time_s - 10.0, 0.0)
+            yield motion._replace(
+                north=200.0 + 20.0 / rate * math.sin(angle) if angle else motion.north,
+                east=20.0 / rate * (1.0 - math.cos(angle)),
+                velocity_north=20.0 * math.cos(angle),
+                velocity_east=20.0 * math.sin(angle),
+            )
+
+    for begins_s in (8.0, 8.8, 9.5, 10.0, 11.0):
+        ends_s = begins_s + gap_s
+        heard = (one for one in turning() if not begins_s < one.time_s < ends_s)
+        assert {one.verdict for _, one in judged(heard)} == {Verdict.BELIEVED}
 
 
 def test_what_is_no_number_is_refused() -> None:
