@@ -263,7 +263,7 @@ def conclude(formation: Formation, time_s: np.ndarray, faults: Sequence[Occurren
         name: true_track(simulator.station, frame, time_s)
         for name, simulator in formation.simulators.items()
     }
-    return judge(mission, flight_record(mission, time_s, tracks), tracks, faults)
+    return judge(flight_record(mission, time_s, tracks), tracks, faults)
 
 
 @contextmanager

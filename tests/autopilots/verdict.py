@@ -1,7 +1,7 @@
 """How well a formation of real autopilots was kept, by the geometry that reports have."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import combinations
 
 import numpy as np
@@ -13,7 +13,7 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.mission import Mission
 from vfguide.record.flight import Acceptance as RecordedAcceptance
 from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.report.geometry import slot_error
+from vfguide.report.geometry import intended_leader, slot_error
 
 END_S = 5.0
 """At the end of a flight, to see where everybody was then."""
@@ -128,7 +128,7 @@ def flight_record(
 ) -> FlightRecord:
     """The flight as reports have it; what an observer on the ground does not know is no number."""
     names = [mission.leader.vehicle, *mission.followers_by_name]
-    unknown = np.full(time_s.size, np.nan)
+    unknown, path = np.full(time_s.size, np.nan), path_of(mission.path)
     vehicles = []
     for name in names:
         track, follower = tracks[name], mission.followers_by_name.get(name)
@@ -150,6 +150,9 @@ def flight_record(
                 wind_north_m_s=unknown,
                 wind_east_m_s=unknown,
                 path_cross_track_error_m=unknown,
+                path_course_rad=unknown
+                if follower
+                else path.nearest(track.north_m, track.east_m).course,
                 course_setpoint_rad=unknown,
                 airspeed_setpoint_m_s=unknown,
                 ground_speed_setpoint_m_s=unknown,
@@ -177,31 +180,21 @@ def flight_record(
     )
 
 
-def intended_leader(mission: Mission, leader: VehicleRecord) -> VehicleRecord:
-    """The leader where it is, but in the course of the path there."""
-    path = path_of(mission.path)
-    places = zip(leader.north_m, leader.east_m, strict=True)
-    course = np.array([path.nearest(float(n), float(e)).course for n, e in places])
-    return replace(leader, course_rad=course)
-
-
 def judge(
-    mission: Mission,
     record: FlightRecord,
     tracks: dict[str, TrueTrack],
     faults: Sequence[Occurrence] = (),
 ) -> Verdict:
-    """Judge a flight of a mission.
+    """Judge a flight.
 
     Args:
-        mission: what was flown.
         record: where everybody truly was.
         tracks: the same, with what is known of the simulators' clocks.
         faults: what went wrong, in the order of time.
     """
     time_s, last = record.time_s, record.time_s[-1]
     window = time_s >= last / 2.0
-    intended = intended_leader(mission, record.leader)
+    intended = intended_leader(record.leader)
     gone = {name for one in faults for name in one.fault.without}
     kept = [one for one in record.followers if one.name not in gone]
     true = np.array([slot_error(record.leader, one).distance_m for one in kept])

@@ -125,7 +125,7 @@ def vehicle_record(
     known_north, known_east = at(moments, when, north), at(moments, when, east)
     leads = name == mission.leader.vehicle
     slot = None if leads else mission.followers_by_name[name].slot
-    error = path_of(mission.path).nearest(known_north, known_east).cross_track_error
+    nearest = path_of(mission.path).nearest(known_north, known_east)
     doings = doings_at(moments, parts)
     by_airspeed = mission.vehicles[name].plant == "heading-hold"
     unsent = np.full_like(moments, math.nan)
@@ -145,7 +145,8 @@ def vehicle_record(
         bank_rad=at(moments, banks[:, 0], banks[:, 1]),
         wind_north_m_s=velocity_north - airspeed * np.cos(heading),
         wind_east_m_s=velocity_east - airspeed * np.sin(heading),
-        path_cross_track_error_m=error if leads else np.full_like(error, math.nan),
+        path_cross_track_error_m=nearest.cross_track_error if leads else unsent,
+        path_course_rad=nearest.course if leads else unsent,
         course_setpoint_rad=doings[:, 1],
         airspeed_setpoint_m_s=doings[:, 2] if by_airspeed else unsent,
         ground_speed_setpoint_m_s=unsent if by_airspeed else doings[:, 2],

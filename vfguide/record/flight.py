@@ -31,7 +31,7 @@ FlightMode = Literal["lockstep", "live", "recorded"]
 FORMAT = "vfguide-flight-record"
 """Says in each file what it is."""
 
-VERSION = 1
+VERSION = 2
 """Of the layout of the file; a reader refuses what is newer than itself."""
 
 

@@ -28,6 +28,7 @@ SERIES = (
     "wind_north_m_s",
     "wind_east_m_s",
     "path_cross_track_error_m",
+    "path_course_rad",
     "course_setpoint_rad",
     "airspeed_setpoint_m_s",
     "ground_speed_setpoint_m_s",
@@ -72,6 +73,8 @@ class VehicleRecord:
     """True wind at the vehicle, toward."""
     path_cross_track_error_m: FloatArray
     """True signed distance of the leader from its path, positive right of track; NaN for followers."""
+    path_course_rad: FloatArray
+    """Course of the path where it is nearest to the leader; NaN for followers."""
     course_setpoint_rad: FloatArray
     """Last course setpoint sent; NaN before the first."""
     airspeed_setpoint_m_s: FloatArray

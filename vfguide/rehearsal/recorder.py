@@ -74,7 +74,7 @@ class VehicleRecorder:
         by_airspeed = vehicle.plant == "heading-hold"
         leads = name == mission.leader.vehicle
         slot = None if leads else mission.followers_by_name[name].slot
-        error = path_of(mission.path).nearest(north, east).cross_track_error
+        nearest, unknown = path_of(mission.path).nearest(north, east), np.full_like(north, math.nan)
         return VehicleRecord(
             name=name,
             role="leader" if leads else "follower",
@@ -84,7 +84,8 @@ class VehicleRecorder:
             north_m=north,
             east_m=east,
             **{field: truths[field] for field in TRUTHS},
-            path_cross_track_error_m=error if leads else np.full_like(error, math.nan),
+            path_cross_track_error_m=nearest.cross_track_error if leads else unknown,
+            path_course_rad=nearest.course if leads else unknown,
             course_setpoint_rad=doings["course"],
             airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
             ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,

@@ -4,7 +4,7 @@ Written apart from the guidance laws on purpose: what measures a flight must not
 what flew it. Frame: metres north and east; courses in radians clockwise from north.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -75,6 +75,11 @@ def slot_error(leader: VehicleRecord, follower: VehicleRecord) -> SlotError:
     north, east = north - follower.north_m, east - follower.east_m
     along, cross = in_course_frame(north, east, leader.course_rad)
     return SlotError(along_track_m=along, cross_track_m=cross, distance_m=np.hypot(north, east))
+
+
+def intended_leader(leader: VehicleRecord) -> VehicleRecord:
+    """The leader as the formation means it to fly: where it is, on the course of its path there."""
+    return replace(leader, course_rad=leader.path_course_rad)
 
 
 def pair_separations(record: FlightRecord) -> tuple[PairSeparation, ...]:

@@ -24,7 +24,7 @@ from vfguide.report.figures import (
     variation_rate,
     window_s,
 )
-from vfguide.report.geometry import pair_separations, slot_error
+from vfguide.report.geometry import intended_leader, pair_separations, slot_error
 from vfguide.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
 from vfguide.report.verdict import find_rejections
 
@@ -98,22 +98,29 @@ def measured_separations(record: FlightRecord) -> FloatArray:
 
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
     """All followers together."""
-    errors = np.array(
-        [slot_error(record.leader, follower).distance_m for follower in record.followers]
-    ).reshape(len(record.followers), record.time_s.size)
+    errors = slot_distances(record, record.leader)
     sizes = spread(measured(record, errors[:, window]))
+    meant = slot_distances(record, intended_leader(record.leader))
+    meant_sizes = spread(measured(record, meant[:, window]))
     settling = errors_that_count(record, errors)
     return FormationSummary(
         window_s=window_s(record),
         mean_error_m=sizes.mean if sizes else None,
         p95_error_m=sizes.p95 if sizes else None,
         max_error_m=sizes.max if sizes else None,
+        intended_error_m=meant_sizes.mean if meant_sizes else None,
         settle_10m_s=settling_time(record.time_s, settling, 10.0),
         settle_1m_s=settling_time(record.time_s, settling, 1.0),
         min_separation_m=least_separation(
             [pairs] if (pairs := measured_separations(record)).size else []
         ),
     )
+
+
+def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
+    """Distances of all followers from their slots behind a leader, m; one row for each follower."""
+    distances = [slot_error(leader, follower).distance_m for follower in record.followers]
+    return np.array(distances).reshape(len(distances), record.time_s.size)
 
 
 def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:

@@ -19,6 +19,9 @@ class FormationSummary:
     """Its 95th percentile."""
     max_error_m: float | None
     """The greatest."""
+    intended_error_m: float | None
+    """Mean distance from the slot as it is meant, in the course of the path where the leader is: it does not
+    swing with a leader that gusts turn."""
     settle_10m_s: float | None
     """Last time any follower was 10 m or more from its slot; None: still out at the end."""
     settle_1m_s: float | None

@@ -45,6 +45,13 @@ def summary_table(summary: Summary) -> Group:
             in_digits(formation.max_error_m),
             "",
         )
+        table.add_row(
+            Text("formation, as its path means it"),
+            in_digits(formation.intended_error_m),
+            "",
+            "",
+            "",
+        )
     # A caption would be wrapped to the table's width; a text below it has the whole terminal.
     return Group(table, verdict_text(summary))
 

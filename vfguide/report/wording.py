@@ -69,6 +69,12 @@ def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
             met=None,
         ),
         _compare_error("Greatest formation error", formation.max_error_m, wanted.max_error_m),
+        ComparedFigure(
+            name="Mean distance from the slot as the path means it, not as gusts turn the leader",
+            measured=in_digits(formation.intended_error_m, "m"),
+            required=NOT_REQUIRED,
+            met=None,
+        ),
         _compare_settling(10, formation.settle_10m_s, wanted.settle_10m_s),
         _compare_settling(1, formation.settle_1m_s, wanted.settle_1m_s),
         ComparedFigure(

@@ -49,6 +49,7 @@ def still_vehicle(
         wind_north_m_s=zero,
         wind_east_m_s=zero,
         path_cross_track_error_m=zero if role == "leader" else unknown,
+        path_course_rad=zero if role == "leader" else unknown,
         course_setpoint_rad=zero,
         airspeed_setpoint_m_s=zero + 20.0,
         ground_speed_setpoint_m_s=unknown,

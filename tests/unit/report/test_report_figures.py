@@ -44,6 +44,19 @@ def test_slot_of_a_northbound_leader_keeps_its_components(make_vehicle: MakeVehi
     assert (north[0], east[0]) == (-20.0, 20.0)
 
 
+def test_a_leader_that_is_shaken_moves_its_slots_but_not_those_of_the_formation_as_it_is_meant(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    # 0.1 rad off the path's course, 50 m ahead: the slot swings by 2 * 50 * sin(0.05) = 4.998 m.
+    leader = make_vehicle("leader", "leader", TIME, course_rad=np.full_like(TIME, 0.1))
+    follower = make_vehicle(
+        "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -50.0)
+    )
+    formation = summarise(make_flight(TIME, leader, follower)).formation
+    assert formation.mean_error_m == pytest.approx(4.998, abs=1e-3)
+    assert formation.intended_error_m == pytest.approx(0.0, abs=1e-9)
+
+
 def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right(
     make_vehicle: MakeVehicle,
 ) -> None:
@@ -211,6 +224,7 @@ def test_json_has_the_published_layout(stepped_flight: FlightRecord) -> None:
         "mean_error_m",
         "p95_error_m",
         "max_error_m",
+        "intended_error_m",
         "settle_10m_s",
         "settle_1m_s",
         "min_separation_m",
@@ -287,6 +301,7 @@ def test_a_lone_leader_has_no_formation_and_is_accepted(make_flight: MakeFlight)
             "mean_error_m",
             "p95_error_m",
             "max_error_m",
+            "intended_error_m",
             "settle_10m_s",
             "settle_1m_s",
             "min_separation_m",
