@@ -23,6 +23,7 @@ from vfguide.commands.shared_options import (
     MissionOption,
     Speedup,
     VehicleName,
+    directory,
 )
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
@@ -52,7 +53,11 @@ def fly(
     seed: Annotated[int | None, typer.Option(metavar="N", help="Of everything random.")] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where summary, report, record and .tlog files go."),
+        typer.Option(
+            metavar="DIR",
+            help="Where summary, report, record and .tlog files go.",
+            parser=directory,
+        ),
     ] = None,
     force: Force = False,
     live: Annotated[
@@ -136,7 +141,10 @@ def judge(
     ],
     link: LinkUrl,
     start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where summary, report and record go.")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="Where summary, report and record go.", parser=directory),
+    ],
     duration: Duration = None,
     speedup: Speedup = 1.0,
     patience: Annotated[

@@ -21,10 +21,10 @@ RECORDINGS = "recordings"
 
 PLOT_NAMES = ("tracks", "errors", "setpoints", "separation", "wind")
 
-SHARED_NAMES = (
-    *(SUMMARY_NAME, RECORD_NAME, PAGE_NAME, RECORDINGS, "mission.yaml", "broker.log"),
-    *(f"{name}.png" for name in PLOT_NAMES),
-)
+REPORT_NAMES = (SUMMARY_NAME, PAGE_NAME, *(f"{name}.png" for name in PLOT_NAMES))
+"""What a report consists of."""
+
+SHARED_NAMES = (*REPORT_NAMES, RECORD_NAME, RECORDINGS, "mission.yaml", "broker.log")
 VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
 
 PARTIAL = ".partial-"

@@ -10,7 +10,9 @@ from vfguide.commands.output import (
     LONGEST_SUMMARY,
     PAGE_NAME,
     RECORD_NAME,
+    REPORT_NAMES,
     SUMMARY_NAME,
+    refuse_foreign,
     written_beside,
 )
 from vfguide.commands.terminal import Terminal
@@ -21,12 +23,13 @@ from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.table import summary_table
 
 
-def write_reports(directories: Sequence[Path], out: Path | None) -> None:
+def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool) -> None:
     """Write summary, plots and page of the flight that some directories hold.
 
     Args:
         directories: one that `fly --out` wrote; or recordings, or directories that hold them.
         out: where to; into the only directory if absent.
+        force: whether files of another flight, or of something else, may be replaced.
 
     Raises:
         InputError: there is no flight in them, it is damaged, or nothing can be written there.
@@ -41,7 +44,10 @@ def write_reports(directories: Sequence[Path], out: Path | None) -> None:
     if out is None and len(directories) > 1:
         raise InputError("say with --out where the report of several directories goes")
     where = directories[0] if out is None else out
-    if where.is_symlink():
+    # The report beside a rehearsal's own record is that rehearsal's, whatever became of its summary.
+    if out is not None or not (where / RECORD_NAME).exists():
+        refuse_foreign(where, record.mission, REPORT_NAMES, force=force)
+    elif where.is_symlink():
         raise InputError(f"{where}: is a symbolic link; give the directory that it leads to")
     write_report_of(record, where)
 

@@ -126,3 +126,26 @@ def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flow
         assert "cannot be written" in line
         (copy_of_flown / name).rmdir()
         (copy_of_flown / name).touch()
+
+
+def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
+    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plots are looked at elsewhere.
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    foreign, other = tmp_path / "foreign", tmp_path / "other"
+    foreign.mkdir()
+    (foreign / "report.html").write_text("mine")
+    other.mkdir()
+    summary = json.loads((copy_of_flown / "summary.json").read_text(encoding="utf-8"))
+    (other / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
+    for directory, said in ((foreign, "no flight has written it"), (other, "mission 'another'")):
+        before = {path.name: path.read_bytes() for path in directory.iterdir()}
+        outcome = command("report", copy_of_flown, "--out", directory)
+        assert outcome.status == 2
+        (line,) = outcome.lines
+        assert said in line
+        assert line.endswith("--force to replace it")
+        assert {path.name: path.read_bytes() for path in directory.iterdir()} == before
+        assert command("report", copy_of_flown, "--out", directory, "--force").status == 0
+        assert command("report", copy_of_flown, "--out", directory).status == 0

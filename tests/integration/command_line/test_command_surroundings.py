@@ -163,3 +163,27 @@ def everything_on(terminal: int) -> str:
             content += data
     os.close(terminal)
     return content.decode()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("fly", "MISSION", "--out", ""),
+        ("report", ""),
+        ("report", ".", "--out", ""),
+        ("companion", "one", "--mission=MISSION", "--mavlink=x", "--link=y", "--record", ""),
+    ],
+)
+def test_an_empty_name_is_no_directory(
+    command: Make,
+    alone_with: Make,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+) -> None:
+    mission = alone_with()
+    monkeypatch.chdir(tmp_path)
+    outcome = command(*(one.replace("MISSION", str(mission)) for one in arguments))
+    assert outcome.status == 2
+    assert outcome.lines == ["DIR: is empty; name a directory, or . for the one you are in"]
+    assert list(tmp_path.iterdir()) == [mission]
