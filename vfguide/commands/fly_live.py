@@ -59,9 +59,17 @@ def fly_live(
         ):
             directory = kept or Path(scratch)
             flight = asyncio.run(
-                _fly(mission, link, speedup=speedup, directory=directory, show=show, stop=stop)
+                _fly(
+                    mission,
+                    link,
+                    speedup=speedup,
+                    directory=directory,
+                    show=show,
+                    stop=stop,
+                    tell=errors.tell,
+                )
             )
-        return conclude(flight, kept, out=out, as_json=as_json)
+        return conclude(flight, kept, out=out, force=force, as_json=as_json)
 
 
 async def _fly(
@@ -72,6 +80,7 @@ async def _fly(
     directory: Path,
     show: Show,
     stop: Callable[[], bool],
+    tell: Callable[[str], None],
 ) -> Flight:
     """The flight itself, to its end or until told to stop."""
     async with AsyncExitStack() as stack:
@@ -95,6 +104,8 @@ async def _fly(
             show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
+        if interrupted:
+            tell("stopping: the companions hand their vehicles back")
         if not flies and flight.judge.time_s < 0.0:
             raise VfguideError("stopped before the aircraft were in the air: nothing was flown")
         wall_s = time.perf_counter() - began

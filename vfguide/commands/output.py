@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 
 RECORD_NAME = "flight.npz"
@@ -28,7 +29,7 @@ SHARED_NAMES = (*REPORT_NAMES, RECORD_NAME, RECORDINGS, "mission.yaml", "broker.
 VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
 
 PARTIAL = ".partial-"
-"""How the hidden directory's name begins. One that a killed program left is removed by the next."""
+"""How the hidden directory's name begins. One that a flight left is never removed: it may hold recordings."""
 
 LONGEST_SUMMARY = 4 * 1024**2
 """Bytes."""
@@ -57,14 +58,19 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
             f"{out}: cannot be written to ({reason}); give another directory with --out"
         ) from error
     partial.chmod(0o755)
+    errors = Terminal(stderr=True)
+    for left in sorted({path.parent for path in out.glob(f"{PARTIAL}*/*")}):
+        errors.tell(f"{left}: left by a flight that did not end; remove it once nobody needs it")
     try:
         yield partial
+        move_into(out, partial)
     except BaseException:
-        # Logs of a flight that broke are left, for whoever wants to know why; the next flight removes them.
-        if not any(partial.iterdir()):
+        # Recordings of a flight that was stopped, logs of one that broke.
+        if any(partial.glob("*")):
+            errors.tell(f"{partial}: holds what was written so far")
+        elif partial.is_dir():
             partial.rmdir()
         raise
-    move_into(out, partial)
 
 
 def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: bool) -> None:
@@ -125,8 +131,7 @@ def move_into(out: Path, partial: Path) -> None:
             remove(out / name)
     for path in partial.iterdir():
         path.replace(out / path.name)
-    for left in out.glob(f"{PARTIAL}*"):
-        remove(left)
+    partial.rmdir()
 
 
 def remove(path: Path) -> None:

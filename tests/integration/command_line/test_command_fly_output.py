@@ -226,6 +226,19 @@ def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
     assert json.loads((out / "summary.json").read_text())["mission"] == summary["mission"]
 
 
+def test_what_a_broken_flight_left_is_kept_and_told(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    left = tmp_path / ".partial-old"
+    (left / "recordings").mkdir(parents=True)
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert outcome.status == 0
+    told = f"{left}: left by a flight that did not end; remove it once nobody needs it"
+    assert told in outcome.lines
+    assert (left / "recordings").is_dir()
+    assert list(tmp_path.glob(".partial-*")) == [left]
+
+
 def test_what_no_flight_wrote_is_not_overwritten(
     command: Make, alone_with: Make, tmp_path: Path
 ) -> None:
