@@ -13,6 +13,7 @@ from pathlib import Path
 
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
+from vfguide.regular_file import open_regular
 
 RECORD_NAME = "flight.npz"
 SUMMARY_NAME = "summary.json"
@@ -112,7 +113,7 @@ def flown_before(out: Path) -> tuple[str, list[str]] | None:
     try:
         if path.is_symlink():
             return None
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             summary = json.loads(file.read(LONGEST_SUMMARY))
         return str(summary["mission"]), [str(name) for name in summary["vehicles"]]
     except (OSError, ValueError, TypeError, LookupError, RecursionError):

@@ -19,6 +19,7 @@ from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
+from vfguide.regular_file import open_regular
 from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.table import summary_table
 
@@ -101,7 +102,7 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
 def recorded_wall_s(path: Path) -> float | None:
     """How long the flight took, s, as its first summary tells; the record does not."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             wall_s = float(json.loads(file.read(LONGEST_SUMMARY))["wall_s"])
     # Whatever became of the file: it is about to be written anew.
     except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):

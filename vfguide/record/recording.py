@@ -27,6 +27,7 @@ from vfguide.mission.model import Mission
 from vfguide.record.disk_writer import DiskWriter, GrowingFile
 from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
 from vfguide.record.tlog import stamped
+from vfguide.regular_file import open_regular
 
 FORMAT, VERSION = "vfguide-recording", 1
 
@@ -205,7 +206,7 @@ def read_start(directory: Path) -> Start:
     """
     path = directory / DESCRIPTION_NAME
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = json.loads(file.read(LONGEST_DESCRIPTION))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error

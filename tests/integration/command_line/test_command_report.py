@@ -1,6 +1,7 @@
 """`vfguide report`: the report of a flight that was recorded before, or one line that says why not."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+
+from vfguide.errors import InputError
+from vfguide.record.guidance_log import read_guidance
+from vfguide.record.recording import read_start
+from vfguide.record.tlog import read_tlog
 
 Make = Callable[..., Any]
 
@@ -113,6 +119,7 @@ def test_a_damaged_record_is_one_line(
     assert outcome.out == ""
     (line,) = outcome.lines
     assert line.startswith(f"{record}: is no flight record")
+    assert line.endswith("; give the directory of another flight, or fly it again")
 
 
 def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flown: Path) -> None:
@@ -149,3 +156,26 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
         assert {path.name: path.read_bytes() for path in directory.iterdir()} == before
         assert command("report", copy_of_flown, "--out", directory, "--force").status == 0
         assert command("report", copy_of_flown, "--out", directory).status == 0
+
+
+def test_a_report_waits_for_no_pipe(
+    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plots are looked at elsewhere.
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    (copy_of_flown / "summary.json").unlink()
+    os.mkfifo(copy_of_flown / "summary.json")
+    assert command("report", copy_of_flown).status == 0
+    (copy_of_flown / "flight.npz").unlink()
+    os.mkfifo(copy_of_flown / "flight.npz")
+    recorded = tmp_path / "recorded" / "one"
+    recorded.mkdir(parents=True)
+    os.mkfifo(recorded / "recording.json")
+    os.mkfifo(recorded / "one.tlog")
+    (line,) = command("report", copy_of_flown).lines
+    assert line.startswith(f"{copy_of_flown / 'flight.npz'}: cannot be read: this is a pipe")
+    assert list(read_guidance(recorded / "one.tlog").steps) == []
+    with pytest.raises(InputError, match="this is a pipe"):
+        next(read_tlog(recorded / "one.tlog"))
+    with pytest.raises(InputError, match="this is a pipe"):
+        read_start(recorded)
