@@ -13,7 +13,7 @@ from vfguide.commands.live_table import Show, live_table, rows_of
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError, VfguideError
 from vfguide.link.address import parse_link
-from vfguide.link.watch import watching
+from vfguide.link.watch import spectator, watching
 from vfguide.mission import Mission
 from vfguide.record.latency import latency_of
 from vfguide.rehearsal.broker_process import broker_process
@@ -45,7 +45,7 @@ def fly_live(
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
-        VfguideError: a process that should not has ended.
+        VfguideError: a process that should not has ended, or there is no broker at `link`.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
@@ -87,6 +87,10 @@ async def _fly(
         if link is None:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))
             link = f"mqtt://127.0.0.1:{port}"
+        else:
+            # Companions fly on without a broker: that it was never there would show nowhere.
+            async with spectator(parse_link(link), mission.name, Random()):
+                pass
         presences = await stack.enter_async_context(
             watching(parse_link(link), mission.name, random=Random())
         )

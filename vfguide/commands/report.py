@@ -9,6 +9,7 @@ from pathlib import Path
 from vfguide.commands.output import (
     LONGEST_SUMMARY,
     PAGE_NAME,
+    PARTIAL,
     RECORD_NAME,
     REPORT_NAMES,
     SUMMARY_NAME,
@@ -64,6 +65,11 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
         record = FlightRecord.load(first / RECORD_NAME)
         return replace(record, wall_s=recorded_wall_s(first / SUMMARY_NAME))
     if not find_recordings(directories):
+        for left in sorted(first.glob(f"{PARTIAL}*")):
+            if find_recordings([left]):
+                raise InputError(
+                    f"{first}: holds no flight that ended; give {left}, where companions recorded"
+                )
         raise InputError(
             f"{first}: holds neither {RECORD_NAME} nor recordings; give a directory that "
             "`vfguide fly --out` wrote, or companions recorded into"

@@ -179,3 +179,15 @@ def test_a_report_waits_for_no_pipe(
         next(read_tlog(recorded / "one.tlog"))
     with pytest.raises(InputError, match="this is a pipe"):
         read_start(recorded)
+
+
+def test_recordings_that_a_killed_flight_left_are_named(command: Make, tmp_path: Path) -> None:
+    left = tmp_path / ".partial-x"
+    recording = left / "recordings" / "one-20261122T061500Z"
+    recording.mkdir(parents=True)
+    (recording / "recording.json").write_text("{")
+    outcome = command("report", tmp_path)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{tmp_path}: holds no flight that ended; give {left}, where companions recorded"
+    ]
