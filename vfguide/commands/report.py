@@ -37,6 +37,8 @@ def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool)
         InputError: there is no flight in them, it is damaged, or nothing can be written there.
     """
     for directory in directories:
+        if directory.is_file():
+            raise InputError(f"{directory}: is a file; give its directory, {directory.parent}")
         if not directory.is_dir():
             raise InputError(
                 f"{directory}: no such directory; give one that `vfguide fly --out` wrote, "
@@ -64,6 +66,11 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
     if len(directories) == 1 and (first / RECORD_NAME).exists():
         record = FlightRecord.load(first / RECORD_NAME)
         return replace(record, wall_s=recorded_wall_s(first / SUMMARY_NAME))
+    for rehearsal in directories:
+        if (rehearsal / RECORD_NAME).exists():
+            raise InputError(
+                f"{rehearsal}: is a rehearsal, and the report is of one at a time; give it alone"
+            )
     if not find_recordings(directories):
         for left in sorted(first.glob(f"{PARTIAL}*")):
             if find_recordings([left]):

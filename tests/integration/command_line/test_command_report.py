@@ -69,13 +69,28 @@ def test_a_refused_flight_is_reported_without_complaint(
 
 
 def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for path in (tmp_path / "none", tmp_path / "file"):
-        outcome = command("report", path)
-        assert outcome.status == 2
-        assert outcome.lines == [
-            f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
-        ]
+    path = tmp_path / "none"
+    outcome = command("report", path)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
+    ]
+
+
+def test_whoever_names_a_file_is_told_its_directory(command: Make, flown: SimpleNamespace) -> None:
+    record = flown.directory / "flight.npz"
+    outcome = command("report", record)
+    assert outcome.status == 2
+    assert outcome.lines == [f"{record}: is a file; give its directory, {flown.directory}"]
+
+
+def test_a_report_is_of_one_rehearsal(
+    command: Make, flown: SimpleNamespace, copy_of_flown: Path, tmp_path: Path
+) -> None:
+    outcome = command("report", flown.directory, copy_of_flown, "--out", tmp_path / "both")
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
 
 
 def test_a_directory_without_a_record_is_one_line(command: Make, tmp_path: Path) -> None:
