@@ -13,6 +13,7 @@ from vfguide.commands.overrides import (
     SpeedResponseName,
     WindName,
     apply_overrides,
+    blamed,
 )
 from vfguide.commands.shared_options import (
     AsJson,
@@ -82,6 +83,10 @@ def fly(
     """
     if not live:
         refuse_without_live(speedup, link)
+    if force and out is None:
+        raise InputError(
+            "--force: nothing is replaced without --out; add --out DIR, or leave it out"
+        )
     loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
@@ -97,7 +102,7 @@ def fly(
     errors = Terminal(stderr=True)
     for finding in findings:
         if finding.severity != "note":
-            errors.tell(str(finding))
+            errors.tell(str(blamed(finding, overrides)))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG)
     from vfguide.commands.fly import fly as fly_mission
