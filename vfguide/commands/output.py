@@ -4,6 +4,7 @@ Everything is written into a hidden directory inside and moved into place at the
 it never writes through a symbolic link.
 """
 
+import errno
 import json
 import shutil
 import tempfile
@@ -12,7 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vfguide.commands.terminal import Terminal
-from vfguide.errors import InputError
+from vfguide.errors import InputError, VfguideError
+from vfguide.record.archive import WRITE_REMEDY
 from vfguide.regular_file import open_regular
 
 RECORD_NAME = "flight.npz"
@@ -65,12 +67,14 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
     try:
         yield partial
         move_into(out, partial)
-    except BaseException:
+    except BaseException as error:
         # Recordings of a flight that was stopped, logs of one that broke.
         if any(partial.glob("*")):
             errors.tell(f"{partial}: holds what was written so far")
         elif partial.is_dir():
             partial.rmdir()
+        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+            raise VfguideError(f"{out}: {error.strerror}; {WRITE_REMEDY}") from error
         raise
 
 

@@ -18,6 +18,7 @@ from vfguide.commands.output import (
 )
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
+from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
 from vfguide.regular_file import open_regular
@@ -104,7 +105,9 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
             (partial / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
             write_report(record, partial)
     except OSError as error:
-        raise InputError(f"{where}: cannot be written to ({error.strerror})") from error
+        raise InputError(
+            f"{where}: cannot be written to ({error.strerror}); {WRITE_REMEDY}"
+        ) from error
     output = Terminal()
     output.print(summary_table(summary))
     for note in record.notes:

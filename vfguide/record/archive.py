@@ -30,6 +30,9 @@ GREATEST_SIZE = 1024**3
 REMEDY = "give the directory of another flight, or fly it again"
 """For whoever has a record that cannot be read."""
 
+WRITE_REMEDY = "make room there, or give another directory with --out"
+"""For whoever has no place for what is written."""
+
 UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -66,7 +69,9 @@ def write_archive(
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error
 
 
 def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
