@@ -50,6 +50,7 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
 
     Raises:
         InputError: nothing can be written there, or it holds what must not be replaced.
+        VfguideError: the disk is full.
     """
     refuse_foreign(out, mission, own_names(vehicles), force=force)
     try:

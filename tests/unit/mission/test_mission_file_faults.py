@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from vfguide.mission import MissionError, load_mission, parse_mission
 from vfguide.mission.model import Mission
@@ -193,6 +195,15 @@ def test_a_line_needs_a_course_and_only_one() -> None:
     ]:
         (found,) = faults_of(changed((circle, path)))
         assert expected in found
+
+
+@given(
+    number=st.floats(-1e6, 1e6).map(lambda value: f"{value:.3f}"),
+    unit=st.sampled_from(["m", "km", " m/s", "\N{DEGREE SIGN}", "deg", "%", " s"]),
+)
+def test_a_unit_behind_any_number_is_told(number: str, unit: str) -> None:
+    (line,) = faults_of(changed(("kappa: 3", f"kappa: '{number}{unit}'")))
+    assert line.endswith("is not a number; write the number alone, without a unit")
 
 
 def test_a_name_is_proposed_once() -> None:
