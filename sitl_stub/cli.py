@@ -110,7 +110,7 @@ def fly(
     ] = None,
     roughness: Annotated[
         float | None,
-        option("Of the ground, 0.046 to 0.6: the wind then grows with height.", AIR, "M"),
+        option("Of the ground, above 0 to 0.5: the wind then grows with height.", AIR, "M"),
     ] = None,
     start: Annotated[
         str,

@@ -271,6 +271,10 @@ def version_of(aircraft: Aircraft) -> tuple[int, int] | None:
     text = aircraft.autopilot_version
     if text is None:
         return None
+    if aircraft.autopilot != "px4":
+        raise OptionError(
+            "--autopilot-version: only px4 has versions; add --autopilot px4, or leave it out"
+        )
     major, dot, minor = text.partition(".")
     if not (dot and major.isdecimal() and minor.isdecimal()):
         raise OptionError(f"--autopilot-version: {text} is not MAJOR.MINOR")

@@ -1,6 +1,7 @@
 """The ways MAVLink travels: UDP and TCP, waiting for others or speaking first."""
 
 import asyncio
+import errno
 import logging
 import os
 import random
@@ -278,5 +279,7 @@ def reason(error: OSError) -> str:
         return "timed out"
     if isinstance(error, socket.gaierror) or error.errno is None:
         return (error.strerror or str(error)).lower()
+    if error.errno == errno.EADDRINUSE:
+        return "address already in use; end the program that has it, or choose another port"
     # asyncio puts a sentence with the address in it where the system's own words belong.
     return os.strerror(error.errno).lower()

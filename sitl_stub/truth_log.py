@@ -13,6 +13,9 @@ from sitl_stub.truth import Truth
 
 MAX_RATE_HZ = 1000.0
 
+BEGINNING = b'{"system_id": '
+"""Of every line."""
+
 Write = Callable[[bytes], object]
 """Takes one line; each reaches its reader whole."""
 
@@ -43,7 +46,9 @@ class TruthLog:
 
 @contextmanager
 def truth_target(target: str | None, *, rate_hz: float) -> Iterator[Write | None]:
-    """How to write into `udpout://host:port` or a file (overwritten), open as long as its context lasts.
+    """How to write into `udpout://host:port` or a file, open as long as its context lasts.
+
+    A file of earlier true states is overwritten, any other is not.
 
     Raises:
         AddressError: on entering, the target cannot be written to; the message is one line.
@@ -62,11 +67,25 @@ def truth_target(target: str | None, *, rate_hz: float) -> Iterator[Write | None
 def lines(path: Path) -> Iterator[Write]:
     """Each line reaches the file whole and at once, so that it is readable whenever this ends."""
     try:
+        if path.is_file() and not begins_like_truth(path):
+            raise AddressError(
+                f"{str(path)!r}: is there already, and holds no true states; remove it, or name another file"
+            )
         file = path.open("wb", buffering=0)
     except OSError as error:
         raise AddressError(f"{str(path)!r}: cannot be written to ({error.strerror})") from error
     with file:
         yield file.write
+
+
+def begins_like_truth(path: Path) -> bool:
+    """Whether a file is empty, or begins as one that was written here, whole or cut off.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        return BEGINNING.startswith(file.read(len(BEGINNING)))
 
 
 @contextmanager

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from vfguide.commands.shared_options import directory
+
 # What measures is imported where it is called: every command reads these options, few measure.
 
 bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
@@ -13,7 +15,8 @@ JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Where all figures go.")
 ]
 Directory = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Where tables, plots and JSON go.")
+    Path | None,
+    typer.Option(metavar="DIR", help="Where tables, plots and JSON go.", parser=directory),
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
 Scheduler = Annotated[

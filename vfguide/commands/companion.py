@@ -70,7 +70,11 @@ def read_key(file: Path) -> bytes:
     try:
         return signing_key(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: cannot be read ({error})") from error
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise InputError(
+            f"{file}: cannot be read ({reason}); give a file with a key of 64 hex digits"
+            " with --signing-key-file"
+        ) from error
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 

@@ -13,6 +13,7 @@ from vfguide.commands.overrides import (
     SpeedResponseName,
     WindName,
     apply_overrides,
+    blamed,
 )
 from vfguide.commands.shared_options import (
     AsJson,
@@ -23,6 +24,7 @@ from vfguide.commands.shared_options import (
     MissionOption,
     Speedup,
     VehicleName,
+    directory,
 )
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
@@ -52,7 +54,11 @@ def fly(
     seed: Annotated[int | None, typer.Option(metavar="N", help="Of everything random.")] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where summary, report, record and .tlog files go."),
+        typer.Option(
+            metavar="DIR",
+            help="Where summary, report, record and .tlog files go.",
+            parser=directory,
+        ),
     ] = None,
     force: Force = False,
     live: Annotated[
@@ -77,6 +83,10 @@ def fly(
     """
     if not live:
         refuse_without_live(speedup, link)
+    if force and out is None:
+        raise InputError(
+            "--force: nothing is replaced without --out; add --out DIR, or leave it out"
+        )
     loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
@@ -92,7 +102,7 @@ def fly(
     errors = Terminal(stderr=True)
     for finding in findings:
         if finding.severity != "note":
-            errors.tell(str(finding))
+            errors.tell(str(blamed(finding, overrides)))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG)
     from vfguide.commands.fly import fly as fly_mission
@@ -136,7 +146,10 @@ def judge(
     ],
     link: LinkUrl,
     start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where summary, report and record go.")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="Where summary, report and record go.", parser=directory),
+    ],
     duration: Duration = None,
     speedup: Speedup = 1.0,
     patience: Annotated[

@@ -9,8 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
-from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, kept_in
+from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kept_in
 from vfguide.commands.terminal import Terminal, flight_progress
+from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import Flight, fly_lockstep
 from vfguide.report.metrics import summarise, summary_json
@@ -28,12 +29,13 @@ def fly(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> in
 
     Raises:
         InputError: the directory cannot be written to, or holds something else.
+        VfguideError: the flight was stopped, and an earlier one stays.
     """
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:
         flight = flown(mission, errors, title, logged=out is not None)
-        return conclude(flight, directory, out=out, as_json=as_json)
+        return conclude(flight, directory, out=out, force=force, as_json=as_json)
 
 
 def output_of(
@@ -61,24 +63,38 @@ def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> Fl
         )
 
 
-def conclude(flight: Flight, directory: Path | None, *, out: Path | None, as_json: bool) -> int:
+def conclude(
+    flight: Flight, directory: Path | None, *, out: Path | None, force: bool, as_json: bool
+) -> int:
     """Keep and print what a flight came to, and return the exit status.
 
     Args:
         flight: as flown.
         directory: to write into; None keeps nothing.
         out: where that will be moved to.
+        force: whether a flight that was stopped may take the place of an earlier one.
         as_json: whether standard output is the summary alone.
+
+    Raises:
+        VfguideError: the flight was stopped, and the earlier one in `out` stays.
     """
+    if flight.interrupted:
+        then = "" if directory is None else "; the report is being written"
+        Terminal(stderr=True).tell(
+            f"stopped after {flight.record.duration_s:.1f} s of flight{then}"
+        )
     record = replace(flight.record, interrupted=flight.interrupted, latency=flight.latency)
     flight = replace(flight, record=record)
     summary = summarise(record)
     if directory is not None:
         keep(flight, summary, directory)
-    show(summary, flight, out, as_json=as_json)
+    earlier_stays = (
+        flight.interrupted and out is not None and flown_before(out) is not None and not force
+    )
+    show(summary, flight, directory if earlier_stays else out, as_json=as_json)
+    if earlier_stays:
+        raise VfguideError(f"{out}: the earlier flight stays; --force would have replaced it")
     if flight.interrupted:
-        text = f"stopped after {record.duration_s:.1f} s of flight"
-        Terminal(stderr=True).tell(text)
         return BROKEN
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
 

@@ -13,7 +13,7 @@ from vfguide.commands.live_table import Show, live_table, rows_of
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError, VfguideError
 from vfguide.link.address import parse_link
-from vfguide.link.watch import watching
+from vfguide.link.watch import spectator, watching
 from vfguide.mission import Mission
 from vfguide.record.latency import latency_of
 from vfguide.rehearsal.broker_process import broker_process
@@ -45,7 +45,7 @@ def fly_live(
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
-        VfguideError: a process that should not has ended.
+        VfguideError: a process that should not has ended, or there is no broker at `link`.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
@@ -59,9 +59,17 @@ def fly_live(
         ):
             directory = kept or Path(scratch)
             flight = asyncio.run(
-                _fly(mission, link, speedup=speedup, directory=directory, show=show, stop=stop)
+                _fly(
+                    mission,
+                    link,
+                    speedup=speedup,
+                    directory=directory,
+                    show=show,
+                    stop=stop,
+                    tell=errors.tell,
+                )
             )
-        return conclude(flight, kept, out=out, as_json=as_json)
+        return conclude(flight, kept, out=out, force=force, as_json=as_json)
 
 
 async def _fly(
@@ -72,12 +80,17 @@ async def _fly(
     directory: Path,
     show: Show,
     stop: Callable[[], bool],
+    tell: Callable[[str], None],
 ) -> Flight:
     """The flight itself, to its end or until told to stop."""
     async with AsyncExitStack() as stack:
         if link is None:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))
             link = f"mqtt://127.0.0.1:{port}"
+        else:
+            # Companions fly on without a broker: that it was never there would show nowhere.
+            async with spectator(parse_link(link), mission.name, Random()):
+                pass
         presences = await stack.enter_async_context(
             watching(parse_link(link), mission.name, random=Random())
         )
@@ -95,6 +108,8 @@ async def _fly(
             show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
+        if interrupted:
+            tell("stopping: the companions hand their vehicles back")
         if not flies and flight.judge.time_s < 0.0:
             raise VfguideError("stopped before the aircraft were in the air: nothing was flown")
         wall_s = time.perf_counter() - began

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vfguide.commands.check import findings_of, report_findings
-from vfguide.commands.shared_options import AsJson, LinkUrl, MissionFile
+from vfguide.commands.shared_options import AsJson, Force, LinkUrl, MissionFile, directory
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
 
@@ -59,13 +59,19 @@ def report(
             metavar="DIR...",
             help="What `vfguide fly --out DIR` wrote, or what companions recorded: the directory "
             "above their recordings, or several of them.",
+            parser=directory,
         ),
     ],
     *,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where the report goes, if not into the one DIR."),
+        typer.Option(
+            metavar="DIR",
+            help="Where the report goes, if not into the one DIR.",
+            parser=directory,
+        ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write the report of a flight, rehearsed or recorded.
 
@@ -73,4 +79,4 @@ def report(
     """
     from vfguide.commands.report import write_reports
 
-    write_reports(directories, out)
+    write_reports(directories, out, force=force)

@@ -67,7 +67,7 @@ def judge_flight(
                     stop=stop,
                 )
             )
-        return conclude(flight, directory, out=out, as_json=as_json)
+        return conclude(flight, directory, out=out, force=force, as_json=as_json)
 
 
 async def _watch(

@@ -4,6 +4,7 @@ Everything is written into a hidden directory inside and moved into place at the
 it never writes through a symbolic link.
 """
 
+import errno
 import json
 import shutil
 import tempfile
@@ -11,7 +12,10 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from vfguide.errors import InputError
+from vfguide.commands.terminal import Terminal
+from vfguide.errors import InputError, VfguideError
+from vfguide.record.archive import WRITE_REMEDY
+from vfguide.regular_file import open_regular
 
 RECORD_NAME = "flight.npz"
 SUMMARY_NAME = "summary.json"
@@ -21,14 +25,14 @@ RECORDINGS = "recordings"
 
 PLOT_NAMES = ("tracks", "errors", "setpoints", "separation", "wind")
 
-SHARED_NAMES = (
-    *(SUMMARY_NAME, RECORD_NAME, PAGE_NAME, RECORDINGS, "mission.yaml", "broker.log"),
-    *(f"{name}.png" for name in PLOT_NAMES),
-)
+REPORT_NAMES = (SUMMARY_NAME, PAGE_NAME, *(f"{name}.png" for name in PLOT_NAMES))
+"""What a report consists of."""
+
+SHARED_NAMES = (*REPORT_NAMES, RECORD_NAME, RECORDINGS, "mission.yaml", "broker.log")
 VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
 
 PARTIAL = ".partial-"
-"""How the hidden directory's name begins. One that a killed program left is removed by the next."""
+"""How the hidden directory's name begins. One that a flight left is never removed: it may hold recordings."""
 
 LONGEST_SUMMARY = 4 * 1024**2
 """Bytes."""
@@ -46,6 +50,7 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
 
     Raises:
         InputError: nothing can be written there, or it holds what must not be replaced.
+        VfguideError: the disk is full.
     """
     refuse_foreign(out, mission, own_names(vehicles), force=force)
     try:
@@ -57,14 +62,21 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
             f"{out}: cannot be written to ({reason}); give another directory with --out"
         ) from error
     partial.chmod(0o755)
+    errors = Terminal(stderr=True)
+    for left in sorted({path.parent for path in out.glob(f"{PARTIAL}*/*")}):
+        errors.tell(f"{left}: left by a flight that did not end; remove it once nobody needs it")
     try:
         yield partial
-    except BaseException:
-        # Logs of a flight that broke are left, for whoever wants to know why; the next flight removes them.
-        if not any(partial.iterdir()):
+        move_into(out, partial)
+    except BaseException as error:
+        # Recordings of a flight that was stopped, logs of one that broke.
+        if any(partial.glob("*")):
+            errors.tell(f"{partial}: holds what was written so far")
+        elif partial.is_dir():
             partial.rmdir()
+        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+            raise VfguideError(f"{out}: {error.strerror}; {WRITE_REMEDY}") from error
         raise
-    move_into(out, partial)
 
 
 def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: bool) -> None:
@@ -106,7 +118,7 @@ def flown_before(out: Path) -> tuple[str, list[str]] | None:
     try:
         if path.is_symlink():
             return None
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             summary = json.loads(file.read(LONGEST_SUMMARY))
         return str(summary["mission"]), [str(name) for name in summary["vehicles"]]
     except (OSError, ValueError, TypeError, LookupError, RecursionError):
@@ -125,8 +137,7 @@ def move_into(out: Path, partial: Path) -> None:
             remove(out / name)
     for path in partial.iterdir():
         path.replace(out / path.name)
-    for left in out.glob(f"{PARTIAL}*"):
-        remove(left)
+    partial.rmdir()
 
 
 def remove(path: Path) -> None:

@@ -1,13 +1,14 @@
 """A mission with what the command line says in the place of what the file says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
 from vfguide.mission.explain import explain
-from vfguide.mission.location import Location
+from vfguide.mission.finding import Finding
+from vfguide.mission.location import Location, dotted
 from vfguide.mission.model import Mission
 
 ControllerName = Literal["slot", "article", "pid", "mpc"]
@@ -57,6 +58,22 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
             for one in explain(error)
         )
         raise InputError("\n".join(lines)) from error
+
+
+def blamed(finding: Finding, overrides: Overrides) -> Finding:
+    """The same finding, with options in place of the fields that the command line overrides."""
+    for location, option in OPTIONS.items():
+        if getattr(overrides, str(location[-1])) is None:
+            continue
+        field = dotted(location)
+        finding = replace(
+            finding,
+            message=finding.message.replace(field, option),
+            remedy=finding.remedy.replace(field, option),
+        )
+        if finding.location == location:
+            finding = replace(finding, location=(option,), file=None, line=None)
+    return finding
 
 
 def overridden(mission: Mission, overrides: Overrides) -> Mission:

@@ -9,29 +9,37 @@ from pathlib import Path
 from vfguide.commands.output import (
     LONGEST_SUMMARY,
     PAGE_NAME,
+    PARTIAL,
     RECORD_NAME,
+    REPORT_NAMES,
     SUMMARY_NAME,
+    refuse_foreign,
     written_beside,
 )
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
+from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
+from vfguide.regular_file import open_regular
 from vfguide.report.metrics import summarise, summary_json
 from vfguide.report.table import summary_table
 
 
-def write_reports(directories: Sequence[Path], out: Path | None) -> None:
+def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool) -> None:
     """Write summary, plots and page of the flight that some directories hold.
 
     Args:
         directories: one that `fly --out` wrote; or recordings, or directories that hold them.
         out: where to; into the only directory if absent.
+        force: whether files of another flight, or of something else, may be replaced.
 
     Raises:
         InputError: there is no flight in them, it is damaged, or nothing can be written there.
     """
     for directory in directories:
+        if directory.is_file():
+            raise InputError(f"{directory}: is a file; give its directory, {directory.parent}")
         if not directory.is_dir():
             raise InputError(
                 f"{directory}: no such directory; give one that `vfguide fly --out` wrote, "
@@ -41,7 +49,10 @@ def write_reports(directories: Sequence[Path], out: Path | None) -> None:
     if out is None and len(directories) > 1:
         raise InputError("say with --out where the report of several directories goes")
     where = directories[0] if out is None else out
-    if where.is_symlink():
+    # The report beside a rehearsal's own record is that rehearsal's, whatever became of its summary.
+    if out is not None or not (where / RECORD_NAME).exists():
+        refuse_foreign(where, record.mission, REPORT_NAMES, force=force)
+    elif where.is_symlink():
         raise InputError(f"{where}: is a symbolic link; give the directory that it leads to")
     write_report_of(record, where)
 
@@ -56,7 +67,17 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
     if len(directories) == 1 and (first / RECORD_NAME).exists():
         record = FlightRecord.load(first / RECORD_NAME)
         return replace(record, wall_s=recorded_wall_s(first / SUMMARY_NAME))
+    for rehearsal in directories:
+        if (rehearsal / RECORD_NAME).exists():
+            raise InputError(
+                f"{rehearsal}: is a rehearsal, and the report is of one at a time; give it alone"
+            )
     if not find_recordings(directories):
+        for left in sorted(first.glob(f"{PARTIAL}*")):
+            if find_recordings([left]):
+                raise InputError(
+                    f"{first}: holds no flight that ended; give {left}, where companions recorded"
+                )
         raise InputError(
             f"{first}: holds neither {RECORD_NAME} nor recordings; give a directory that "
             "`vfguide fly --out` wrote, or companions recorded into"
@@ -84,7 +105,9 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
             (partial / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
             write_report(record, partial)
     except OSError as error:
-        raise InputError(f"{where}: cannot be written to ({error.strerror})") from error
+        raise InputError(
+            f"{where}: cannot be written to ({error.strerror}); {WRITE_REMEDY}"
+        ) from error
     output = Terminal()
     output.print(summary_table(summary))
     for note in record.notes:
@@ -95,7 +118,7 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
 def recorded_wall_s(path: Path) -> float | None:
     """How long the flight took, s, as its first summary tells; the record does not."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             wall_s = float(json.loads(file.read(LONGEST_SUMMARY))["wall_s"])
     # Whatever became of the file: it is about to be written anew.
     except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):

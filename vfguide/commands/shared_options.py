@@ -5,6 +5,20 @@ from typing import Annotated
 
 import typer
 
+from vfguide.errors import InputError
+
+
+def directory(text: str) -> Path:
+    """A directory by its name.
+
+    Raises:
+        InputError: the name is empty, as of a variable that is not set: it would be the current directory.
+    """
+    if not text:
+        raise InputError("DIR: is empty; name a directory, or . for the one you are in")
+    return Path(text)
+
+
 MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
 MissionOption = Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")]
 VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")]

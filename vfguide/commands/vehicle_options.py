@@ -5,7 +5,13 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.shared_options import AutopilotUrl, LinkUrl, MissionOption, VehicleName
+from vfguide.commands.shared_options import (
+    AutopilotUrl,
+    LinkUrl,
+    MissionOption,
+    VehicleName,
+    directory,
+)
 from vfguide.mission import read_mission
 
 # What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
@@ -24,7 +30,10 @@ def companion(
         ),
     ] = False,
     record: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Record every start in a directory below.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Record every start in a directory below.", parser=directory
+        ),
     ] = None,
     state: Annotated[
         Path | None,
@@ -32,6 +41,7 @@ def companion(
             metavar="DIR",
             help="Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or"
             " XDG_STATE_HOME.",
+            parser=directory,
         ),
     ] = None,
     signing_key_file: Annotated[
@@ -77,7 +87,8 @@ def identify(
         float, typer.Option(metavar="X", help="The emulator's time in parts of real time.")
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Keep profile and picture there.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Keep profile and picture there.", parser=directory),
     ] = None,
 ) -> None:
     """Fly small steps of course and speed, and find how the autopilot answers.

@@ -13,6 +13,7 @@ from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightRecord
 from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.recording import files_of
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.rehearsal.recorder import MODES, drawn_path, local_positions
 
@@ -46,6 +47,8 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         parts.setdefault(one.start.vehicle, []).append((one, shift))
     flown = [name for name in names if any(len(one.telemetry.positions) for one, _ in parts[name])]
     if mission.leader.vehicle not in flown:
+        for one, _ in parts[mission.leader.vehicle]:
+            raise InputError(f"{without_position(one)}; the leader's is needed")
         where = ", ".join(str(one.directory) for one in found.recordings[:3])
         raise InputError(
             f"{where}: no position of the leader {mission.leader.vehicle!r} is recorded; "
@@ -77,7 +80,7 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         duration_s=float(time_s[-1]),
         wall_s=None,
         acceptance=Acceptance(**mission.acceptance.model_dump()),
-        notes=notes_of(found, [name for name in names if name not in flown]),
+        notes=notes_of(found, [name for name in names if not parts[name]]),
     )
 
 
@@ -86,8 +89,20 @@ def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
     notes = [ESTIMATES, f"The recordings are joined by {found.clock}."]
     if missing:
         notes.append(f"Not recorded: {', '.join(missing)}.")
+    notes += [
+        f"{without_position(one)}." for one in found.recordings if not len(one.telemetry.positions)
+    ]
     notes.append("Moments of which a vehicle's recording says nothing are in no figure.")
     return (*notes, *(f"{note[0].upper()}{note[1:]}." for note in found.notes))
+
+
+def without_position(one: Recorded) -> str:
+    """What is wrong with a recording that tells nothing of its vehicle."""
+    tlog, _ = files_of(one.directory, one.start.vehicle)
+    return (
+        f"{tlog}: no position of system {one.start.system_id} is in it: "
+        "its autopilot was not heard, or the file is damaged or another system's"
+    )
 
 
 def span_of(parts: dict[str, list[tuple[Recorded, float]]]) -> tuple[float, float]:

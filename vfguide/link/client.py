@@ -16,7 +16,7 @@ from paho.mqtt.client import MQTT_ERR_SUCCESS
 from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress
+from vfguide.link.address import ENVIRONMENT_VARIABLE, LinkAddress
 
 KEEPALIVE_S = 2
 """After this long without a word from the broker it is asked whether it lives."""
@@ -42,6 +42,7 @@ SOCKET_OPTIONS = (
 UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
 NUMBERED = re.compile(r"^\[(Errno -?\d+|SSL: \w+|SSL)\] *| \(_ssl\.c:\d+\)$")
 ALERT = re.compile(r"\[SSL: \w*ALERT\w*\] \w+ alert (?P<what>.*?)( \(_ssl\.c:\d+\))?$")
+REMEDY = "start a broker there, or correct the address of the link"
 REFUSALS = (134, 135)
 """Bad user name or password, and not authorized; brokers use either for a wrong password."""
 
@@ -254,13 +255,17 @@ def reason_of(error: Exception) -> str:
     """Why there is no connection, in one line."""
     code = getattr(getattr(error, "rc", None), "value", None)
     if code in REFUSALS:
-        return "refused: wrong user name or password, or not allowed"
+        return (
+            "refused: wrong user name or password, or not allowed; give the password in "
+            f"{ENVIRONMENT_VARIABLE} and the user name in the address, or have the broker allow them"
+        )
     text = " ".join(str(error).split()) or type(error).__name__
     untrusted = UNTRUSTED.search(text)
     if untrusted:
         return f"the broker's certificate is not trusted: {untrusted['why']}"
     if text in {"Operation timed out", "timed out"}:
-        return "the broker does not answer"
+        return f"the broker does not answer; {REMEDY}"
     if text == "Disconnected during message iteration":
         return "the connection was lost"
-    return NUMBERED.sub("", text)
+    text = NUMBERED.sub("", text)
+    return f"{text}; {REMEDY}" if text == "Connection refused" else text

@@ -9,6 +9,9 @@ from vfguide.mavlink.address import Address
 
 logger = logging.getLogger(__name__)
 
+REMEDY = "it is tried for ever: see that the autopilot is on, and that --mavlink names its end"
+"""Whatever keeps it from being connected: a port that is not there, nobody who listens, nobody who speaks."""
+
 
 class Status:
     """Of one connection."""
@@ -51,7 +54,8 @@ class Status:
         if connected:
             logger.info("MAVLink %s: connected, %s", self._address, detail, extra=fields)
         else:
-            logger.warning("MAVLink %s: not connected, %s", self._address, detail, extra=fields)
+            text = f"MAVLink {self._address}: not connected, {detail}; {REMEDY}"
+            logger.warning("%s", text, extra=fields)
 
     def _fields(self, detail: str) -> dict[str, str | bool]:
         return {

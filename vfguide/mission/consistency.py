@@ -17,8 +17,11 @@ DEFAULT_MIN_SEPARATION_M = 5.0
 DEFAULT_AIRSPEED_RANGE_M_S = (12.0, 32.0)
 """Lowest and highest airspeed of a vehicle (m/s) where a mission does not say."""
 
-MAX_FOLLOWERS = 254
-"""MAVLink has 255 system ids, and the leader has one of them."""
+MAX_FOLLOWERS = 253
+"""MAVLink has 255 system ids; the leader has one of them, ground stations another."""
+
+GROUND_STATION = 255
+"""System id that ground stations have, and no vehicle."""
 
 LEADER = "leader"
 """Key of the leader under `rehearsal.start`, whatever its vehicle is called."""
@@ -160,7 +163,7 @@ def _unused_vehicles(data: Mapping[str, object]) -> Iterator[Inconsistency]:
 
 def _shared_system_ids(data: Mapping[str, object]) -> Iterator[Inconsistency]:
     """Vehicles that MAVLink could not tell apart."""
-    owners: dict[float, str] = {}
+    owners: dict[float, str] = {GROUND_STATION: "the ground station"}
     for name, vehicle in _group(data, "vehicles").items():
         system_id = _number(_group(vehicle).get("system_id"))
         if system_id is None:
@@ -169,7 +172,7 @@ def _shared_system_ids(data: Mapping[str, object]) -> Iterator[Inconsistency]:
             yield Inconsistency(
                 ("vehicles", name, "system_id"),
                 f"{system_id:.0f} is also {owners[system_id]}'s",
-                "give each vehicle its own number from 1 to 255",
+                "give each vehicle its own number from 1 to 254",
             )
         owners.setdefault(system_id, name)
 
@@ -209,7 +212,7 @@ def _strangers_at_the_start(data: Mapping[str, object]) -> Iterator[Inconsistenc
             yield Inconsistency(
                 ("rehearsal", "start", name),
                 f"'{name}' is neither 'leader' nor a follower",
-                f"use one of: {', '.join(names)}",
+                f"use one of: {', '.join(dict.fromkeys(names))}",
             )
 
 

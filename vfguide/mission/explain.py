@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -36,6 +37,9 @@ REMEDIES = {
     "line_without_slope": "add slope, or use point and course_deg",
 }
 
+
+WITH_UNIT = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)\s*[^\d\s.,:eE+-]")
+"""The beginning of a number with something behind it, such as a unit."""
 
 WRITTEN_OUT = 10**15
 """Whole numbers below this are quoted to the last digit."""
@@ -96,6 +100,15 @@ def _wrong_kind(detail: ErrorDetails, place: Place) -> Explanation:
     value = detail["input"]
     if value is None:
         return Explanation(place.location, "is left empty", f"{remedy}, or remove the field")
+    if (
+        isinstance(value, str)
+        and detail["type"] in {"float_type", "int_type"}
+        and WITH_UNIT.match(value)
+    ):
+        remedy = "write the number alone, without a unit"
+    if isinstance(value, float) and detail["type"] == "int_type":
+        whole = "write a whole number, without a point"
+        return Explanation(place.location, f"{value!r:.20} is not {expected}", whole)
     return Explanation(place.location, f"{described(value)} is not {expected}", remedy)
 
 

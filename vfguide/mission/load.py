@@ -1,7 +1,5 @@
 """Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
 
-import os
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from vfguide.mission.faults import Fault, MissionError
 from vfguide.mission.location import Location, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import Tree, TreeError, read_tree
+from vfguide.regular_file import PipeOrDeviceError, open_regular
 
 MAX_BYTES = 1024 * 1024
 """Far beyond any mission; what is larger is something else."""
@@ -78,13 +77,12 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
 def _read_bytes(path: Path) -> bytes:
     file = str(path)
     try:
-        # Opened without waiting: a pipe that nobody writes to would let nobody read for ever.
-        with open(path, "rb", opener=open_at_once) as stream:
-            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                raise _error(file, "this is a pipe or a device", "give the path of a mission file")
+        with open_regular(path) as stream:
             content = stream.read(MAX_BYTES + 1)
     except FileNotFoundError as error:
         raise _error(file, "there is no such file", "give the path of a mission file") from error
+    except PipeOrDeviceError as error:
+        raise _error(file, str(error.strerror), "give the path of a mission file") from error
     except IsADirectoryError as error:
         raise _error(file, "this is a directory", "give the path of a mission file") from error
     except (OSError, ValueError) as error:
@@ -93,11 +91,6 @@ def _read_bytes(path: Path) -> bytes:
     if len(content) > MAX_BYTES:
         raise _error(file, "larger than 1 MiB", "this is no mission file")
     return content
-
-
-def open_at_once(path: str, flags: int) -> int:
-    """A descriptor of a file that is not waited for."""
-    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _decode(content: bytes, file: str) -> str:

@@ -28,7 +28,7 @@ PUBLISH_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guarantee:
-    """The pair of vehicles that could come nearest."""
+    """The pair of vehicles that could come nearest, in space."""
 
     distance_m: float
     """How near."""
@@ -39,12 +39,22 @@ class Guarantee:
 
 
 def least_guarantee(mission: Mission) -> Guarantee | None:
-    """The least distance that is kept from a vehicle that leaves its slot; None for a single vehicle."""
-    places = {mission.leader.vehicle: 0j}
+    """The least distance that is kept from a vehicle that leaves its slot; None for a single vehicle.
+
+    Heights of slots are kept meanwhile: the distance in space is that in the plane and that of the heights.
+    """
+    places, heights = {mission.leader.vehicle: 0j}, {mission.leader.vehicle: 0.0}
     for follower in mission.followers:
         places[follower.vehicle] = complex(follower.slot.forward_m, follower.slot.right_m)
+        heights[follower.vehicle] = follower.slot.up_m
     found = [
-        Guarantee(distance_m=kept_from(mission, own, places, other), own=own, other=other)
+        Guarantee(
+            distance_m=math.hypot(
+                kept_from(mission, own, places, other), heights[own] - heights[other]
+            ),
+            own=own,
+            other=other,
+        )
         for own in places
         for other in places
         if own != other
@@ -53,7 +63,7 @@ def least_guarantee(mission: Mission) -> Guarantee | None:
 
 
 def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str) -> float:
-    """Distance (m) that a vehicle can keep from another that turns at its bank limit.
+    """Distance (m) in the plane that a vehicle can keep from another that turns at its bank limit.
 
     Args:
         mission: the mission.
@@ -108,7 +118,7 @@ def distance_kept_from_strays(mission: Mission, conditions: Conditions) -> Itera
         return
     what = (
         f"should '{least.other}' leave its place at its bank limit, '{least.own}' can stay "
-        f"{least.distance_m:.0f} m clear of it in the plane"
+        f"{least.distance_m:.0f} m clear of it"
     )
     if least.distance_m >= PROMISED_M:
         yield Finding("note", ("followers",), f"{what}: the least of any two")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vfguide.errors import InputError
+from vfguide.regular_file import open_regular
 
 AnyArray = NDArray[np.generic]
 
@@ -25,6 +26,12 @@ DESCRIPTION = "description"
 
 GREATEST_SIZE = 1024**3
 """Bytes of all arrays: four vehicles for a whole day at 20 Hz. Packed, zeros take a thousandth of it."""
+
+REMEDY = "give the directory of another flight, or fly it again"
+"""For whoever has a record that cannot be read."""
+
+WRITE_REMEDY = "make room there, or give another directory with --out"
+"""For whoever has no place for what is written."""
 
 UNREADABLE = (
     zipfile.BadZipFile,
@@ -62,7 +69,9 @@ def write_archive(
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error
 
 
 def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
@@ -73,26 +82,28 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
     """
     try:
         # Given a path, NumPy leaves the file open when what it holds is no archive.
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             if (size := unpacked_size(stream)) > GREATEST_SIZE:
                 raise InputError(
                     f"{path}: is no flight record: unpacked it would be {size / 1e6:.0f} MB, "
-                    f"more than {GREATEST_SIZE / 1e6:.0f} MB"
+                    f"more than {GREATEST_SIZE / 1e6:.0f} MB; {REMEDY}"
                 )
             stored = np.load(stream, allow_pickle=False)
             if not isinstance(stored, np.lib.npyio.NpzFile):
-                raise InputError(f"{path}: is no flight record, but a single NumPy array")
+                raise InputError(f"{path}: is no flight record, but a single NumPy array; {REMEDY}")
             arrays: dict[str, AnyArray] = {name: stored[name] for name in stored.files}
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}; {REMEDY}") from error
     except UNREADABLE as error:
-        raise InputError(f"{path}: is no flight record, or a damaged one") from error
+        raise InputError(f"{path}: is no flight record, or a damaged one; {REMEDY}") from error
     try:
         description = json.loads(str(arrays.pop(DESCRIPTION)))
     except (LookupError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no flight record: it has no description") from error
+        raise InputError(f"{path}: is no flight record: it has no description; {REMEDY}") from error
     if not isinstance(description, dict):
-        raise InputError(f"{path}: is no flight record: its description is no JSON object")
+        raise InputError(
+            f"{path}: is no flight record: its description is no JSON object; {REMEDY}"
+        )
     return description, arrays
 
 

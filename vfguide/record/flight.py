@@ -12,7 +12,7 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.record.archive import AnyArray, read_archive, write_archive
+from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
 from vfguide.record.vehicle import (
     SERIES,
@@ -150,17 +150,18 @@ class FlightRecord:
         """
         description, arrays = read_archive(path)
         if description.get("format") != FORMAT:
-            raise InputError(f"{path}: is no flight record: its format is not {FORMAT}")
+            raise InputError(f"{path}: is no flight record: its format is not {FORMAT}; {REMEDY}")
         if description.get("version") != VERSION:
             version = description.get("version")
             raise InputError(
-                f"{path}: is a flight record of version {version!r:.20}, this program reads {VERSION}"
+                f"{path}: is a flight record of version {version!r:.20}, this program reads "
+                f"{VERSION}; {REMEDY}"
             )
         try:
             return _compose(description, arrays)
         except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
             reason = " ".join(str(error).split())[:200]
-            raise InputError(f"{path}: is a damaged flight record: {reason}") from error
+            raise InputError(f"{path}: is a damaged flight record: {reason}; {REMEDY}") from error
 
 
 TEXTS = ("mission", "controller", "plant", "wind", "mode")

@@ -11,8 +11,11 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
+
+from vfguide.regular_file import open_regular
 
 SUFFIX = ".guidance.csv"
 """Follows the vehicle's name."""
@@ -94,7 +97,7 @@ def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
     for path in paths:
         with (
             suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
-            path.open(newline="", encoding="utf-8") as file,
+            TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
         ):
             steps.extend(_step(row, zero_s) for row in csv.DictReader(_whole_lines(file)))
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))

@@ -11,6 +11,7 @@ Each is written once or only ever appended to: none needs an orderly end.
 
 import json
 import math
+import shutil
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -27,6 +28,7 @@ from vfguide.mission.model import Mission
 from vfguide.record.disk_writer import DiskWriter, GrowingFile
 from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
 from vfguide.record.tlog import stamped
+from vfguide.regular_file import open_regular
 
 FORMAT, VERSION = "vfguide-recording", 1
 
@@ -125,6 +127,7 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
     )
     content = mission.model_dump(mode="json", exclude_unset=True)
     text = json.dumps({"format": FORMAT, "version": VERSION, **asdict(start)}, indent=2)
+    directory = None
     try:
         parent.mkdir(parents=True, exist_ok=True)
         directory = new_directory(parent, start)
@@ -132,6 +135,9 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
         write_synced(directory / DESCRIPTION_NAME, text + "\n")
         return Recording(directory, start)
     except OSError as error:
+        if directory is not None:
+            # A start that failed is none: its directory would be taken for a recording.
+            shutil.rmtree(directory, ignore_errors=True)
         reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
         raise InputError(
             f"{parent}: cannot be recorded to ({reason}); "
@@ -205,10 +211,12 @@ def read_start(directory: Path) -> Start:
     """
     path = directory / DESCRIPTION_NAME
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = json.loads(file.read(LONGEST_DESCRIPTION))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror or error}; give another recording's directory"
+        ) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is no recording, or a damaged one") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from vfguide.errors import InputError
 from vfguide.mavlink.framing import Frame, end_of_frame, frame_at, frames_of
+from vfguide.regular_file import open_regular
 
 TIMESTAMP = struct.Struct(">Q")
 
@@ -73,7 +74,7 @@ def read_tlog(path: Path) -> Iterator[StampedFrame]:
         InputError: it cannot be read, or is too large to be the log of a flight.
     """
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             if stream.seek(0, 2) > GREATEST_SIZE:
                 raise InputError(f"{path}: is larger than 2 GB; give the recording of one flight")
             stream.seek(0)

@@ -1,16 +1,20 @@
 """The processes of a live rehearsal, and how they are started, killed and waited for."""
 
 import asyncio
+import ctypes
 import os
 import signal
 import socket
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 PATIENCE_S = 10.0
 """Real time that a process gets to end cleanly before it is killed."""
+
+PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl: a signal to this process when the one that started it is gone."""
 
 
 class Process:
@@ -55,6 +59,7 @@ class Process:
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
                 # Ctrl-C is for the rehearsal alone; it then tells its processes to stop.
                 start_new_session=True,
+                preexec_fn=ends_with(os.getpid()),
             )
 
     async def kill(self) -> None:
@@ -81,6 +86,25 @@ class Process:
         """The last line that it wrote."""
         lines = self._log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else ""
+
+
+def ends_with(parent: int) -> Callable[[], None] | None:
+    """What a child runs before its program, to be told to stop when its parent is gone, even by `kill -9`.
+
+    Args:
+        parent: number of the process that starts it.
+    """
+    if sys.platform != "linux":
+        return None
+    prctl = ctypes.CDLL(None).prctl
+
+    def ask() -> None:
+        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            # It was gone before this was asked for.
+            os._exit(1)
+
+    return ask
 
 
 def python_module(module: str, *arguments: str) -> list[str]:

@@ -64,16 +64,18 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
             linewidth=1.1,
             label=plain_text(follower.name),
         )
-    low, high = extent([np.maximum(errors, LEAST_DRAWN_M)])
+    limits = (
+        ("mean", record.acceptance.mean_error_m),
+        ("greatest", record.acceptance.max_error_m),
+    )
+    # A text beside a limit out of sight would leave no room for the axes.
+    shown = np.array([required for _, required in limits if required is not None])
+    low, high = extent([np.maximum(np.append(errors, shown), LEAST_DRAWN_M)])
     set_log_scale(axes, max(low / 1.5, LEAST_DRAWN_M), max(high * 2.0, 20.0))
     show_whole_flight(axes, record)
     shade_window(axes, record)
     for limit in (10.0, 1.0):
         mark_settling(axes, record, errors, limit)
-    limits = (
-        ("mean", record.acceptance.mean_error_m),
-        ("greatest", record.acceptance.max_error_m),
-    )
     # Two limits may be too near each other for two texts between them.
     both = all(required is not None for _, required in limits)
     for name, required in limits:

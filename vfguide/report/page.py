@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 
 from vfguide.errors import InputError
+from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.report.metrics import summarise
 from vfguide.report.page_style import STYLE
@@ -53,7 +54,9 @@ def write_report(record: FlightRecord, directory: Path) -> Path:
     try:
         page.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{page}: cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            f"{page}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error
     return page
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from vfguide.errors import InputError
+from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.report.errors_plot import errors_figure
 from vfguide.report.picture import save_figure
@@ -96,4 +97,6 @@ def write_plots(record: FlightRecord, directory: Path) -> tuple[Path, ...]:
             for plot in plots_for(record)
         )
     except OSError as error:
-        raise InputError(f"{directory}: cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            f"{directory}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error

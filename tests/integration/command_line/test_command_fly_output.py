@@ -1,6 +1,8 @@
 """What `vfguide fly` prints with --json, and what it leaves in its directory."""
 
+import errno
 import json
+import os
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +13,7 @@ import pytest
 from pymavlink import mavutil
 
 from vfguide.record.flight import FlightRecord
+from vfguide.record.tlog import TelemetryLog
 
 Make = Callable[..., Any]
 
@@ -224,6 +227,34 @@ def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
     assert outcome.lines == [f"{out}: holds a flight of the mission 'another'; {REMEDY}"]
     assert fly("--force").status == 0
     assert json.loads((out / "summary.json").read_text())["mission"] == summary["mission"]
+
+
+def test_a_disk_that_fills_up_is_one_line_with_path_and_remedy(
+    command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_log: TelemetryLog, _path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(TelemetryLog, "write", full)
+    out = tmp_path / "out"
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", out)
+    assert outcome.status == 3
+    assert outcome.lines[-1] == (
+        f"{out}: No space left on device; make room there, or give another directory with --out"
+    )
+
+
+def test_what_a_broken_flight_left_is_kept_and_told(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    left = tmp_path / ".partial-old"
+    (left / "recordings").mkdir(parents=True)
+    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert outcome.status == 0
+    told = f"{left}: left by a flight that did not end; remove it once nobody needs it"
+    assert told in outcome.lines
+    assert (left / "recordings").is_dir()
+    assert list(tmp_path.glob(".partial-*")) == [left]
 
 
 def test_what_no_flight_wrote_is_not_overwritten(

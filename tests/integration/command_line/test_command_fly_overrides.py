@@ -98,3 +98,20 @@ def test_an_option_may_ask_for_what_the_mission_cannot_fly(command: Make, pair_w
     outcome = command("fly", slow, "--duration", 2, "--wind", "article")
     assert outcome.status == 2
     assert "the declared wind reaches 8.0 m/s, the leader's airspeed is 7 m/s" in outcome.err
+
+
+def test_what_an_option_asks_for_is_not_blamed_on_the_file(command: Make, pair_with: Make) -> None:
+    (line,) = (
+        line
+        for line in command("fly", pair_with(), "--duration", 5).lines
+        if "warning" in line and "settle_10m_s" in line
+    )
+    assert line.endswith("rehearsal of 5 s; lengthen --duration or ask for earlier settling")
+
+
+def test_nothing_can_be_replaced_where_nothing_is_written(command: Make, pair_with: Make) -> None:
+    outcome = command("fly", pair_with(), "--force")
+    assert outcome.status == 2
+    assert outcome.lines == [
+        "--force: nothing is replaced without --out; add --out DIR, or leave it out"
+    ]

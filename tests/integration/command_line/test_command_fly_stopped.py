@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, nullcontext, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -63,12 +64,61 @@ def test_a_stopped_flight_ends_with_3_and_is_kept(
     summary = json.loads(out)
     flown_s = summary["duration_s"]
     assert LONG_S / 5 <= flown_s < LONG_S
-    assert err.splitlines()[-1] == f"stopped after {flown_s:.1f} s of flight"
+    told = f"stopped after {flown_s:.1f} s of flight; the report is being written"
+    assert err.splitlines()[-1] == told
     assert json.loads((directory / "summary.json").read_text()) == summary
     assert FlightRecord.load(directory / "flight.npz").time_s[-1] == flown_s
     again = command("report", directory)
     assert again.status == 0
     assert f"{flown_s:g} s in" in again.out
+
+
+def test_who_stops_the_report_too_is_told_what_is_left(pair_with: Make, tmp_path: Path) -> None:
+    directory = tmp_path / "out"
+
+    async def stopped() -> tuple[int | None, str]:
+        async with under_way(pair_with(), "--out", directory) as flight:
+            flight.send_signal(signal.SIGINT)
+            async with asyncio.timeout(PATIENCE_S):
+                while not list(directory.glob(".partial-*/flight.npz")):
+                    await asyncio.sleep(0.01)
+            flight.send_signal(signal.SIGINT)
+            _, err = await flight.communicate()
+            return flight.returncode, err.decode()
+
+    status, err = asyncio.run(stopped())
+    (left,) = directory.iterdir()
+    assert status == 3
+    assert err.splitlines()[-1] == f"{left}: holds what was written so far"
+    assert FlightRecord.load(left / "flight.npz").interrupted
+
+
+def test_a_stopped_flight_takes_no_earlier_ones_place(
+    command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plots are looked at elsewhere.
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    directory = tmp_path / "out"
+    fly = ("fly", alone_with(), "--duration", 2, "--out", directory)
+    assert command(*fly).status == 0
+    earlier = {path.name: path.read_bytes() for path in directory.iterdir()}
+    looks = count()
+    monkeypatch.setattr(
+        "vfguide.commands.fly.stopped_by_signals", lambda: nullcontext(lambda: next(looks) > 0)
+    )
+    outcome = command(*fly)
+    (left,) = directory.glob(".*")
+    assert outcome.status == 3
+    assert outcome.lines[-2:] == [
+        f"{left}: holds what was written so far",
+        f"{directory}: the earlier flight stays; --force would have replaced it",
+    ]
+    assert outcome.out.endswith(f"report: {left / 'report.html'}\n")
+    assert {path.name: path.read_bytes() for path in directory.glob("[!.]*")} == earlier
+    assert FlightRecord.load(left / "flight.npz").interrupted
+    looks = count()
+    assert command(*fly, "--force").status == 3
+    assert FlightRecord.load(directory / "flight.npz").interrupted
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,6 +1,7 @@
 """`vfguide report`: the report of a flight that was recorded before, or one line that says why not."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+
+from vfguide.errors import InputError
+from vfguide.record.guidance_log import read_guidance
+from vfguide.record.recording import read_start
+from vfguide.record.tlog import read_tlog
 
 Make = Callable[..., Any]
 
@@ -63,13 +69,28 @@ def test_a_refused_flight_is_reported_without_complaint(
 
 
 def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for path in (tmp_path / "none", tmp_path / "file"):
-        outcome = command("report", path)
-        assert outcome.status == 2
-        assert outcome.lines == [
-            f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
-        ]
+    path = tmp_path / "none"
+    outcome = command("report", path)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
+    ]
+
+
+def test_whoever_names_a_file_is_told_its_directory(command: Make, flown: SimpleNamespace) -> None:
+    record = flown.directory / "flight.npz"
+    outcome = command("report", record)
+    assert outcome.status == 2
+    assert outcome.lines == [f"{record}: is a file; give its directory, {flown.directory}"]
+
+
+def test_a_report_is_of_one_rehearsal(
+    command: Make, flown: SimpleNamespace, copy_of_flown: Path, tmp_path: Path
+) -> None:
+    outcome = command("report", flown.directory, copy_of_flown, "--out", tmp_path / "both")
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
 
 
 def test_a_directory_without_a_record_is_one_line(command: Make, tmp_path: Path) -> None:
@@ -113,6 +134,7 @@ def test_a_damaged_record_is_one_line(
     assert outcome.out == ""
     (line,) = outcome.lines
     assert line.startswith(f"{record}: is no flight record")
+    assert line.endswith("; give the directory of another flight, or fly it again")
 
 
 def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flown: Path) -> None:
@@ -126,3 +148,61 @@ def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flow
         assert "cannot be written" in line
         (copy_of_flown / name).rmdir()
         (copy_of_flown / name).touch()
+
+
+def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
+    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plots are looked at elsewhere.
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    foreign, other = tmp_path / "foreign", tmp_path / "other"
+    foreign.mkdir()
+    (foreign / "report.html").write_text("mine")
+    other.mkdir()
+    summary = json.loads((copy_of_flown / "summary.json").read_text(encoding="utf-8"))
+    (other / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
+    for directory, said in ((foreign, "no flight has written it"), (other, "mission 'another'")):
+        before = {path.name: path.read_bytes() for path in directory.iterdir()}
+        outcome = command("report", copy_of_flown, "--out", directory)
+        assert outcome.status == 2
+        (line,) = outcome.lines
+        assert said in line
+        assert line.endswith("--force to replace it")
+        assert {path.name: path.read_bytes() for path in directory.iterdir()} == before
+        assert command("report", copy_of_flown, "--out", directory, "--force").status == 0
+        assert command("report", copy_of_flown, "--out", directory).status == 0
+
+
+def test_a_report_waits_for_no_pipe(
+    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plots are looked at elsewhere.
+    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    (copy_of_flown / "summary.json").unlink()
+    os.mkfifo(copy_of_flown / "summary.json")
+    assert command("report", copy_of_flown).status == 0
+    (copy_of_flown / "flight.npz").unlink()
+    os.mkfifo(copy_of_flown / "flight.npz")
+    recorded = tmp_path / "recorded" / "one"
+    recorded.mkdir(parents=True)
+    os.mkfifo(recorded / "recording.json")
+    os.mkfifo(recorded / "one.tlog")
+    (line,) = command("report", copy_of_flown).lines
+    assert line.startswith(f"{copy_of_flown / 'flight.npz'}: cannot be read: this is a pipe")
+    assert list(read_guidance(recorded / "one.tlog").steps) == []
+    with pytest.raises(InputError, match="this is a pipe"):
+        next(read_tlog(recorded / "one.tlog"))
+    with pytest.raises(InputError, match="this is a pipe"):
+        read_start(recorded)
+
+
+def test_recordings_that_a_killed_flight_left_are_named(command: Make, tmp_path: Path) -> None:
+    left = tmp_path / ".partial-x"
+    recording = left / "recordings" / "one-20261122T061500Z"
+    recording.mkdir(parents=True)
+    (recording / "recording.json").write_text("{")
+    outcome = command("report", tmp_path)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        f"{tmp_path}: holds no flight that ended; give {left}, where companions recorded"
+    ]

@@ -163,3 +163,42 @@ def everything_on(terminal: int) -> str:
             content += data
     os.close(terminal)
     return content.decode()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("fly", "MISSION", "--out", ""),
+        ("report", ""),
+        ("report", ".", "--out", ""),
+        ("companion", "one", "--mission=MISSION", "--mavlink=x", "--link=y", "--record", ""),
+    ],
+)
+def test_an_empty_name_is_no_directory(
+    command: Make,
+    alone_with: Make,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+) -> None:
+    mission = alone_with()
+    monkeypatch.chdir(tmp_path)
+    outcome = command(*(one.replace("MISSION", str(mission)) for one in arguments))
+    assert outcome.status == 2
+    assert outcome.lines == ["DIR: is empty; name a directory, or . for the one you are in"]
+    assert list(tmp_path.iterdir()) == [mission]
+
+
+def test_a_missing_signing_key_is_one_line_with_its_remedy(
+    command: Make, alone_with: Make, tmp_path: Path
+) -> None:
+    key = tmp_path / "key"
+    link = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1")
+    outcome = command(
+        "companion", "one", "--mission", alone_with(), *link, "--signing-key-file", key
+    )
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith(
+        f"{key}: cannot be read (No such file or directory); give a file with a key"
+    )

@@ -180,6 +180,7 @@ def test_a_wrong_password_is_named_and_tried_again(
     warnings = [record for record in caplog.records if record.levelno >= logging.WARNING]
     assert [record.exc_info for record in warnings] == [None]
     assert "wrong user name or password" in caplog.text
+    assert "VFGUIDE_LINK_PASSWORD" in caplog.text
     assert "hunter2" not in caplog.text
 
 

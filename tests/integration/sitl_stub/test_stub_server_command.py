@@ -142,6 +142,9 @@ def test_a_port_in_use_is_one_line_and_status_3() -> None:
             async with command("--system-id", "1", "--mavlink", url) as process:
                 output, errors = await process.communicate()
         assert (process.returncode, output) == (3, b"")
-        assert errors.decode() == f"sitl-stub: {url}: cannot listen (address already in use)\n"
+        assert errors.decode() == (
+            f"sitl-stub: {url}: cannot listen "
+            "(address already in use; end the program that has it, or choose another port)\n"
+        )
 
     asyncio.run(test())

@@ -104,6 +104,21 @@ def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot: Autopilot) -> 
         asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", truth_url="/dev/full"))
 
 
+def test_only_true_states_are_overwritten(autopilot: Autopilot, tmp_path: Path) -> None:
+    def fly(path: Path) -> None:
+        options = {"truth_url": str(path), "speedup": 100.0, "duration_s": 1.0}
+        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
+
+    own, foreign = tmp_path / "truth.jsonl", tmp_path / "thesis.tex"
+    foreign.write_text("years of work")
+    with pytest.raises(AddressError, match="is there already, and holds no true states"):
+        fly(foreign)
+    assert foreign.read_text() == "years of work"
+    own.write_text('{"system_id": 7, "ti')
+    fly(own)
+    assert {line["system_id"] for line in read(own)} == {autopilot.system_id}
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -125,6 +125,7 @@ def test_each_change_of_state_is_logged_once_and_not_each_try(
     assert vars(tried)["mavlink_address"] == f"tcpout://127.0.0.1:{port}"
     assert vars(tried)["connected"] is False
     assert vars(tried)["detail"] == "Connection refused"
+    assert "see that the autopilot is on, and that --mavlink names its end" in tried.getMessage()
     assert closed.levelno == logging.INFO
 
 

@@ -195,4 +195,17 @@ def test_frames_that_are_years_from_their_start_are_left_out(
     path.write_text(json.dumps({**content, "unix_s": content["unix_s"] + wrong_s}))
     record = flight_of(collect([recordings / "f1-1", recordings / "leader-1"]))
     assert record.duration_s < LENGTH_S
-    assert "Not recorded: f1, f2, f3." in record.notes
+    assert "Not recorded: f2, f3." in record.notes
+
+
+def test_a_log_of_something_else_is_named(recordings: Path) -> None:
+    path = files_of(recordings / "f1-1", "f1")[0]
+    path.write_bytes(bytes(range(256)) * 40)
+    told = f"{path}: no position of system 2 is in it: its autopilot was not heard, or the file is damaged"
+    record = flight_of(collect([recordings]))
+    assert "Not recorded: f2, f3." in record.notes
+    assert [note for note in record.notes if note.startswith(told)]
+    path = files_of(recordings / "leader-1", "leader")[0]
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match="is damaged or another system's; the leader's is needed"):
+        flight_of(collect([recordings]))

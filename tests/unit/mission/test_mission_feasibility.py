@@ -13,6 +13,7 @@ from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
 from vfguide.mission.predicted_error import error_for_correction, predicted_mean_error
 from vfguide.mission.rehearsal import ArticleWind
+from vfguide.mission.separation_limits import least_guarantee
 from vfguide.mission.slot_limits import giving_way
 from vfguide.mission.turn_limits import bank_for, field_turn_rate
 
@@ -251,3 +252,17 @@ def test_how_near_a_vehicle_that_leaves_its_slot_could_come_is_said() -> None:
         if "leave its place" in finding.message
     ]
     assert (one.severity, one.field) == ("note", "followers")
+
+
+@pytest.mark.parametrize(("up_m", "least_m"), [(10.0, 10.0), (-40.0, 24.0)])
+def test_slots_above_each_other_are_as_far_apart_as_their_heights(
+    up_m: float, least_m: float
+) -> None:
+    """24 m are what those keep from each other that fly at one height."""
+    flown = mission("circle-calm").model_dump(exclude_unset=True)
+    first, second = flown["followers"][:2]
+    flown["followers"][1]["slot"] = {**first["slot"], "up_m": first["slot"].get("up_m", 0.0) + up_m}
+    assert first["vehicle"] != second["vehicle"]
+    least = least_guarantee(Mission.model_validate(flown))
+    assert least is not None
+    assert least.distance_m == pytest.approx(least_m, abs=0.6)

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from vfguide.mission import MissionError, load_mission, parse_mission
 from vfguide.mission.model import Mission
@@ -42,7 +44,25 @@ def line_of(text: str) -> int:
         (
             "system_id: 2",
             "system_id: 1",
-            "vehicles.f1.system_id: 1 is also leader's; give each vehicle its own number from 1 to 255",
+            "vehicles.f1.system_id: 1 is also leader's; give each vehicle its own number from 1 to 254",
+        ),
+        (
+            "system_id: 2",
+            "system_id: 255",
+            (
+                "vehicles.f1.system_id: 255 is also the ground station's; "
+                "give each vehicle its own number from 1 to 254"
+            ),
+        ),
+        (
+            "system_id: 2",
+            "system_id: 2.0",
+            "vehicles.f1.system_id: 2.0 is not a whole number; write a whole number, without a point",
+        ),
+        (
+            "kappa: 3",
+            "kappa: 3m",
+            "controller.kappa: '3m' is not a number; write the number alone, without a unit",
         ),
         ("gain: 0.015", "gian: 0.015", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
         (
@@ -175,6 +195,22 @@ def test_a_line_needs_a_course_and_only_one() -> None:
     ]:
         (found,) = faults_of(changed((circle, path)))
         assert expected in found
+
+
+@given(
+    number=st.floats(-1e6, 1e6).map(lambda value: f"{value:.3f}"),
+    unit=st.sampled_from(["m", "km", " m/s", "\N{DEGREE SIGN}", "deg", "%", " s"]),
+)
+def test_a_unit_behind_any_number_is_told(number: str, unit: str) -> None:
+    (line,) = faults_of(changed(("kappa: 3", f"kappa: '{number}{unit}'")))
+    assert line.endswith("is not a number; write the number alone, without a unit")
+
+
+def test_a_name_is_proposed_once() -> None:
+    start = ("rehearsal:", "rehearsal:\n  start: {f9: {forward_m: 0, right_m: 0}}\n")
+    found = faults_of(changed(("vehicle: f2", "vehicle: f1")).replace(*start))
+    (line,) = (one for one in found if "is neither 'leader' nor a follower" in one)
+    assert line.endswith("use one of: leader, f1, f3")
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,18 @@ def test_a_place_that_takes_nothing_is_one_line_at_the_start(
         begin_recording(tmp_path / place, mission, "f1", clock_s=0.0)
 
 
+def test_a_start_that_failed_leaves_no_directory(
+    mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_file: GrowingFile, _content: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(GrowingFile, "append", full)
+    with pytest.raises(InputError, match=r"No space left on device.*make room"):
+        begin_recording(tmp_path, mission, "f1", clock_s=0.0)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_name_with_a_slash_stays_below_its_directory(mission: Mission, tmp_path: Path) -> None:
     vehicles = {**mission.vehicles, "../../f1": mission.vehicles["f1"]}
     odd = mission.model_copy(update={"vehicles": vehicles})

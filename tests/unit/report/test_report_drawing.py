@@ -11,9 +11,10 @@ from matplotlib import _pylab_helpers
 from PIL import Image
 
 from vfguide.errors import InputError
-from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.report.errors_plot import errors_figure
 from vfguide.report.formation_drawing import formation_links
-from vfguide.report.picture import with_palette
+from vfguide.report.picture import save_figure, with_palette
 from vfguide.report.plots import plots_for, write_plots
 from vfguide.report.tracks_plot import (
     choose_magnification,
@@ -120,6 +121,20 @@ def test_states_that_are_not_known_are_left_out_of_the_drawing(
 @pytest.mark.parametrize("samples", [0, 1])
 def test_a_flight_that_broke_at_once_has_no_plots(make_flight: MakeFlight, samples: int) -> None:
     assert plots_for(make_flight(np.arange(float(samples)))) == ()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("required_m", [0.05, 1e6])
+def test_a_limit_far_from_every_error_leaves_room_for_the_axes(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path, required_m: float
+) -> None:
+    """As of a flight that ended at once, long before anybody was near a slot."""
+    time_s = np.arange(3.0)
+    leader = make_vehicle("leader", "leader", time_s)
+    follower = make_vehicle("f1", "follower", time_s, north_m=np.full(3, -60.0))
+    acceptance = Acceptance(mean_error_m=required_m)
+    begun = make_flight(time_s, leader, follower, acceptance=acceptance)
+    save_figure(errors_figure(begun), tmp_path / "errors.png")
 
 
 def test_a_directory_that_cannot_be_made_is_an_input_error(

@@ -25,6 +25,7 @@ from sitl_stub import cli
         (["--position-noise", "-1"], "position_noise_m must be"),
         (["--truth", "udpin://127.0.0.1:1"], "true states go to"),
         (["--truth", "/nowhere/truth.jsonl"], "cannot be written to"),
+        (["--autopilot-version", "1.16"], "add --autopilot px4, or leave it out"),
         (["--count", "0"], "--count: 0 is not 1 to 100"),
         (["--system-id", "200", "--count", "60"], "system_id must be 1 to 255"),
         (["--mavlink", "udpin://127.0.0.1:65530", "--count", "10"], "no 10 ports"),

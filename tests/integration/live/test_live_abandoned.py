@@ -1,0 +1,61 @@
+"""A live flight whose own process is gone, or whose broker was never there."""
+
+import asyncio
+import signal
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from vfguide.rehearsal.processes import free_port
+
+MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
+
+FLY = (sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live")
+
+
+def test_no_process_outlives_the_flight_that_started_it(
+    until: Callable[..., Any], tmp_path: Path
+) -> None:
+    async def killed() -> None:
+        flight = await asyncio.create_subprocess_exec(*FLY, "--out", str(tmp_path / "out"))
+        # The broker, four companions and four emulators.
+        await until(lambda: len(children_of(flight.pid)) == 9)
+        children = children_of(flight.pid)
+        flight.send_signal(signal.SIGKILL)
+        await flight.wait()
+        await until(lambda: not any(is_running(one) for one in children))
+
+    asyncio.run(killed())
+
+
+def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path: Path) -> None:
+    link = f"mqtt://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+
+    async def ended() -> tuple[int | None, str]:
+        flight = await asyncio.create_subprocess_exec(
+            *(*FLY, "--link", link, "--out", str(tmp_path / "out")), stderr=asyncio.subprocess.PIPE
+        )
+        _, err = await flight.communicate()
+        return flight.returncode, err.decode()
+
+    status, err = asyncio.run(ended())
+    assert status == 3
+    assert err == (
+        f"link {link}/vfguide: Connection refused; start a broker there, or correct the address of the link\n"
+    )
+
+
+def children_of(pid: int) -> list[int]:
+    listed = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(word) for one in listed for word in one.read_text().split()]
+
+
+def is_running(pid: int) -> bool:
+    """Whether it lives; one that waits to be buried does not."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
