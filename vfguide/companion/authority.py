@@ -2,8 +2,9 @@
 
 The pilot always wins. The guided mode is entered by this companion once in a flight, out of modes that the
 mission allows; from then on it comes back by the pilot's hand alone, however it was left and also after a
-restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left:
-without heartbeats nothing is commanded. Only what this companion has steered is handed back.
+restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left, and
+which is known not to have waited in a radio: without such heartbeats nothing is commanded. Only what this
+companion has steered is handed back.
 """
 
 import math
@@ -35,6 +36,14 @@ LOST_S = 5.0
 
 FRESH_S = 2.5
 """A heartbeat older than this shows what the mode was, not what it is: one may get lost, two may not."""
+
+YOUNG_S = 1.25
+"""A heartbeat that may be older than this when it is heard is answered by no mode: the pilot may have
+selected another one since. It leaves room for a round trip of 0.7 s, or for an answer that gets lost:
+questions go out twice a second."""
+
+LATE_S = 5.0
+"""After this long without a heartbeat that is young enough the pilot is told."""
 
 ANSWER_S = 3.0
 """A request for the guided mode may show in the heartbeats this late: until then it counts as obeyed."""
@@ -115,6 +124,7 @@ class ModeAuthority:
         self._seen_guided = False
         self._returns = 0
         self._return_time = -math.inf
+        self._late_since: float | None = None
         self._previous: HeartbeatReport | None = None
         self.connected = False
         """Whether a heartbeat has come."""
@@ -202,15 +212,23 @@ class ModeAuthority:
         """Something else than a heartbeat has come from the autopilot."""
         self._life_time = now
 
-    def commands(self, wish: Wish, now: float) -> list[MAVLink_message]:
-        """Mode commands in answer to the heartbeat that has just been heard."""
+    def commands(self, wish: Wish, now: float, *, age_s: float) -> list[MAVLink_message]:
+        """Mode commands in answer to the heartbeat that has just been heard.
+
+        Args:
+            wish: what the companion would like.
+            now: s.
+            age_s: how old the heartbeat is at most, s.
+        """
         if wish is not Wish.RETURN:
             self._returns = 0
         if self._beat is None or self._beat_time != now:
             return []
-        if self.shows_guided:
-            return self._hand_back(now) if wish is Wish.RETURN else []
-        return self._ask(self._beat, now) if wish is Wish.STEER and self._rule.allowed else []
+        if self.shows_guided and wish is Wish.RETURN:
+            return self._hand_back(age_s, now)
+        if wish is Wish.STEER and self._rule.allowed and not self.shows_guided:
+            return self._ask(self._beat, age_s, now)
+        return []
 
     def rebooted(self) -> None:
         """The autopilot says that it has started anew: in flight that ends the right to engage it."""
@@ -224,6 +242,21 @@ class ModeAuthority:
             "the autopilot has rebooted: it is not engaged again by itself;"
             f" select {self._adapter.engaged_name} to be steered"
         )
+
+    def _is_young(self, age_s: float, now: float) -> bool:
+        """Whether a heartbeat shows the mode of now; the pilot hears of a stream where none does."""
+        # Not "older": an age that is no number is not known.
+        if age_s <= YOUNG_S:
+            self._late_since = None
+            return True
+        if self._late_since is None:
+            self._late_since = now
+        if now - self._late_since >= LATE_S:
+            self._notice(
+                "telemetry comes late: the autopilot's mode is not changed by this companion;"
+                " check the radio, or select a mode by hand"
+            )
+        return False
 
     def _note(self, report: HeartbeatReport, now: float) -> None:
         before = self._beat
@@ -301,7 +334,7 @@ class ModeAuthority:
         unbroken = now - self._run_began >= run_s
         return alive and unbroken and now - self._changed_time >= SETTLED_S
 
-    def _hand_back(self, now: float) -> list[MAVLink_message]:
+    def _hand_back(self, age_s: float, now: float) -> list[MAVLink_message]:
         if not self._is_settled(now, run_s=SETTLED_S) or self._returns > MOST_RETURNS:
             return []
         if not self.answers_for_vehicle:
@@ -309,6 +342,8 @@ class ModeAuthority:
                 f"nothing to steer by: it stays in {self.mode_name()}, as it was selected by hand;"
                 " watch it, or select another mode"
             )
+            return []
+        if not self._is_young(age_s, now):
             return []
         self._returns += 1
         if self._returns > MOST_RETURNS:
@@ -320,16 +355,16 @@ class ModeAuthority:
         self._return_time = now
         return self._adapter.hand_back()
 
-    def _ask(self, beat: HeartbeatReport, now: float) -> list[MAVLink_message]:
-        if not self._is_settled(now, run_s=LEAST_RUN_S):
-            return []
+    def _ask(self, beat: HeartbeatReport, age_s: float, now: float) -> list[MAVLink_message]:
         spent = self._consent.is_spent and self._asking is None
-        if spent and self._seen_guided:
-            # The pilot was told when the guided mode was left.
+        # The pilot was told when the guided mode was left.
+        if not self._is_settled(now, run_s=LEAST_RUN_S) or (spent and self._seen_guided):
             return []
         obstacle = self._obstacle(beat, now)
         if obstacle is not None:
             self._notice(obstacle)
+            return []
+        if not self._is_young(age_s, now):
             return []
         if self._asking is None:
             self._asking = beat.custom_mode

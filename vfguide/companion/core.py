@@ -208,6 +208,8 @@ class Companion:
             self._authority.note_life(now)
             if isinstance(report, CommandReport):
                 self._authority.hear_answer(report, now)
+            elif isinstance(report, TimeReport):
+                self._own.note(report, now)
         return messages
 
     def _is_waking(self, now: float, out: Outgoing) -> bool:
@@ -394,7 +396,7 @@ class Companion:
 
     def _command_mode(self, now: float) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
-        return self._authority.commands(self._wish(now), now)
+        return self._authority.commands(self._wish(now), now, age_s=self._own.greatest_age(now))
 
     def _wish(self, now: float) -> Wish:
         """What this companion would like of the autopilot."""

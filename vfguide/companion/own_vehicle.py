@@ -223,6 +223,10 @@ class OwnVehicle:
         """The stamp (ns) of a question for the autopilot's time, or None while none is due."""
         return self._clock.ask(now)
 
+    def greatest_age(self, now: float) -> float:
+        """How old at most (s) is what is heard of the autopilot now; infinite while not known."""
+        return self._clock.greatest_age(now)
+
     def note(
         self,
         report: AirspeedReport | TimeReport | GpsReport | EstimatorReport | SensorsReport,
