@@ -8,7 +8,7 @@ companion has steered is handed back.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -36,6 +36,9 @@ LOST_S = 5.0
 
 FRESH_S = 2.5
 """A heartbeat older than this shows what the mode was, not what it is: one may get lost, two may not."""
+
+UNSEEN_S = 2.25
+"""For longer than this between two heartbeats, of which one may get lost, the pilot may have flown unseen."""
 
 YOUNG_S = 1.25
 """A heartbeat that may be older than this when it is heard is answered by no mode: the pilot may have
@@ -114,6 +117,8 @@ class ModeAuthority:
         self._store = store
         self._phase = phase
         self._consent = store.load()
+        # What a companion before this one has steered is this one's to answer for.
+        self._inherited = self._consent.steered
         self._stranger: str | None = None
         self._noticed: set[str] = set()
         self._notices: list[str] = []
@@ -129,6 +134,7 @@ class ModeAuthority:
         self.connected = False
         """Whether a heartbeat has come."""
         self.forget()
+        self._unseen = False
 
     @property
     def recognised(self) -> bool:
@@ -155,6 +161,7 @@ class ModeAuthority:
     def note_steering(self) -> None:
         """A setpoint has gone out."""
         self._steered = True
+        self._keep()
 
     def mode_name(self) -> str:
         """What ground stations call the mode that was heard last."""
@@ -163,6 +170,9 @@ class ModeAuthority:
     def control(self, now: float) -> Control:
         """In whose hands the vehicle is."""
         if self._beat is None or now - self._beat_time > LOST_S:
+            return Control.UNKNOWN
+        if not self._adapter.is_ready:
+            # Which of its modes is the guided one is not known yet.
             return Control.UNKNOWN
         if not self._beat.armed:
             return Control.DISARMED
@@ -188,6 +198,7 @@ class ModeAuthority:
         self._run_began = math.inf
         self._life_time = -math.inf
         self._returned = False
+        self._unseen = True
 
     def hear(self, report: HeartbeatReport, now: float) -> str | None:
         """Take a heartbeat; a complaint, once, about a stranger."""
@@ -201,6 +212,7 @@ class ModeAuthority:
         previous, self._previous = self._previous, report
         self._note(report, now)
         self._watch_consent(report, previous, now)
+        self._keep()
         return None
 
     def hear_answer(self, report: CommandReport, now: float) -> None:
@@ -260,6 +272,8 @@ class ModeAuthority:
 
     def _note(self, report: HeartbeatReport, now: float) -> None:
         before = self._beat
+        if before is not None and now - self._beat_time > UNSEEN_S:
+            self._unseen = True
         guided = self._adapter.is_engaged(report.custom_mode)
         handed_back = self._adapter.is_handed_back(report.custom_mode)
         if before is None or now - self._beat_time > SETTLED_S:
@@ -267,7 +281,7 @@ class ModeAuthority:
         elif before.custom_mode != report.custom_mode or before.armed != report.armed:
             self._run_began = self._changed_time = now
         if guided:
-            self._steered = self.answers_for_vehicle
+            self._steered = self.answers_for_vehicle or self._inherited
             self._request_time = -math.inf
             self._returned = False
         else:
@@ -279,6 +293,8 @@ class ModeAuthority:
     ) -> None:
         """A heartbeat shows that the autopilot is not in its guided mode."""
         self._steered = False
+        if self._adapter.is_ready:
+            self._inherited = False
         if now - self._request_time > ANSWER_S:
             self._request_time = -math.inf
         if before is None or self._adapter.is_engaged(before.custom_mode):
@@ -291,11 +307,13 @@ class ModeAuthority:
         self, report: HeartbeatReport, previous: HeartbeatReport | None, now: float
     ) -> None:
         """What ends the right to engage, and the end of the flight, which gives it back."""
-        if self._phase.hear(report, now) and self._consent.is_spent:
+        if self._phase.hear(report, now) and self._consent != Consent():
+            self._steered = self._inherited = False
             self._asking, self._asks, self._next_ask = None, 0, -math.inf
             self._seen_guided = False
             self._noticed.clear()
             self._set(Consent())
+        self._watch_gap(now)
         if not report.armed:
             return
         name = self._adapter.mode_name(report.custom_mode)
@@ -308,10 +326,21 @@ class ModeAuthority:
             self._asking = None
         elif self._adapter.goes_home(report.custom_mode):
             self._spend(f"it has been in {name} in this flight")
-        elif self._is_pilots_change(report, previous) and self._phase.flies(now):
+        elif self._is_pilots_change(report, previous) and not self._phase.is_on_ground(now):
             self._spend(f"{name} was selected in the air")
         if self._asking is not None and self._asking != report.custom_mode:
             self._asking = None
+
+    def _watch_gap(self, now: float) -> None:
+        """After a time without heartbeats, or without this process: the pilot may have flown meanwhile."""
+        if not self._unseen:
+            return
+        self._asking = None
+        if self._phase.is_on_ground(now):
+            self._unseen = False
+        elif self._phase.flies(now):
+            self._unseen = False
+            self._spend("its heartbeats were not heard for a while in the air")
 
     def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
         """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""
@@ -321,7 +350,13 @@ class ModeAuthority:
 
     def _spend(self, reason: str) -> None:
         if not self._consent.is_spent:
-            self._set(Consent(spent=reason))
+            self._set(replace(self._consent, spent=reason))
+
+    def _keep(self) -> None:
+        """Who steers, for the companion after this one."""
+        steered = self.answers_for_vehicle or self._inherited or self._asking is not None
+        if steered is not self._consent.steered:
+            self._set(replace(self._consent, steered=steered))
 
     def _set(self, consent: Consent) -> None:
         if consent != self._consent:
@@ -339,7 +374,7 @@ class ModeAuthority:
             return []
         if not self.answers_for_vehicle:
             self._notice(
-                f"nothing to steer by: it stays in {self.mode_name()}, as it was selected by hand;"
+                f"nothing to steer by: it stays in {self.mode_name()}, unsteered;"
                 " watch it, or select another mode"
             )
             return []
@@ -368,7 +403,8 @@ class ModeAuthority:
             return []
         if self._asking is None:
             self._asking = beat.custom_mode
-            self._spend("it has engaged itself once in this flight")
+            self._spend("it has asked for the guided mode once in this flight")
+            self._keep()
         if not self._store.holds(self._consent):
             # On its way to the disk; or it does not get there.
             if self._store.fault is not None:

@@ -53,7 +53,7 @@ def test_a_damaged_file_is_no_consent(tmp_path: Path, content: bytes) -> None:
     store.save(Consent())
     store.close()
     assert store.holds(Consent())
-    assert json.loads(file.read_text()) == {"version": 1, "spent": ""}
+    assert json.loads(file.read_text()) == {"version": 1, "spent": "", "steered": False}
 
 
 def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path: Path) -> None:
@@ -310,7 +310,7 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
     assert flown.autopilot.truth().mode == "GUIDED"
     assert [text for _, text in flown.texts()] == [
         (
-            "vfguide f1: nothing to steer by: it stays in GUIDED, as it was selected by hand;"
+            "vfguide f1: nothing to steer by: it stays in GUIDED, unsteered;"
             " watch it, or select another mode"
         )
     ]
