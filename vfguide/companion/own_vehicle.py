@@ -110,6 +110,7 @@ class OwnVehicle:
         self._doubt = Doubt()
         self._altitude = AltitudeGate()
         self._reading: Reading | None = None
+        self._refused = self._comes_back = False
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
         self._counters: Counter[str] = Counter()
@@ -176,11 +177,16 @@ class OwnVehicle:
         judgement = self._judge(report, sample, reading, before)
         self._doubt.note(judgement, now)
         if judgement.verdict is Verdict.REFUSED:
+            self._refused = True
             return None
         if previous is not None and time_s <= previous.time_s:
             return None
         moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
+        self._comes_back = judgement.verdict is not Verdict.BELIEVED and (
+            self._comes_back or (self._refused and interval > GAP_S)
+        )
+        self._refused = False
         used = sample
         if judgement.verdict in CARRIED:
             used = replace(sample, north=judgement.north, east=judgement.east)
@@ -202,7 +208,8 @@ class OwnVehicle:
             interval=interval,
             altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
             moved=moved,
-            steerable=judgement.verdict is not Verdict.ADRIFT,
+            # What comes back after a time in which nothing was believed has to be believed first.
+            steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             foresight=self._foresight,
         )
 
@@ -215,7 +222,7 @@ class OwnVehicle:
                 "the altitude steps: not believed, the others are kept clear of at every height;"
                 " check the barometer"
                 if self._altitude.doubted
-                else "the altitude is believed again"
+                else "the altitude is believed again, nothing to do"
             )
         return altitude
 
