@@ -52,6 +52,10 @@ HEARTBEAT_S = 1.0
 HANG_S = 2.0
 """Longer than this between two calls, and this process was stopped: what it hears then is old."""
 
+STALL_S = 0.5
+"""After longer than this between two calls modes are commanded only once a new question was answered: what is
+read first has waited."""
+
 AWAKE_S = 1.0
 """For so long after a hang what waited in buffers arrives."""
 
@@ -116,6 +120,7 @@ class Companion:
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
         self._awake_since = self._idle_since = math.inf
+        self._stalled = -math.inf
         self._interval = math.inf
         self._distance = math.inf
         self._housekeeping_time = -math.inf
@@ -218,6 +223,8 @@ class Companion:
         before, self._call_time = self._call_time, now
         if before is None or now - before > HANG_S:
             self._awake_since = now
+        if before is not None and now - before > STALL_S:
+            self._stalled = now
         if before is not None and now - before > HANG_S:
             self._awake_time = now + AWAKE_S
             self._authority.forget()
@@ -402,6 +409,8 @@ class Companion:
     def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
         wish, age_s = self._wish(now), self._own.greatest_age(now)
+        if now - age_s < self._stalled:
+            age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
         if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not self._stopped:
             out.warn(

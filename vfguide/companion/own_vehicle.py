@@ -12,6 +12,8 @@ from vfguide.companion.foresight import SLIPPING, Foresight
 from vfguide.companion.navigation_health import NavigationHealth
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
+    CARRIED_S,
+    RETURN_S,
     STAYED_S,
     InnovationGate,
     Judgement,
@@ -44,6 +46,10 @@ WAIT_S = 0.3
 
 SLIP_S = 0.1
 """After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
+
+SURE_AGAIN_S = CARRIED_S - RETURN_S + GAP_S
+"""After nothing was believed for longer, the carried place would be given up before the reports are believed
+again: the vehicle would be steered for a moment, not steered, and steered again."""
 
 AIRSPEED_FRESH_S = 2.0
 """An airspeed older than this is not used."""
@@ -184,7 +190,7 @@ class OwnVehicle:
         moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
         self._comes_back = judgement.verdict is not Verdict.BELIEVED and (
-            self._comes_back or (self._refused and interval > GAP_S)
+            self._comes_back or (self._refused and interval > SURE_AGAIN_S)
         )
         self._refused = False
         used = sample
@@ -208,7 +214,6 @@ class OwnVehicle:
             interval=interval,
             altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
             moved=moved,
-            # What comes back after a time in which nothing was believed has to be believed first.
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             foresight=self._foresight,
         )

@@ -151,3 +151,17 @@ def test_answers_to_questions_that_nobody_asked_date_nothing(
     )
     flown.run(40.0)
     assert flown.later(SET_MODE, 20.0) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_waited_while_the_companion_stood_still_for_a_moment_shows_no_mode(
+    flight: Make, kind: str
+) -> None:
+    flown = flight(kind=kind)
+    flown.run(0.6)
+    flown.hang(1.05)
+    flown.pilot(*MANUAL[kind])
+    flown.hang(1.7)
+    flown.run(10.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.autopilot.truth().mode == "MANUAL"
