@@ -4,7 +4,9 @@
 
 Real MAVLink bytes, an emulated autopilot, virtual time. A mode that pilot or fail-safe has selected is undone
 where a command of the companion changes it. Guided, selected by the pilot, and the one engaging of a flight,
-out of the mode that it began in, are none. Prints what happened how often; exit status 1 if any was undone.
+out of the mode that it began in, are none; nor is what was selected less than 2 s ago while telemetry is
+late: nobody can know of it. A vehicle that a new companion leaves in its guided mode although it hears no
+leader counts as well. Prints what happened how often; exit status 1 if any was undone.
 """
 
 import argparse
@@ -62,8 +64,15 @@ ACTIONS = (
     *("select_guided",) * 3,
     *("restart", "kill", "stop", "hang", "go_deaf", "lose_uplink", "silence_leader"),
     *("reboot", "disarm", "forge_guided", "forge_reboot", "forge_answer"),
+    *("delay_telemetry", "replace"),
 )
 """What happens, as often as it is named."""
+
+CROSSED_S = 2.0
+"""A command and a pilot's mode may cross on their way for so long."""
+
+LEFT_S = 25.0
+"""After so long nobody steers a vehicle that is still in its guided mode."""
 
 LENGTHS_S = (0.1, 0.3, 0.7, 1.3, 2.6, 4.0, 8.0)
 """Until the next thing happens."""
@@ -93,6 +102,9 @@ class Encounter:
         self._autopilot = self._new_autopilot()
         self._companion: Companion | None = self._new_companion()
         self._waiting = b""
+        self._late_s, self._late_until = 0.0, -math.inf
+        self._under_way: list[tuple[float, bytes]] = []
+        self._selected = -math.inf
         self._deaf_until = self._mute_until = self._silent_until = -math.inf
         self._stood_until = self._blank_until = -math.inf
         self._blank_place: tuple[int, int, int] | None = None
@@ -172,8 +184,10 @@ class Encounter:
             said = self._blanked(self._autopilot.advance(self._now - self._booted))
             if self._mode != before:
                 self._pilots_mode = True
-            if self._now >= self._deaf_until:
-                self._waiting += said
+                self._selected = self._now
+            self._send(said)
+            while self._under_way and self._under_way[0][0] <= self._now:
+                self._waiting += self._under_way.pop(0)[1]
             if self._now <= self._forged_until:
                 self._waiting += self._forged()
             if self._companion is None or self._now < self._stood_until:
@@ -185,6 +199,18 @@ class Encounter:
             for piece in pieces(heard):
                 self._deliver(self._companion.receive_mavlink(piece, self._now).to_autopilot)
             self._deliver(self._companion.poll(self._now).to_autopilot)
+
+    def _send(self, said: bytes) -> None:
+        """What the autopilot says goes on its way, in its order."""
+        if self._now >= self._deaf_until:
+            late_s = self._late_s if self._now < self._late_until else 0.0
+            self._under_way.append((self._now + late_s, said))
+
+    @property
+    def _undisturbed(self) -> bool:
+        """Whether everything that is said arrives, and nothing else."""
+        disturbed = (self._deaf_until, self._mute_until, self._stood_until, self._blank_until)
+        return self._now > max(*disturbed, self._late_until, self._forged_until)
 
     def _blanked(self, said: bytes) -> bytes:
         """What an autopilot says while it comes up: disarmed, and no position or one without a velocity."""
@@ -199,9 +225,7 @@ class Encounter:
         if self._now < self._mute_until:
             return
         before = self._mode
-        answer = self._autopilot.receive(data)
-        if self._now >= self._deaf_until:
-            self._waiting += answer
+        self._send(self._autopilot.receive(data))
         after = self._mode
         if after == before:
             return
@@ -216,6 +240,9 @@ class Encounter:
             self.counts["engaged by itself"] += 1
             self._engaged_once = True
             return
+        if self._now - self._selected < CROSSED_S and self._now < self._late_until + CROSSED_S:
+            self.counts["crossed on the way"] += 1
+            return
         self.undone.append(f"{before} -> {after} after {self._history[-6:]}")
 
     def _pilot(self, main: int, sub: int) -> None:
@@ -223,10 +250,9 @@ class Encounter:
             SYSTEM_ID, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, main, sub, 0, 0, 0, 0
         )
         before = self._mode
-        answer = self._autopilot.receive(command.pack(self._codec))
-        if self._now >= self._deaf_until:
-            self._waiting += answer
+        self._send(self._autopilot.receive(command.pack(self._codec)))
         if self._mode != before:
+            self._selected = self._now
             self._pilots_mode = self._mode != GUIDED[self._kind]
             self._engaged_once = True
 
@@ -240,7 +266,7 @@ class Encounter:
         self._pilot(*MODES[self._kind][GUIDED[self._kind]])
 
     def _restart(self) -> None:
-        self._companion, self._waiting = self._new_companion(), b""
+        self._companion, self._waiting, self._under_way = self._new_companion(), b"", []
 
     def _kill(self) -> None:
         self._companion = None
@@ -248,6 +274,23 @@ class Encounter:
         self._select()
         self._fly(self._random.choice([0.2, 2.0, 5.0]))
         self._restart()
+
+    def _delay_telemetry(self) -> None:
+        """As in the buffer of a radio."""
+        self._late_s = self._random.choice([0.5, 1.0, 1.5, 2.0, 3.0])
+        self._late_until = self._now + self._random.choice([4.0, 15.0])
+
+    def _replace(self) -> None:
+        """The leader falls silent, and another companion takes this one's place."""
+        steers = self._companion is not None and self._companion.snapshot.mode.steers
+        checked = steers and self._undisturbed
+        self._silent_until = self._now + LEFT_S + 9.0
+        self._companion = None
+        self._fly(self._random.choice([0.5, 2.0, 3.5]))
+        self._restart()
+        self._fly(LEFT_S)
+        if checked and self._mode == GUIDED[self._kind]:
+            self.undone.append(f"left in {self._mode} after {self._history[-6:]}")
 
     def _go_deaf(self) -> None:
         self._deaf_until = self._now + self._random.choice([1.5, 4.0, 15.0])
@@ -326,7 +369,7 @@ class Encounter:
             command = mavlink.MAVLink_command_long_message(
                 SYSTEM_ID, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, armed, force, 0, 0, 0, 0, 0
             )
-            self._waiting += self._autopilot.receive(command.pack(self._codec))
+            self._send(self._autopilot.receive(command.pack(self._codec)))
             self._fly(length_s)
 
 

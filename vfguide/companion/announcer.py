@@ -88,12 +88,22 @@ def mode_sentence(
         return waiting_sentence(control, flight_mode, guided, returns_s)
     return {
         Mode.JOINING: f"steering to its place; leave {guided} to take over",
-        Mode.TRACKING: "in its place",
+        Mode.TRACKING: "in its place, nothing to do",
         Mode.PREDICTING: f"leader not heard, steering by its path; leave {guided} to take over",
         Mode.BREAKAWAY: f"leader lost, flying away from the others; leave {guided} to take over",
         Mode.LOST: f"leader lost, handing back to the autopilot; select {guided} once it is heard",
-        Mode.PILOT: f"{flight_mode}: the pilot flies; select {guided} to be steered",
+        Mode.PILOT: pilot_sentence(control, flight_mode, guided),
     }[mode]
+
+
+def pilot_sentence(control: Control, flight_mode: str, guided: str) -> str:
+    """Who flies where nothing is steered."""
+    if control is Control.PILOT and flight_mode == guided:
+        return (
+            f"the autopilot denies being in {guided}, which its heartbeats show: not steering;"
+            " watch it, or take over"
+        )
+    return f"{flight_mode}: the pilot flies; select {guided} to be steered"
 
 
 def waiting_sentence(
@@ -110,5 +120,5 @@ def waiting_sentence(
     if control is Control.UNKNOWN:
         return "no heartbeat heard, not steering; check the telemetry, or take over"
     if control is Control.DISARMED:
-        return "disarmed, not steering"
+        return "disarmed, not steering; nothing to do"
     return f"{flight_mode}, not steering; select {guided} to be steered"

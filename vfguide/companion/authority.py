@@ -2,12 +2,13 @@
 
 The pilot always wins. The guided mode is entered by this companion once in a flight, out of modes that the
 mission allows; from then on it comes back by the pilot's hand alone, however it was left and also after a
-restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left:
-without heartbeats nothing is commanded. Only what this companion has steered is handed back.
+restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left, and
+which is known not to have waited in a radio: without such heartbeats nothing is commanded. Only what this
+companion has steered is handed back.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -35,6 +36,17 @@ LOST_S = 5.0
 
 FRESH_S = 2.5
 """A heartbeat older than this shows what the mode was, not what it is: one may get lost, two may not."""
+
+UNSEEN_S = 2.25
+"""For longer than this between two heartbeats, of which one may get lost, the pilot may have flown unseen."""
+
+YOUNG_S = 1.25
+"""A heartbeat that may be older than this when it is heard is answered by no mode: the pilot may have
+selected another one since. It leaves room for a round trip of 0.7 s, or for an answer that gets lost:
+questions go out twice a second."""
+
+LATE_S = 5.0
+"""After this long without a heartbeat that is young enough the pilot is told."""
 
 ANSWER_S = 3.0
 """A request for the guided mode may show in the heartbeats this late: until then it counts as obeyed."""
@@ -105,6 +117,8 @@ class ModeAuthority:
         self._store = store
         self._phase = phase
         self._consent = store.load()
+        # What a companion before this one has steered is this one's to answer for.
+        self._inherited = self._consent.steered
         self._stranger: str | None = None
         self._noticed: set[str] = set()
         self._notices: list[str] = []
@@ -115,10 +129,12 @@ class ModeAuthority:
         self._seen_guided = False
         self._returns = 0
         self._return_time = -math.inf
+        self._late_since: float | None = None
         self._previous: HeartbeatReport | None = None
         self.connected = False
         """Whether a heartbeat has come."""
         self.forget()
+        self._unseen = False
 
     @property
     def recognised(self) -> bool:
@@ -145,6 +161,7 @@ class ModeAuthority:
     def note_steering(self) -> None:
         """A setpoint has gone out."""
         self._steered = True
+        self._keep()
 
     def mode_name(self) -> str:
         """What ground stations call the mode that was heard last."""
@@ -153,6 +170,9 @@ class ModeAuthority:
     def control(self, now: float) -> Control:
         """In whose hands the vehicle is."""
         if self._beat is None or now - self._beat_time > LOST_S:
+            return Control.UNKNOWN
+        if not self._adapter.is_ready:
+            # Which of its modes is the guided one is not known yet.
             return Control.UNKNOWN
         if not self._beat.armed:
             return Control.DISARMED
@@ -178,6 +198,7 @@ class ModeAuthority:
         self._run_began = math.inf
         self._life_time = -math.inf
         self._returned = False
+        self._unseen = True
 
     def hear(self, report: HeartbeatReport, now: float) -> str | None:
         """Take a heartbeat; a complaint, once, about a stranger."""
@@ -191,6 +212,7 @@ class ModeAuthority:
         previous, self._previous = self._previous, report
         self._note(report, now)
         self._watch_consent(report, previous, now)
+        self._keep()
         return None
 
     def hear_answer(self, report: CommandReport, now: float) -> None:
@@ -202,15 +224,23 @@ class ModeAuthority:
         """Something else than a heartbeat has come from the autopilot."""
         self._life_time = now
 
-    def commands(self, wish: Wish, now: float) -> list[MAVLink_message]:
-        """Mode commands in answer to the heartbeat that has just been heard."""
+    def commands(self, wish: Wish, now: float, *, age_s: float) -> list[MAVLink_message]:
+        """Mode commands in answer to the heartbeat that has just been heard.
+
+        Args:
+            wish: what the companion would like.
+            now: s.
+            age_s: how old the heartbeat is at most, s.
+        """
         if wish is not Wish.RETURN:
             self._returns = 0
         if self._beat is None or self._beat_time != now:
             return []
-        if self.shows_guided:
-            return self._hand_back(now) if wish is Wish.RETURN else []
-        return self._ask(self._beat, now) if wish is Wish.STEER and self._rule.allowed else []
+        if self.shows_guided and wish is Wish.RETURN:
+            return self._hand_back(age_s, now)
+        if wish is Wish.STEER and self._rule.allowed and not self.shows_guided:
+            return self._ask(self._beat, age_s, now)
+        return []
 
     def rebooted(self) -> None:
         """The autopilot says that it has started anew: in flight that ends the right to engage it."""
@@ -225,8 +255,25 @@ class ModeAuthority:
             f" select {self._adapter.engaged_name} to be steered"
         )
 
+    def _is_young(self, age_s: float, now: float) -> bool:
+        """Whether a heartbeat shows the mode of now; the pilot hears of a stream where none does."""
+        # Not "older": an age that is no number is not known.
+        if age_s <= YOUNG_S:
+            self._late_since = None
+            return True
+        if self._late_since is None:
+            self._late_since = now
+        if now - self._late_since >= LATE_S:
+            self._notice(
+                "telemetry comes late: the autopilot's mode is not changed by this companion;"
+                " check the radio, or select a mode by hand"
+            )
+        return False
+
     def _note(self, report: HeartbeatReport, now: float) -> None:
         before = self._beat
+        if before is not None and now - self._beat_time > UNSEEN_S:
+            self._unseen = True
         guided = self._adapter.is_engaged(report.custom_mode)
         handed_back = self._adapter.is_handed_back(report.custom_mode)
         if before is None or now - self._beat_time > SETTLED_S:
@@ -234,7 +281,7 @@ class ModeAuthority:
         elif before.custom_mode != report.custom_mode or before.armed != report.armed:
             self._run_began = self._changed_time = now
         if guided:
-            self._steered = self.answers_for_vehicle
+            self._steered = self.answers_for_vehicle or self._inherited
             self._request_time = -math.inf
             self._returned = False
         else:
@@ -246,6 +293,8 @@ class ModeAuthority:
     ) -> None:
         """A heartbeat shows that the autopilot is not in its guided mode."""
         self._steered = False
+        if self._adapter.is_ready:
+            self._inherited = False
         if now - self._request_time > ANSWER_S:
             self._request_time = -math.inf
         if before is None or self._adapter.is_engaged(before.custom_mode):
@@ -258,11 +307,13 @@ class ModeAuthority:
         self, report: HeartbeatReport, previous: HeartbeatReport | None, now: float
     ) -> None:
         """What ends the right to engage, and the end of the flight, which gives it back."""
-        if self._phase.hear(report, now) and self._consent.is_spent:
+        if self._phase.hear(report, now) and self._consent != Consent():
+            self._steered = self._inherited = False
             self._asking, self._asks, self._next_ask = None, 0, -math.inf
             self._seen_guided = False
             self._noticed.clear()
             self._set(Consent())
+        self._watch_gap(now)
         if not report.armed:
             return
         name = self._adapter.mode_name(report.custom_mode)
@@ -275,10 +326,21 @@ class ModeAuthority:
             self._asking = None
         elif self._adapter.goes_home(report.custom_mode):
             self._spend(f"it has been in {name} in this flight")
-        elif self._is_pilots_change(report, previous) and self._phase.flies(now):
+        elif self._is_pilots_change(report, previous) and not self._phase.is_on_ground(now):
             self._spend(f"{name} was selected in the air")
         if self._asking is not None and self._asking != report.custom_mode:
             self._asking = None
+
+    def _watch_gap(self, now: float) -> None:
+        """After a time without heartbeats, or without this process: the pilot may have flown meanwhile."""
+        if not self._unseen:
+            return
+        self._asking = None
+        if self._phase.is_on_ground(now):
+            self._unseen = False
+        elif self._phase.flies(now):
+            self._unseen = False
+            self._spend("its heartbeats were not heard for a while in the air")
 
     def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
         """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""
@@ -288,7 +350,13 @@ class ModeAuthority:
 
     def _spend(self, reason: str) -> None:
         if not self._consent.is_spent:
-            self._set(Consent(spent=reason))
+            self._set(replace(self._consent, spent=reason))
+
+    def _keep(self) -> None:
+        """Who steers, for the companion after this one."""
+        steered = self.answers_for_vehicle or self._inherited or self._asking is not None
+        if steered is not self._consent.steered:
+            self._set(replace(self._consent, steered=steered))
 
     def _set(self, consent: Consent) -> None:
         if consent != self._consent:
@@ -301,14 +369,16 @@ class ModeAuthority:
         unbroken = now - self._run_began >= run_s
         return alive and unbroken and now - self._changed_time >= SETTLED_S
 
-    def _hand_back(self, now: float) -> list[MAVLink_message]:
+    def _hand_back(self, age_s: float, now: float) -> list[MAVLink_message]:
         if not self._is_settled(now, run_s=SETTLED_S) or self._returns > MOST_RETURNS:
             return []
         if not self.answers_for_vehicle:
             self._notice(
-                f"nothing to steer by: it stays in {self.mode_name()}, as it was selected by hand;"
+                f"nothing to steer by: it stays in {self.mode_name()}, unsteered;"
                 " watch it, or select another mode"
             )
+            return []
+        if not self._is_young(age_s, now):
             return []
         self._returns += 1
         if self._returns > MOST_RETURNS:
@@ -320,20 +390,21 @@ class ModeAuthority:
         self._return_time = now
         return self._adapter.hand_back()
 
-    def _ask(self, beat: HeartbeatReport, now: float) -> list[MAVLink_message]:
-        if not self._is_settled(now, run_s=LEAST_RUN_S):
-            return []
+    def _ask(self, beat: HeartbeatReport, age_s: float, now: float) -> list[MAVLink_message]:
         spent = self._consent.is_spent and self._asking is None
-        if spent and self._seen_guided:
-            # The pilot was told when the guided mode was left.
+        # The pilot was told when the guided mode was left.
+        if not self._is_settled(now, run_s=LEAST_RUN_S) or (spent and self._seen_guided):
             return []
         obstacle = self._obstacle(beat, now)
         if obstacle is not None:
             self._notice(obstacle)
             return []
+        if not self._is_young(age_s, now):
+            return []
         if self._asking is None:
             self._asking = beat.custom_mode
-            self._spend("it has engaged itself once in this flight")
+            self._spend("it has asked for the guided mode once in this flight")
+            self._keep()
         if not self._store.holds(self._consent):
             # On its way to the disk; or it does not get there.
             if self._store.fault is not None:

@@ -4,6 +4,9 @@ A report is never read before it was made, so the least difference between the r
 autopilot's is the one with the least delay in it. From reports alone a clock that has lost time looks like a
 link that has become slower. TIMESYNC tells the two apart: what was asked at t0 and answered at t3 with the
 autopilot's time c shows that the difference lies between t0 - c and t3 - c.
+
+An answer shows something else, too: what comes after it on the same stream was said after t0. So nothing
+that is heard is older than the newest question that has been answered, however long it waited in a radio.
 """
 
 import math
@@ -12,8 +15,11 @@ from dataclasses import dataclass
 ASK_S = 0.5
 """Between questions for the autopilot's time: a slip is found in less than a second."""
 
-OPEN = 4
-"""Questions that an answer is awaited for."""
+OPEN = 40
+"""Questions that an answer is awaited for: telemetry that is 20 s late is known to be."""
+
+SILENT_S = 5.0
+"""Not one answer for so long after the first question: an autopilot that has none."""
 
 NANOSECOND = 1e-9
 
@@ -101,6 +107,8 @@ class AutopilotClock:
         self._looked = 0
         self._newest = self._read = -math.inf
         self._asked_time = self._answered = -math.inf
+        self._first_asked: float | None = None
+        self._newest_answered: float | None = None
 
     @property
     def word(self) -> str | None:
@@ -136,6 +144,8 @@ class AutopilotClock:
         if now - self._asked_time < ASK_S:
             return None
         self._asked_time = now
+        if self._first_asked is None:
+            self._first_asked = now
         stamp = round(now / NANOSECOND)
         self._asked[stamp] = now
         while len(self._asked) > OPEN:
@@ -145,6 +155,8 @@ class AutopilotClock:
     def answer(self, stamp: int, autopilot_ns: int, now: float) -> None:
         """Take the answer to a question, which carries its stamp; others are passed over."""
         asked = self._asked.pop(stamp, None)
+        if asked is not None:
+            self._newest_answered = max(asked, self._newest_answered or asked)
         if asked is None or not math.isfinite(self._newest):
             return
         time_s = autopilot_ns * NANOSECOND
@@ -158,6 +170,13 @@ class AutopilotClock:
         if self._difference < least - ROUNDING_S:
             self._slipped(most, now)
         self._least = min(self._least, most)
+
+    def greatest_age(self, now: float) -> float:
+        """How old at most (s) is what is heard now; infinite while not known, 0 without any answer ever."""
+        if self._newest_answered is not None:
+            return now - self._newest_answered
+        asked = self._first_asked
+        return 0.0 if asked is not None and now - asked > SILENT_S else math.inf
 
     @property
     def _difference(self) -> float:

@@ -1,10 +1,10 @@
-"""Whether a vehicle may still be engaged by itself in this flight: a fact that outlives the process."""
+"""Whether a vehicle may still be engaged by itself, and who steers it: facts that outlive the process."""
 
 import json
 import os
 import stat
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -20,6 +20,8 @@ class Consent:
 
     spent: str = ""
     """Why the guided mode is not entered by itself any more, in words; empty while it may be."""
+    steered: bool = False
+    """Whether the vehicle flies, or is about to, by what a companion has sent: the next answers for it."""
 
     @property
     def is_spent(self) -> bool:
@@ -120,7 +122,7 @@ class FileStore:
 
     def _write(self, consent: Consent) -> str | None:
         """Replace the file whole; what went wrong, or None."""
-        content = json.dumps({"version": VERSION, "spent": consent.spent}) + "\n"
+        content = json.dumps({"version": VERSION, **asdict(consent)}) + "\n"
         directory = self._file.parent
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -173,10 +175,11 @@ def parse(content: bytes) -> Consent:
         raise ValueError("no record of consent") from error
     if not isinstance(record, dict) or record.get("version") != VERSION:
         raise ValueError("no record of consent")
-    spent = record.get("spent")
-    if not isinstance(spent, str):
+    # Records of former versions do not say who steers.
+    spent, steered = record.get("spent"), record.get("steered", False)
+    if not isinstance(spent, str) or not isinstance(steered, bool):
         raise ValueError("no record of consent")  # noqa: TRY004 - of the file, not of the program
-    return Consent(spent=spent)
+    return Consent(spent=spent, steered=steered)
 
 
 def flush_directory(directory: Path) -> None:

@@ -52,6 +52,10 @@ HEARTBEAT_S = 1.0
 HANG_S = 2.0
 """Longer than this between two calls, and this process was stopped: what it hears then is old."""
 
+STALL_S = 0.5
+"""After longer than this between two calls modes are commanded only once a new question was answered: what is
+read first has waited."""
+
 AWAKE_S = 1.0
 """For so long after a hang what waited in buffers arrives."""
 
@@ -115,6 +119,8 @@ class Companion:
         self._role = role_of(plan, clock)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
+        self._awake_since = self._idle_since = math.inf
+        self._stalled = -math.inf
         self._interval = math.inf
         self._distance = math.inf
         self._housekeeping_time = -math.inf
@@ -156,7 +162,7 @@ class Companion:
         if self._is_waking(now, out):
             self._old_datagrams += 1
         elif self._stopped:
-            messages += self._hear_out(data, now)
+            messages += self._hear_out(data, now, out)
         else:
             for report in self._codec.decode(data):
                 if not isinstance(report, HeartbeatReport):
@@ -197,22 +203,28 @@ class Companion:
         """Whether a vehicle that was steered until the stop is seen to fly by itself, or none was."""
         return not (self._leaving and self._authority.answers_for_vehicle)
 
-    def _hear_out(self, data: bytes, now: float) -> list[MAVLink_message]:
+    def _hear_out(self, data: bytes, now: float, out: Outgoing) -> list[MAVLink_message]:
         """After the last words: has the autopilot taken over?"""
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
             if isinstance(report, HeartbeatReport):
                 self._authority.hear(report, now)
-                messages += self._command_mode(now)
+                messages += self._command_mode(now, out)
                 continue
             self._authority.note_life(now)
             if isinstance(report, CommandReport):
                 self._authority.hear_answer(report, now)
+            elif isinstance(report, TimeReport):
+                self._own.note(report, now)
         return messages
 
     def _is_waking(self, now: float, out: Outgoing) -> bool:
         """Whether what arrives now has waited while this process was stopped: then nothing goes by it."""
         before, self._call_time = self._call_time, now
+        if before is None or now - before > HANG_S:
+            self._awake_since = now
+        if before is not None and now - before > STALL_S:
+            self._stalled = now
         if before is not None and now - before > HANG_S:
             self._awake_time = now + AWAKE_S
             self._authority.forget()
@@ -268,7 +280,7 @@ class Companion:
             case HeartbeatReport():
                 out.warn(self._authority.hear(report, now), now)
                 self._change_mode(now, out)
-                return self._command_mode(now)
+                return self._command_mode(now, out)
             case LandedReport():
                 self._phase.hear_landed(report, now)
             case CommandReport():
@@ -380,6 +392,8 @@ class Companion:
             distance=self._distance,
         )
         before, self._mode = self._mode, next_mode(self._mode, situation, self._patience)
+        if self._mode.steers or control is not Control.GUIDED:
+            self._idle_since = now
         if self._mode is before:
             return
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
@@ -392,18 +406,31 @@ class Companion:
         returns_s = self._patience.telemetry_lost_s if situation.steered else None
         self._announcer.change(mode_sentence(self._mode, control, flight_mode, guided, returns_s))
 
-    def _command_mode(self, now: float) -> list[MAVLink_message]:
+    def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
-        return self._authority.commands(self._wish(now), now)
+        wish, age_s = self._wish(now), self._own.greatest_age(now)
+        if now - age_s < self._stalled:
+            age_s = math.inf
+        commands = self._authority.commands(wish, now, age_s=age_s)
+        if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not self._stopped:
+            out.warn(
+                "nothing to steer by: handed back to the autopilot, watch that it loiters;"
+                f" select {self._adapter.engaged_name} once position and leader are heard",
+                now,
+            )
+        return commands
 
     def _wish(self, now: float) -> Wish:
         """What this companion would like of the autopilot."""
         if self._stopped:
             return Wish.RETURN if self._leaving else Wish.NONE
-        deaf = now - self._telemetry_time > self._patience.telemetry_lost_s
+        lost_s = self._patience.telemetry_lost_s
+        deaf = now - max(self._telemetry_time, self._awake_since) > lost_s
+        # As after a companion that was replaced while it steered, by one that hears no leader.
+        idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._patience.prediction_s + self._patience.breakaway_s
         gone = longest_s < self._role.leader_age(now) < math.inf
-        if gone or self._guard.closed(now) or deaf:
+        if gone or self._guard.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
         ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)

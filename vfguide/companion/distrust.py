@@ -15,6 +15,12 @@ from vfguide.state import Airframe
 QUIET_S = 10.0
 """Between two texts that something is not believed."""
 
+LASTING_S = 1.0
+"""A second fault that lasts for longer is told all the same, a third one after twice as long."""
+
+ROW_S = 30.0
+"""Faults that follow each other within this time are counted: texts that say the same are sent once in it."""
+
 FROZEN_S = 0.5
 """A position that does not change by a centimetre for longer, of a vehicle that moves, is frozen."""
 
@@ -110,9 +116,10 @@ class Doubt:
         self.counters: Counter[str] = Counter()
         """Reports that were not believed, by reason."""
         self._words: list[str] = []
-        self._verdict = Verdict.BELIEVED
-        self._reported = False
+        self._told: Verdict | None = None
+        self._since = math.inf
         self._reported_time = -math.inf
+        self._times = 0
 
     def words(self) -> list[str]:
         """What a pilot should know, each once."""
@@ -125,28 +132,47 @@ class Doubt:
 
     def note(self, judgement: Judgement, now: float) -> None:
         """Take a judgement."""
-        before, self._verdict = self._verdict, judgement.verdict
         if judgement.verdict is Verdict.BELIEVED:
             if judgement.moved is not None:
                 self._words.append(
                     f"the position is believed again, {judgement.off:.0f} m from where it was expected:"
                     " steered by it where the autopilot is still in the guided mode; check it"
                 )
-            elif self._reported:
-                self._words.append("position and velocity are right again: believed, nothing to do")
-            self._reported = False
+            elif self._told is not None:
+                self._words.append(
+                    f"position and velocity are right again{self._count}: believed, nothing to do"
+                )
+            self._told, self._since = None, math.inf
             return
         self.counters[
             "position carried on by velocity"
             if judgement.verdict is Verdict.CARRIED
             else "position not believed"
         ] += 1
-        if before is judgement.verdict or (self._reported and before is not Verdict.CARRIED):
+        self._since = min(self._since, now)
+        if self._told is None:
+            self._begin(judgement, now)
+        elif self._told is Verdict.CARRIED and judgement.verdict is not Verdict.CARRIED:
+            self._tell(judgement, now)
+
+    def _begin(self, judgement: Judgement, now: float) -> None:
+        """Tell of a fault that has not been told of, unless it is a short one among others."""
+        apart_s = now - self._reported_time
+        if apart_s >= ROW_S:
+            self._times = 0
+        elif apart_s < QUIET_S and now - self._since < LASTING_S * self._times:
             return
-        if before is Verdict.BELIEVED and now - self._reported_time < QUIET_S:
-            return
-        self._reported, self._reported_time = True, now
-        self._words.append(self._sentence(judgement))
+        self._times += 1
+        self._tell(judgement, now)
+
+    def _tell(self, judgement: Judgement, now: float) -> None:
+        self._told, self._reported_time = judgement.verdict, now
+        self._words.append(self._sentence(judgement) + self._count)
+
+    @property
+    def _count(self) -> str:
+        """Which fault in a row it is: the same words twice would be taken for one."""
+        return f" (fault {self._times} in a row)" if self._times > 1 else ""
 
     def _sentence(self, judgement: Judgement) -> str:
         if judgement.verdict is Verdict.CARRIED:

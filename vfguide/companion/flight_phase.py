@@ -134,6 +134,17 @@ class FlightPhase:
             f" {MOST_OFF_M:.0f} m of the mission's {self._altitude:.0f} m above sea level"
         )
 
+    def is_on_ground(self, now: float) -> bool:
+        """Whether the autopilot says that it is on the ground, armed or not; False where it is unknown."""
+        state, beat = self._landed_state(now), self._beat
+        if beat is None:
+            return False
+        shown = self._adapter.heartbeat_shows_flight
+        if state is None:
+            return bool(shown and beat.status == mavlink.MAV_STATE_STANDBY)
+        contradicted = shown and beat.status == mavlink.MAV_STATE_ACTIVE
+        return bool(state == mavlink.MAV_LANDED_STATE_ON_GROUND and not contradicted)
+
     def flies(self, now: float) -> bool:
         """Whether everything heard shows flight."""
         state, beat = self._landed_state(now), self._beat

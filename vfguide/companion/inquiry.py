@@ -47,7 +47,7 @@ class Inquiry:
         self._told = True
         if not self._known:
             tell(
-                "the autopilot does not answer for its parameters: limits and fail-safe not checked"
+                "the autopilot tells no parameters: limits and fail-safe are not checked; check them by hand"
             )
         if self.plan.asks_response:
             response = self._adapter.response(self._known, flight_needs(self.plan))

@@ -80,7 +80,7 @@ class Obedience:
             self._since = None
             if self._complained and abs(self._expected) >= EXPECTED_LEAST:
                 self._complained = False
-                return "the course follows again"
+                return "the course follows again, nothing to do"
             return None
         if self._since is None:
             self._since = now
@@ -90,7 +90,7 @@ class Obedience:
         return (
             "the course does not follow the setpoints: asked to turn at"
             f" {math.degrees(self._expected):.0f} degrees a second, turning at"
-            f" {math.degrees(self._turned):.0f}; is the autopilot one that flies courses in this mode?"
+            f" {math.degrees(self._turned):.0f}; be ready to take over; does this autopilot fly courses?"
         )
 
 

@@ -12,6 +12,8 @@ from vfguide.companion.foresight import SLIPPING, Foresight
 from vfguide.companion.navigation_health import NavigationHealth
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
+    CARRIED_S,
+    RETURN_S,
     STAYED_S,
     InnovationGate,
     Judgement,
@@ -44,6 +46,10 @@ WAIT_S = 0.3
 
 SLIP_S = 0.1
 """After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
+
+SURE_AGAIN_S = CARRIED_S - RETURN_S + GAP_S
+"""After nothing was believed for longer, the carried place would be given up before the reports are believed
+again: the vehicle would be steered for a moment, not steered, and steered again."""
 
 AIRSPEED_FRESH_S = 2.0
 """An airspeed older than this is not used."""
@@ -110,6 +116,7 @@ class OwnVehicle:
         self._doubt = Doubt()
         self._altitude = AltitudeGate()
         self._reading: Reading | None = None
+        self._refused = self._comes_back = False
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
         self._counters: Counter[str] = Counter()
@@ -176,11 +183,16 @@ class OwnVehicle:
         judgement = self._judge(report, sample, reading, before)
         self._doubt.note(judgement, now)
         if judgement.verdict is Verdict.REFUSED:
+            self._refused = True
             return None
         if previous is not None and time_s <= previous.time_s:
             return None
         moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
+        self._comes_back = judgement.verdict is not Verdict.BELIEVED and (
+            self._comes_back or (self._refused and interval > SURE_AGAIN_S)
+        )
+        self._refused = False
         used = sample
         if judgement.verdict in CARRIED:
             used = replace(sample, north=judgement.north, east=judgement.east)
@@ -202,7 +214,7 @@ class OwnVehicle:
             interval=interval,
             altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
             moved=moved,
-            steerable=judgement.verdict is not Verdict.ADRIFT,
+            steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             foresight=self._foresight,
         )
 
@@ -215,13 +227,17 @@ class OwnVehicle:
                 "the altitude steps: not believed, the others are kept clear of at every height;"
                 " check the barometer"
                 if self._altitude.doubted
-                else "the altitude is believed again"
+                else "the altitude is believed again, nothing to do"
             )
         return altitude
 
     def time_question(self, now: float) -> int | None:
         """The stamp (ns) of a question for the autopilot's time, or None while none is due."""
         return self._clock.ask(now)
+
+    def greatest_age(self, now: float) -> float:
+        """How old at most (s) is what is heard of the autopilot now; infinite while not known."""
+        return self._clock.greatest_age(now)
 
     def note(
         self,

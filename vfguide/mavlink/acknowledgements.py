@@ -103,7 +103,8 @@ def refusal(command: int, result: int) -> str:
     answer = name_of("MAV_RESULT", result).removeprefix("MAV_RESULT_")
     text = f"autopilot answers {name_of('MAV_CMD', command)}: {answer}"
     reason = REASONS.get((command, result))
-    return text if reason is None else f"{text} ({reason})"
+    text = text if reason is None else f"{text} ({reason})"
+    return f"{text}; be ready to take over"
 
 
 def name_of(group: str, number: int) -> str:

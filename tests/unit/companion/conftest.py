@@ -100,6 +100,9 @@ class Flight:
     """What another says in the autopilot's name at a time."""
     make: Callable[[], Companion] | None = None
     """Makes the companion of a process that starts anew, with the state that the one before has kept."""
+    late_s: float = 0.0
+    """How long what the autopilot says is under way, as in the buffer of a radio."""
+    _under_way: list[tuple[float, bytes]] = field(default_factory=list)
     _steps: int = 0
 
     def run(self, until_s: float) -> None:
@@ -108,7 +111,11 @@ class Flight:
             self.now = self._steps / RATE_HZ
             for data in self.link(self.now):
                 self.companion.receive_link(data, self.now)
-            telemetry = self.waiting + self.autopilot.advance(self.now - self.booted)
+            said = self.waiting + self.autopilot.advance(self.now - self.booted)
+            self._under_way.append((self.now + self.late_s, said))
+            telemetry = b""
+            while self._under_way and self._under_way[0][0] <= self.now + 1e-9:
+                telemetry += self._under_way.pop(0)[1]
             telemetry = self.forge(self.now) + (b"" if self.deaf else telemetry)
             out = self.companion.receive_mavlink(telemetry, self.now)
             self.sent.append((self.now, out.to_autopilot))

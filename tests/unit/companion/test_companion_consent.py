@@ -53,7 +53,7 @@ def test_a_damaged_file_is_no_consent(tmp_path: Path, content: bytes) -> None:
     store.save(Consent())
     store.close()
     assert store.holds(Consent())
-    assert json.loads(file.read_text()) == {"version": 1, "spent": ""}
+    assert json.loads(file.read_text()) == {"version": 1, "spent": "", "steered": False}
 
 
 def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path: Path) -> None:
@@ -182,6 +182,7 @@ def asked(
         companion, times, now, north = flight().companion, [], 0.0, 0.0
         speed, altitude = spans[0].get("speed", 20.0), spans[0].get("altitude", 588.0)
         before = spans[0]
+        answers: list[mavlink.MAVLink_message] = []
         for span in spans:
             wanted = (span.get("speed", 20.0), span.get("altitude", 588.0))
             left = round(span.get("length", 5.0) * 10)
@@ -194,6 +195,7 @@ def asked(
                 north += 0.1 * speed
                 companion.receive_link(leader_bytes(now), now)
                 messages = [
+                    *answers,
                     beat(shown["status"], armed=shown["armed"]),
                     place(now, north, speed, altitude),
                 ]
@@ -201,6 +203,11 @@ def asked(
                     messages.append(mavlink.MAVLink_extended_sys_state_message(0, landed))
                 sent = parsed(companion.receive_mavlink(spoken(*messages), now).to_autopilot)
                 times += [now for one in sent if getattr(one, "command", 0) == SET_MODE]
+                answers = [
+                    mavlink.MAVLink_timesync_message(round(now * 1e9), one.ts1)
+                    for one in sent
+                    if one.get_type() == "TIMESYNC"
+                ]
             before = span
         return times
 
@@ -303,7 +310,7 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
     assert flown.autopilot.truth().mode == "GUIDED"
     assert [text for _, text in flown.texts()] == [
         (
-            "vfguide f1: nothing to steer by: it stays in GUIDED, as it was selected by hand;"
+            "vfguide f1: nothing to steer by: it stays in GUIDED, unsteered;"
             " watch it, or select another mode"
         )
     ]

@@ -125,14 +125,14 @@ def test_a_duplicate_position_is_not_steered_by_twice(
             *(43_000, 4),
             (
                 "autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED"
-                " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX)"
+                " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX); be ready to take over"
             ),
         ),
         (
             *(43_002, 2),
             (
                 "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: DENIED"
-                " (not in Guided Course, or a course that it does not take)"
+                " (not in Guided Course, or a course that it does not take); be ready to take over"
             ),
         ),
         (
@@ -140,10 +140,11 @@ def test_a_duplicate_position_is_not_steered_by_twice(
             (
                 "autopilot answers MAV_CMD_DO_SET_MODE: TEMPORARILY_REJECTED"
                 " (it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more)"
+                "; be ready to take over"
             ),
         ),
-        (60_000, 2, "autopilot answers 60000: DENIED"),
-        (511, 200, "autopilot answers MAV_CMD_SET_MESSAGE_INTERVAL: 200"),
+        (60_000, 2, "autopilot answers 60000: DENIED; be ready to take over"),
+        (511, 200, "autopilot answers MAV_CMD_SET_MESSAGE_INTERVAL: 200; be ready to take over"),
     ],
 )
 def test_a_refused_command_is_one_event_however_often_it_is_refused(
@@ -213,10 +214,10 @@ def test_a_real_autopilot_that_refuses_is_reported_by_name(flight: Make) -> None
     flown.waiting = b""
     flown.run(13.0)
     assert [text for _, text in flown.events if "answers" in text] == [
-        "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: FAILED (not in GUIDED)",
+        "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: FAILED (not in GUIDED); be ready to take over",
         (
             "autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED"
-            " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX)"
+            " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX); be ready to take over"
         ),
     ]
     assert flown.mode_at(13.0) is Mode.PILOT

@@ -25,7 +25,7 @@ def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Mak
         f"vfguide f1: {text}"
         for text in (
             "steering to its place; leave GUIDED to take over",
-            "in its place",
+            "in its place, nothing to do",
             "leader not heard, steering by its path; leave GUIDED to take over",
             "leader lost, flying away from the others; leave GUIDED to take over",
             "leader lost, handing back to the autopilot; select GUIDED once it is heard",

@@ -129,7 +129,7 @@ def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered(
     flown.pilot(GUIDED)
     flown.run(34.0)
     assert flown.autopilot.truth().mode == "GUIDED"
-    assert any("stays in GUIDED, as it was selected by hand" in text for _, text in flown.texts())
+    assert any("stays in GUIDED, unsteered" in text for _, text in flown.texts())
     assert 27.5 < flown.times(HEADING)[-1] <= 28.0
 
 

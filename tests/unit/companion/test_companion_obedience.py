@@ -73,7 +73,7 @@ def test_it_says_when_the_course_follows_again() -> None:
 
     texts = [text for _, text in complaints(course, lambda now: course(now) + 0.3, 40.0)]
     assert len(texts) == 2
-    assert texts[1] == "the course follows again"
+    assert texts[1] == "the course follows again, nothing to do"
 
 
 @pytest.mark.parametrize(("off", "words"), [(25.0, "25 m above"), (-30.0, "30 m below")])

@@ -122,7 +122,7 @@ def test_an_autopilot_that_answers_for_nothing_is_told_of_once(
 ) -> None:
     _, told = inspected(plan, mission, spoken, parsed, {})
     assert [text for text in told if "parameters" in text] == [
-        "the autopilot does not answer for its parameters: limits and fail-safe not checked"
+        "the autopilot tells no parameters: limits and fail-safe are not checked; check them by hand"
     ]
 
 

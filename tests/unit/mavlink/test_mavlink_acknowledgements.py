@@ -26,7 +26,7 @@ def test_a_refusal_is_told_once_with_its_reason_and_again_after_a_while() -> Non
     assert [text for text in told if text] == [
         (
             "autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED"
-            " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX)"
+            " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX); be ready to take over"
         )
     ]
     assert watch.answered(answer(SPEED, FAILED), 30.0)
@@ -63,4 +63,7 @@ def test_setpoints_that_are_no_commands_wait_for_no_answer() -> None:
 
 
 def test_numbers_that_nobody_has_named_are_told_as_numbers() -> None:
-    assert Acknowledgements().answered(answer(60_000, 200), 0.0) == "autopilot answers 60000: 200"
+    assert (
+        Acknowledgements().answered(answer(60_000, 200), 0.0)
+        == "autopilot answers 60000: 200; be ready to take over"
+    )

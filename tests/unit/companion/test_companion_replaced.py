@@ -1,0 +1,159 @@
+"""A companion that takes the place of one that has steered answers for the vehicle."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
+
+from vfguide.companion.consent import FileStore, MemoryStore
+
+Make = Callable[..., Any]
+
+SET_MODE, MESSAGE_INTERVAL = 176, 511
+GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
+HELD = {"ardupilot": "LOITER", "px4": "AUTO.LOITER"}
+HOLD = {"ardupilot": (12, 0), "px4": (4, 3)}
+SELECT_GUIDED = {"ardupilot": (15, 0), "px4": (4, 19)}
+KINDS = ["ardupilot", "px4"]
+BACK = "nothing to steer by: handed back to the autopilot, watch that it loiters"
+
+
+class Flown(Protocol):
+    """A flight, as far as its companion can be replaced."""
+
+    now: float
+    waiting: bytes
+
+    def hang(self, until_s: float) -> None: ...
+
+    def restart(self) -> None: ...
+
+
+def replaced(flown: Flown, gap_s: float) -> None:
+    """The process is killed, and for some time nobody hears the autopilot or speaks to it."""
+    flown.hang(flown.now + gap_s)
+    flown.waiting = b""
+    flown.restart()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("gap_s", [0.5, 2.0, 3.5])
+def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(
+    flight: Make, until: Make, kind: str, gap_s: float
+) -> None:
+    flown = flight(kind=kind, link=until(15.0))
+    flown.run(15.0)
+    replaced(flown, gap_s)
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == HELD[kind]
+    (time,) = flown.later(SET_MODE, 15.0)
+    assert 25.0 + gap_s < time < 29.0 + gap_s
+    assert sum(BACK in text for _, text in flown.texts()) == 1
+    # It is the pilot's from then on.
+    flown.run(60.0)
+    assert flown.later(SET_MODE, time) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(
+    flight: Make, kind: str
+) -> None:
+    flown = flight(kind=kind)
+    flown.run(15.0)
+    flown.command(MESSAGE_INTERVAL, 33, -1)
+    flown.lose = frozenset({MESSAGE_INTERVAL})
+    replaced(flown, 2.0)
+    flown.run(40.0)
+    assert flown.autopilot.truth().mode == HELD[kind]
+    assert sum(BACK in text for _, text in flown.texts()) == 1
+
+
+def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times(
+    flight: Make, until: Make
+) -> None:
+    flown = flight(link=until(15.0))
+    flown.run(15.0)
+    flown.lose = frozenset({SET_MODE})
+    replaced(flown, 2.0)
+    flown.run(60.0)
+    assert len(flown.later(SET_MODE, 15.0)) == 3
+    assert any("although it was handed back 3 times" in text for _, text in flown.texts())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_companion_that_hears_everything_steers_on(flight: Make, kind: str) -> None:
+    flown = flight(kind=kind)
+    flown.run(20.0)
+    replaced(flown, 2.0)
+    flown.run(50.0)
+    assert flown.autopilot.truth().mode == GUIDED[kind]
+    assert flown.later(SET_MODE, 20.0) == []
+    assert flown.companion.snapshot.mode.steers
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_companion_that_is_stopped_hands_back(flight: Make, until: Make, kind: str) -> None:
+    flown = flight(kind=kind, link=until(15.0))
+    flown.run(15.0)
+    replaced(flown, 2.0)
+    flown.run(20.0)
+    flown.companion.stop(flown.now)
+    flown.run(25.0)
+    assert flown.autopilot.truth().mode == HELD[kind]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_new_companion(
+    flight: Make, until: Make, kind: str
+) -> None:
+    flown = flight(kind=kind, link=until(15.0))
+    flown.run(15.0)
+    flown.pilot(*HOLD[kind])
+    flown.run(18.0)
+    flown.pilot(*SELECT_GUIDED[kind])
+    flown.run(18.5)
+    flown.pilot(*HOLD[kind])
+    flown.run(20.0)
+    replaced(flown, 2.0)
+    flown.run(25.0)
+    flown.pilot(*SELECT_GUIDED[kind])
+    flown.run(60.0)
+    assert flown.autopilot.truth().mode == GUIDED[kind]
+    assert flown.later(SET_MODE, 15.0) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(
+    flight: Make, until: Make, kind: str
+) -> None:
+    flown = flight(kind=kind, link=until(15.0))
+    flown.run(15.0)
+    replaced(flown, 2.0)
+    flown.run(40.0)
+    later = [text for time, text in flown.texts() if time > 15.0]
+    assert [text for text in later if "the pilot flies" in text or "by hand" in text] == []
+
+
+def test_who_steers_is_on_the_disk(flight: Make, tmp_path: Path) -> None:
+    store = FileStore(tmp_path, "f1")
+    flown = flight(store=store, engage=False)
+    flown.run(5.0)
+    assert not store.load().steered
+    flown.pilot(*SELECT_GUIDED["ardupilot"])
+    flown.run(10.0)
+    store.close()
+    kept = FileStore(tmp_path, "f1")
+    assert kept.load().steered
+    kept.close()
+
+
+def test_nobody_steers_once_the_pilot_has_taken_over(flight: Make) -> None:
+    store = MemoryStore()
+    flown = flight(store=store)
+    flown.run(10.0)
+    assert store.load().steered
+    flown.pilot(*HOLD["ardupilot"])
+    flown.run(12.0)
+    assert not store.load().steered
+    assert store.load().is_spent
