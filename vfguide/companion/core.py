@@ -151,6 +151,10 @@ class Companion:
         """Take a leader state from the link."""
         self._role.receive(data, now)
 
+    def lose_link(self, now: float) -> None:
+        """Note that there is no connection to the link now."""
+        self._role.lose_link(now)
+
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
         self._role.receive_neighbour(vehicle, data, now)

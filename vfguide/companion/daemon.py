@@ -174,6 +174,8 @@ class Daemon:
             self._introduced = self._introduction.is_given_by(datagram)
         began = time.perf_counter()
         now = self._clock.now()
+        if self._link is not None and not self._link.connected:
+            self._companion.lose_link(now)
         out = self._companion.receive_mavlink(datagram, now)
         self._dispatch(out)
         if out.steered:

@@ -135,6 +135,10 @@ class FollowerRole:
         """Take a state of another follower."""
         self._traffic.receive(vehicle, data, now)
 
+    def lose_link(self, now: float) -> None:
+        """Note that nobody can be heard now: who has been silent since then may fly on as before."""
+        self._traffic.lose_link(now)
+
     def words(self) -> list[str]:
         """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""
         heard = [f"the leader {words}" for words in self._leader.words()] + self._traffic.words()

@@ -110,6 +110,10 @@ class LeaderRole:
         """Take a state of a follower."""
         self._traffic.receive(vehicle, data, now)
 
+    def lose_link(self, now: float) -> None:
+        """Note that nobody can be heard now: who has been silent since then may fly on as before."""
+        self._traffic.lose_link(now)
+
     def words(self) -> list[str]:
         """What the pilot should know of the followers' states, and of keeping clear of them."""
         return self._traffic.words() + self._keep_clear.words()

@@ -41,6 +41,9 @@ class Role(Protocol):
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""
 
+    def lose_link(self, now: float) -> None:
+        """Note that nobody can be heard now."""
+
     def words(self) -> list[str]:
         """What a pilot should know of what came over the link, each once: one sentence each."""
 

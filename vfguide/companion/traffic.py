@@ -7,6 +7,7 @@ holds its last course, where its companion has died, or turns on, where its auto
 """
 
 import cmath
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -139,6 +140,7 @@ class Traffic:
         self._rows = {one.name: row for row, one in enumerate(others)}
         self._hearing = {one.name: Hearing(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
+        self._link_lost_s = -math.inf
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
         count = 2 * len(others)
         self._time = np.full(count, -np.inf)
@@ -173,6 +175,10 @@ class Traffic:
         hearing.take(data, now)
         self.note(vehicle, hearing)
         self._words += [f"{vehicle} {words}" for words in hearing.words()]
+
+    def lose_link(self, now: float) -> None:
+        """Note that there is no connection to the link now."""
+        self._link_lost_s = now
 
     def words(self) -> list[str]:
         """What a pilot should know of their states, each once: one sentence each."""
@@ -285,12 +291,13 @@ class Traffic:
     def _works_for(self) -> BoolArray:
         """Whether the link has worked since each was heard: another was heard all the time, and after it.
 
-        Not where it has just come back, and one is heard again before another.
+        Not where it has just come back, and one is heard again before another, nor where it was known to be
+        lost meanwhile: after a broker's restart the others come back to it one by one.
         """
         heard_before = self._since[None, :] <= self._time[:, None]
         heard_after = self._time[None, :] > self._time[:, None] + LATER_S
         works: BoolArray = np.any(heard_before & heard_after, axis=1)
-        return works
+        return works & (self._time > self._link_lost_s)
 
     def is_clear(self, here: Viewpoint, leader: LeaderState[float] | None) -> bool:
         """Whether all others are heard and steered, and none can come near: the usual case, at a glance.

@@ -190,6 +190,21 @@ def test_ones_own_deafness_says_nothing_about_the_others(
     assert len(found(traffic, beside(13.0)).tracks) == 1
 
 
+def test_who_comes_back_later_than_another_after_the_link_was_lost_is_not_astray(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
+    # The broker restarts at 10.1 s; the leader, far away, is connected again before f2 is.
+    for time_s in (10.0, 12.2, 12.9):
+        if time_s == 12.2:
+            traffic.lose_link(12.0)
+        data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
+        traffic.note("leader", heard_leader(plan, data, time_s))
+    # With the formation, as before; not also straight on.
+    assert len(found(traffic, beside(13.0)).tracks) == 1
+
+
 def test_a_leader_that_hears_nobody_any_more_flies_on(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
