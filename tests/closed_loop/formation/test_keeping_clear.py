@@ -14,6 +14,9 @@ AFTERWARDS_S = 10.0
 LEVEL_M = 4.0
 """In the plane alone: where that is not enough, height does the rest."""
 
+ONCE_NEAR = (414, 609)
+"""Autopilots that hang in a turn, one as it begins: once 4.1 and 3.7 m."""
+
 CASES = {
     "the leader goes home, and a follower after it": (
         Event(15.0, "RTL", "leader"),
@@ -57,7 +60,7 @@ def test_nobody_under_guidance_comes_near(mission: str, case: str) -> None:
     assert near == []
 
 
-@pytest.mark.parametrize("number", range(40))
+@pytest.mark.parametrize("number", [*range(40), *ONCE_NEAR])
 def test_nobody_comes_near_on_a_flight_of_strays(number: int) -> None:
     nearest = fly(number, AFTERWARDS_S).nearest
     assert nearest.unavoidable or nearest.distance_m >= LEAST_M
