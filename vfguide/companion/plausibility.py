@@ -110,6 +110,7 @@ class Reach:
 
     def displacement(self, interval_s: float) -> float:
         """How far the place can be from the one that the mean of both velocities leads to, m."""
+        # a T² / 8, a being the acceleration without its margin of two.
         return min(0.0625 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
 
 

@@ -456,7 +456,7 @@ def with_formation(seen: Seen, leader: LeaderState[float]) -> tuple[ComplexArray
 
 
 def tightened(seen: Seen) -> ComplexArray:
-    """Tracks of those who went on into their turn to the bank limit when they fell silent, m.
+    """Tracks of vehicles that, when they fell silent, rolled on to the bank limit of their turn, m.
 
     A turn that has only begun is reported late: 0.1 rad/s of it are 20 m after four seconds.
     """
