@@ -47,7 +47,7 @@ FROM system
 RUN groupadd --gid 10001 vfguide \
  && useradd --uid 10001 --gid vfguide --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin vfguide \
  && install --directory --owner vfguide --group vfguide \
-      /var/lib/vfguide/broker /var/lib/vfguide/trust /var/lib/vfguide/start /var/lib/vfguide/flight /var/lib/vfguide/state /var/lib/vfguide/record
+      /var/lib/vfguide/broker /var/lib/vfguide/trust /var/lib/vfguide/start /var/lib/vfguide/flight /var/lib/vfguide/state /var/lib/vfguide/record /var/lib/vfguide/roster
 COPY docker /usr/share/vfguide/docker
 # One thread for linear algebra: matrices here are small, and each thread more has its own memory.
 ENV PATH=/opt/vfguide/bin:/usr/share/vfguide/docker/bin:$PATH \

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-PlantKind = Literal["course-hold", "heading-hold", "bank", "npfg"]
-SpeedResponse = Literal["first-order", "tecs"]
+PlantKind = Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"]
+SpeedResponse = Literal["first-order", "tecs", "px4"]
 
 TECS_DEAD_TIME_S = 0.5
 """From a new airspeed to the first change of speed, as measured on ArduPlane."""
@@ -19,7 +19,7 @@ class PlantParameters:
     """One aircraft with its inner loops."""
 
     kind: PlantKind = "heading-hold"
-    """Which model flies: see `plant` and, for `bank` and `npfg`, `lagging_plant`."""
+    """Which model flies: see `plant`; for `bank` and `npfg`, `lagging_plant`; for `six-dof`, `six_dof`."""
 
     alpha_1_s: float = 1.2
     """Gain of the course or heading hold: 1 / time constant."""
@@ -46,7 +46,7 @@ class PlantParameters:
     """Height hold: climb rate asked for per metre of height error."""
 
     guided_p_cdeg_rad: float = 12_000.0
-    """`bank` only: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
+    """`bank` and `six-dof`: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
 
     roll_time_s: float = 0.4
     """`bank` and `npfg` only: time constant with which the roll follows."""
@@ -55,7 +55,8 @@ class PlantParameters:
     """`bank` only: turn rate in parts of the coordinated turn's; 0.7 measured on ArduPlane."""
 
     speed_response: SpeedResponse = "first-order"
-    """`tecs`: an airspeed hold like ArduPlane's, which overshoots and settles slowly."""
+    """`tecs`: an airspeed hold like ArduPlane's, which overshoots and settles slowly. `px4`: PX4's with a
+    throttle that is trimmed, whose setpoint slews, and which swings."""
 
     course_dead_time_s: float = 0.0
     """From a new course, heading or bank to the moment at which the loop knows it."""
@@ -76,9 +77,21 @@ class PlantParameters:
         return self.kind in {"bank", "npfg"}
 
     @property
+    def banks(self) -> bool:
+        """Whether the bank is in proportion to the course error, as ArduPlane's."""
+        return self.kind in {"bank", "six-dof"}
+
+    @property
     def lags(self) -> bool:
         """Whether roll or speed have a state of their own: see `lagging_plant`."""
-        return self.rolls or self.speed_response == "tecs"
+        return self.rolls or self.speed_response != "first-order"
+
+    @property
+    def steps_as(self) -> Literal["ideal", "lagging", "six-dof"]:
+        """Which integration it needs."""
+        if self.kind == "six-dof":
+            return "six-dof"
+        return "lagging" if self.lags else "ideal"
 
     def __post_init__(self) -> None:
         """Refuse an aircraft that cannot fly.
@@ -86,12 +99,7 @@ class PlantParameters:
         Raises:
             ValueError: a parameter is out of its range; the message names it.
         """
-        for name, known in (("kind", PlantKind), ("speed_response", SpeedResponse)):
-            if getattr(self, name) not in get_args(known):
-                wanted = ", ".join(get_args(known))
-                raise ValueError(f"{name} must be one of {wanted}, not {getattr(self, name)!r}")
-        if self.kind == "course-hold" and self.lags:
-            raise ValueError("speed_response tecs holds an airspeed: it needs another plant")
+        self._check_models()
         for name in (
             "alpha_1_s",
             "beta_1_s",
@@ -117,3 +125,14 @@ class PlantParameters:
             raise ValueError("airspeed_max_m_s must not be below airspeed_min_m_s")
         if not 0.0 < self.max_bank_rad < math.pi / 2:
             raise ValueError(f"max_bank_rad must be in (0, pi/2), not {self.max_bank_rad!r}")
+
+    def _check_models(self) -> None:
+        for name, known in (("kind", PlantKind), ("speed_response", SpeedResponse)):
+            if getattr(self, name) not in get_args(known):
+                wanted = ", ".join(get_args(known))
+                raise ValueError(f"{name} must be one of {wanted}, not {getattr(self, name)!r}")
+        if self.kind == "course-hold" and self.lags:
+            held = self.speed_response
+            raise ValueError(f"speed_response {held} holds an airspeed: it needs another plant")
+        if self.kind == "six-dof" and self.speed_response != "first-order":
+            raise ValueError("six-dof has a speed hold of its own: leave speed_response out")

@@ -110,7 +110,7 @@ def described(config: AutopilotConfig) -> list[Parameter]:
 def guided_p(config: AutopilotConfig) -> float:
     """As flown by the bank plant; else the bank per course error that gives the plant's alpha."""
     plant = config.plant
-    if plant.kind == "bank":
+    if plant.banks:
         return plant.guided_p_cdeg_rad
     middle_speed_m_s = 0.5 * (plant.airspeed_min_m_s + plant.airspeed_max_m_s)
     return round(100.0 * math.degrees(plant.alpha_1_s * middle_speed_m_s / GRAVITY_M_S2))

@@ -86,6 +86,8 @@ class Autopilot:
         """
         self.counters: Counter[str] = Counter()
         """What was received and not obeyed, by reason."""
+        self.config = config
+        """What it started with."""
         self.system_id = config.system_id
         """MAVLink system id."""
         self._personality = PERSONALITIES[config.autopilot](config)

@@ -72,7 +72,7 @@ def fly(
         PlantKind,
         option(
             "heading-hold: first order, the wind drifts it; course-hold: the article's model; bank:"
-            " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course.",
+            " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body.",
             FLIES,
         ),
     ] = "heading-hold",
@@ -80,7 +80,7 @@ def fly(
     beta: Annotated[float, option("Gain of the speed hold, 1/s.", FLIES, "B")] = 0.8,
     speed_response: Annotated[
         SpeedResponse,
-        option("tecs: overshoots, settles slowly, 0.5 s late, trades height.", FLIES),
+        option("tecs: as ArduPlane, late and slow to settle; px4: slews and swings.", FLIES),
     ] = "first-order",
     guided_p: Annotated[
         float, option("With bank: bank per course error, 0.01 deg/rad.", FLIES, "P")
@@ -97,6 +97,9 @@ def fly(
     ] = None,
     airspeed_range: Annotated[str, option("What it can fly, m/s.", FLIES, "LO,HI")] = "12,32",
     max_bank: Annotated[float, option("Limit of the bank.", FLIES, "DEG")] = 45.0,
+    max_acceleration: Annotated[
+        float, option("Limit of the rate of change of speed, m/s2.", FLIES, "A")
+    ] = 3.0,
     wind: Annotated[str, option("calm, article or steady:SPEED,TOWARD_DEG.", AIR, "WIND")] = "calm",
     turbulence: Annotated[
         Turbulence, option("Dryden's, by MIL-F-8785C; shared by all of one seed.", AIR)
@@ -215,6 +218,7 @@ def fly(
                 speed_dead_time_s=speed_dead_time,
                 airspeed_range=airspeed_range,
                 max_bank_deg=max_bank,
+                max_acceleration_m_s2=max_acceleration,
             ),
             weather=Weather(
                 wind=wind,

@@ -56,6 +56,8 @@ class Aircraft:
     """LO,HI in m/s."""
     max_bank_deg: float
     """Limit of the bank."""
+    max_acceleration_m_s2: float
+    """Limit of the rate of change of speed."""
 
     def parameters(self) -> PlantParameters:
         """The plant.
@@ -73,6 +75,7 @@ class Aircraft:
             airspeed_min_m_s=slowest,
             airspeed_max_m_s=fastest,
             max_bank_rad=math.radians(self.max_bank_deg),
+            max_acceleration_m_s2=self.max_acceleration_m_s2,
             guided_p_cdeg_rad=self.guided_p,
             roll_time_s=self.roll_time_s,
             turn_efficiency=self.turn_efficiency,

@@ -35,6 +35,17 @@ large and, with the dead time, 2.3 s late."""
 TECS_ACCELERATION_M_S2 = 2.5
 """What throttle and pitch give at most, both ways."""
 
+PX4_SLEW_M_S2 = 1.0
+"""How fast PX4's airspeed setpoint goes to a new one, whatever is commanded."""
+
+PX4_FREQUENCY_RAD_S, PX4_DAMPING, PX4_LEAD_S = 3.3, 0.3, 0.4
+"""Of the airspeed behind that setpoint, (1 + a s) / (1 + 2 D s / w + s²/w²): fitted to steps of 0.5 to 2 m/s
+and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1 with FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX as
+the aircraft flies and FW_T_TAS_TC 2, whose speeds it meets to 0.18 m/s rms."""
+
+PX4_REFERENCE_1_S = 20.0
+"""At its setpoint the reference rests."""
+
 TECS_HEIGHT_SHARE = 0.4
 """Part of the kinetic energy's change that comes out of the height: 2 m for 6 m/s."""
 
@@ -52,7 +63,10 @@ class LaggingRates(NamedTuple):
     """Of the bank; nothing where the plant is not `bank`."""
 
     integral_rate_m_s3: float
-    """Of the speed hold's integral; nothing where the response is not `tecs`."""
+    """Of the speed hold's integral, or of `px4`'s acceleration; nothing where the response is first-order."""
+
+    reference_rate_m_s2: float
+    """Of the airspeed that is held; nothing where the response is not `px4`."""
 
     climb_m_s: float
     """Positive up."""
@@ -72,6 +86,7 @@ def lagging_rates(
     airspeed_m_s: float,
     roll_rad: float,
     speed_integral_m_s2: float,
+    speed_reference_m_s: float,
     altitude_amsl_m: float,
     wind_m_s: tuple[float, float],
 ) -> LaggingRates:
@@ -100,17 +115,26 @@ def lagging_rates(
             speed_m_s=airspeed_m_s,
         )
     climb_m_s = climb_rate_m_s(parameters, targets.height, altitude_amsl_m)
+    reference_rate = 0.0
     if parameters.speed_response == "tecs":
         error_m_s = targets.speed.speed_m_s - airspeed_m_s
         limit = min(TECS_ACCELERATION_M_S2, targets.speed.max_acceleration_m_s2)
         acceleration = tecs_acceleration_m_s2(error_m_s, speed_integral_m_s2, limit)
         integral_rate = tecs_integral_rate_m_s3(error_m_s, speed_integral_m_s2, limit)
         climb_m_s -= TECS_HEIGHT_SHARE * airspeed_m_s * acceleration / GRAVITY_M_S2
+    elif parameters.speed_response == "px4":
+        acceleration = speed_integral_m_s2
+        missing_m_s = targets.speed.speed_m_s - speed_reference_m_s
+        limit = min(PX4_SLEW_M_S2, targets.speed.max_acceleration_m_s2)
+        reference_rate = clamped(PX4_REFERENCE_1_S * missing_m_s, limit)
+        behind_m_s = speed_reference_m_s + PX4_LEAD_S * reference_rate - airspeed_m_s
+        integral_rate = PX4_FREQUENCY_RAD_S**2 * behind_m_s
+        integral_rate -= 2.0 * PX4_DAMPING * PX4_FREQUENCY_RAD_S * acceleration
     else:
         acceleration = acceleration_m_s2(parameters, targets.speed, airspeed_m_s)
         integral_rate = 0.0
     return LaggingRates(
-        turn, acceleration, roll_rate, integral_rate, climb_m_s, north_m_s, east_m_s
+        turn, acceleration, roll_rate, integral_rate, reference_rate, climb_m_s, north_m_s, east_m_s
     )
 
 

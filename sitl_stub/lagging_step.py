@@ -26,6 +26,7 @@ def rates_of(
         airspeed_m_s=state.speed_m_s,
         roll_rad=state.roll_rad,
         speed_integral_m_s2=state.speed_integral_m_s2,
+        speed_reference_m_s=reference_of(state),
         altitude_amsl_m=state.altitude_amsl_m,
         wind_m_s=wind_m_s,
     )
@@ -52,7 +53,14 @@ def moved_by(
         state.altitude_amsl_m + span_s * rates.climb_m_s,
         state.roll_rad + span_s * rates.roll_rate_rad_s,
         state.speed_integral_m_s2 + span_s * rates.integral_rate_m_s3,
+        reference_of(state) + span_s * rates.reference_rate_m_s2,
     )
+
+
+def reference_of(state: PlantState) -> float:
+    """The airspeed that the `px4` hold holds; the present one where it has not held any."""
+    reference = state.speed_reference_m_s
+    return state.speed_m_s if reference is None else reference
 
 
 def lagging_stepped(

@@ -10,6 +10,8 @@ from sitl_stub.lagging_step import rates_of
 from sitl_stub.loops import bank_of_rad, climb_rate_m_s
 from sitl_stub.plant import RATES, with_speed_kind
 from sitl_stub.plant_state import PlantState
+from sitl_stub.rigid_body import air_flow, attitude_rates, body_to_ground, velocity_ned_m_s
+from sitl_stub.six_dof import body_of
 from sitl_stub.targets import Targets
 
 
@@ -32,7 +34,7 @@ class Motion(NamedTuple):
     """Horizontal speed over ground."""
 
     heading_rad: float
-    """Direction of the nose, which is that of the air velocity (no sideslip), [0, 2 pi)."""
+    """Direction of the nose, which is that of the air velocity but on the six-dof plant, [0, 2 pi)."""
 
     airspeed_m_s: float
     """Horizontal speed through the air."""
@@ -48,6 +50,8 @@ def flying_motion(
     plant: PlantParameters, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]
 ) -> Motion:
     """In the air."""
+    if plant.kind == "six-dof":
+        return _body_motion(state, wind_m_s)
     if plant.lags:
         return _lagging_motion(plant, targets, state, wind_m_s)
     state = with_speed_kind(state, targets.speed.kind, wind_m_s)
@@ -84,6 +88,24 @@ def _lagging_motion(
         state.speed_m_s,
         rates.turn_rate_rad_s,
         shown_bank_rad(plant, rates, state.roll_rad, state.speed_m_s),
+    )
+
+
+def _body_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+    body = body_of(state, wind_m_s)
+    rotation = body_to_ground(body)
+    north_m_s, east_m_s, down_m_s = velocity_ned_m_s(body, rotation)
+    _, _, turn_rate_rad_s = attitude_rates(body)
+    return Motion(
+        north_m_s,
+        east_m_s,
+        down_m_s,
+        wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
+        math.hypot(north_m_s, east_m_s),
+        wrap_to_two_pi(body.heading_rad),
+        air_flow(body, rotation, wind_m_s).airspeed_m_s,
+        turn_rate_rad_s,
+        body.bank_rad,
     )
 
 

@@ -53,7 +53,7 @@ def orbit_lead_rad(plant: PlantParameters, airspeed_m_s: float, radius_m: float)
 
     First order: (V / R) / alpha. `bank`: the turn's bank over GUIDED_P.
     """
-    if plant.kind == "bank":
+    if plant.banks:
         turning_m_s2 = airspeed_m_s * airspeed_m_s / (radius_m * plant.turn_efficiency)
         bank_rad = min(math.atan(turning_m_s2 / GRAVITY_M_S2), plant.max_bank_rad)
         return min(1.0, bank_rad / (plant.guided_p_cdeg_rad * CENTIDEGREE_RAD))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from sitl_stub.rigid_body import Body
 from sitl_stub.targets import SpeedKind
 
 
@@ -10,7 +11,7 @@ class PlantState:
     """Position, motion, and the states of loops that have some."""
 
     direction_rad: float
-    """Heading (heading-hold, bank) or course (course-hold), in [0, 2 pi)."""
+    """Heading (all others) or course (course-hold), in [0, 2 pi)."""
 
     speed_m_s: float
     """The speed that `speed_kind` names."""
@@ -31,4 +32,10 @@ class PlantState:
     """Bank of the bank plant, positive right."""
 
     speed_integral_m_s2: float = 0.0
-    """Integral of the `tecs` speed hold."""
+    """Integral of the `tecs` speed hold; of `px4`'s its acceleration."""
+
+    speed_reference_m_s: float | None = None
+    """What the `px4` speed hold holds now, on its way to what is commanded; None before its first step."""
+
+    body: Body | None = None
+    """Of the `six-dof` plant; None before its first step in the air."""

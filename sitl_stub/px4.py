@@ -349,7 +349,8 @@ class Px4:
 def change_course(flight: Flight, command: Command) -> Result:
     """43002: param1 type, param2 degrees, of any number of turns; in Guided Course alone."""
     kind, course_deg = command.parameters[:2]
-    if flight.mode is not GUIDED_COURSE or not (math.isnan(kind) or kind == COURSE_OVER_GROUND):
+    # A type that is NaN is denied, too.
+    if flight.mode is not GUIDED_COURSE or kind != COURSE_OVER_GROUND:
         return Result.DENIED
     (course_deg,) = finite(course_deg)
     flight.hold_turn(TurnTarget("course", math.remainder(math.radians(course_deg), math.tau)))

@@ -6,6 +6,13 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
+
+# A busy machine takes long over a single example, which is no fault.
+settings.register_profile("unhurried", settings(), deadline=None)
+settings.load_profile("unhurried")
 
 TESTS = Path(__file__).parent
 
@@ -19,6 +26,7 @@ REAL_TIME = {
     "integration/mqtt": 2,
     "integration/sitl_stub": 2,
     "integration/transports": 2,
+    "integration/udp": 2,
 }
 """Tests whose verdict depends on several programs getting the processor in time, and how often one that has
 failed is tried again: it may have been the machine. Whole formations in containers take too long for twice.
@@ -35,6 +43,10 @@ LONGEST = (
     "integration",
 )
 """What comes first, so that no process is left with a long test when the others have no more."""
+
+TOGETHER = ("integration/live", "unit/report/replay")
+"""What one process runs, a test after the other, like each file of tests in real time: two formations that
+fly live want more than two processors, and a page that many tests open takes long to make."""
 
 PAUSE_S = 5.0
 """What kept the processor may have ended by then."""
@@ -54,6 +66,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker("real_time")
                 item.add_marker(pytest.mark.flaky(reruns=reruns, reruns_delay=PAUSE_S))
     items.sort(key=rank)
+
+
+class Sharing(LoadScopeScheduling):  # type: ignore[misc]
+    """Gives tests that belong together to one process."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = Path(nodeid.split("::", 1)[0]).relative_to(TESTS.name)
+        places = (place for place in TOGETHER if file.is_relative_to(place))
+        alone = str(file) if any(map(file.is_relative_to, REAL_TIME)) else nodeid
+        return next(places, alone)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Sharing | None:
+    """Share tests out with `--dist loadscope`, as `make test` does."""
+    return Sharing(config, log) if config.getoption("dist") == "loadscope" else None
 
 
 def rank(item: pytest.Item) -> int:

@@ -1,1 +1,28 @@
-"""Companion-computer guidance that flies fixed-wing UAVs as one formation."""
+"""Companion-computer guidance that flies fixed-wing UAVs as one formation.
+
+import vfguide
+mission = vfguide.load_mission("missions/circle-wind.yaml")
+flight = vfguide.fly(mission, law="slot", duration_s=60)
+flight.summary.formation.mean_error_m, flight.tracks["f1"].north_m
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vfguide.flights import Comparison, Flight, compare, fly, load_mission
+
+__all__ = ["Comparison", "Flight", "compare", "fly", "load_mission"]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - of whatever is public
+    """A public name, imported when it is asked for: a companion in the air needs none of it."""
+    if name not in __all__:
+        raise AttributeError(f"module 'vfguide' has no attribute {name!r}")
+    from vfguide import flights
+
+    return getattr(flights, name)
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return [*__all__]

@@ -10,7 +10,9 @@ import typer
 
 from vfguide.commands.bench_options import bench
 from vfguide.commands.flight_options import emulate, fly, judge
-from vfguide.commands.inspection_options import check, report, status
+from vfguide.commands.inspection_options import analyse, check, export, report, status
+from vfguide.commands.keys_options import keys
+from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.commands.vehicle_options import companion, identify
 from vfguide.errors import InputError, VfguideError
@@ -31,6 +33,7 @@ app = typer.Typer(
 )
 
 app.add_typer(bench, name="bench")
+app.add_typer(keys, name="keys")
 
 
 def tell_version(wanted: bool) -> None:
@@ -56,8 +59,8 @@ def program(
     del version
 
 
-for command in (fly, companion, identify, judge, emulate, status, check, report):
-    app.command()(command)
+for command in (fly, companion, identify, judge, emulate, status, check, report, export, analyse):
+    app.command()(with_plugins(command))
 
 
 def main() -> None:

@@ -9,6 +9,10 @@ Hold = Literal["heading-hold", "course-hold"]
 """What an autopilot's two first-order loops act on: heading and airspeed, or course and ground speed."""
 
 
+SpeedHold = Literal["first-order", "total-energy"]
+"""How a speed hold answers: by an acceleration in proportion to the error, or by throttle and pitch."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState(Generic[Number]):
     """Navigated state of a vehicle, in the formation's local frame."""
@@ -118,9 +122,11 @@ class Airframe:
     """From a speed setpoint to the first change of the acceleration, s."""
     speed_lag: float = 0.0
     """Time constant of the acceleration, s."""
+    speed_hold: SpeedHold = "first-order"
+    """What kind of hold beta is of."""
 
     @property
-    def lags(self) -> bool:
-        """Whether setpoints take effect later than at once."""
+    def is_ideal(self) -> bool:
+        """Whether both holds are the first-order ones of the article, which answer at once."""
         times = (self.course_dead_time, self.course_lag, self.speed_dead_time, self.speed_lag)
-        return max(times) > 0.0
+        return max(times) == 0.0 and self.speed_hold == "first-order"

@@ -31,15 +31,29 @@ def program(kind: str) -> Path:
     return found_or_skipped(lambda: find_program(kind, os.environ.get(kind.upper())))
 
 
+def formation_of(
+    kind: str, mission: str, conditions: Conditions, directory: Path, *, engage: bool
+) -> Plan:
+    """Four of an autopilot's programs on a mission of this project."""
+    return Plan(
+        mission=load(MISSIONS / f"{mission}.yaml", {}),
+        kind=PROGRAMS[kind],
+        binary=program(kind),
+        conditions=conditions,
+        directory=directory,
+        mosquitto=found_or_skipped(find_mosquitto),
+        engage=engage,
+    )
+
+
 @pytest.fixture
 def arduplanes_in_gusts(tmp_path: Path) -> Plan:
     """Four ArduPlanes on the circle, in wind and turbulence."""
-    return Plan(
-        mission=load(MISSIONS / "ardupilot-sitl.yaml", {}),
-        kind=PROGRAMS["arduplane"],
-        binary=program("arduplane"),
-        conditions=Conditions(wind_m_s=5.0, wind_from_deg=270.0, turbulence=1.0),
-        directory=tmp_path,
-        mosquitto=found_or_skipped(find_mosquitto),
-        engage=True,
-    )
+    gusts = Conditions(wind_m_s=5.0, wind_from_deg=270.0, turbulence=1.0)
+    return formation_of("arduplane", "ardupilot-sitl", gusts, tmp_path, engage=True)
+
+
+@pytest.fixture
+def px4s(tmp_path: Path) -> Plan:
+    """Four PX4s on the circle, in calm air."""
+    return formation_of("px4", "px4-sitl", Conditions(), tmp_path, engage=True)

@@ -59,7 +59,7 @@ def arguments() -> argparse.ArgumentParser:
     )
     add("--engage", action="store_true", help="start companions with --engage")
     add("--pace", type=float, default=1.0, help=formatter("flight's time in parts of real time"))
-    add("--keep", type=Path, metavar="DIR", help="keep there what all programs said")
+    add("--keep", type=Path, metavar="DIR", help="keep there what all said, heard and flew")
     add("--json", action="store_true", help="print everything as JSON")
     return parser
 
@@ -105,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
             first_instance=options.first_instance,
             guided=options.guided,
             engage=options.engage,
+            record=options.keep is not None,
         )
         verdict, _ = fly(plan, options.duration, sorted(occurrences, key=lambda one: one.began_s))
     if options.json:

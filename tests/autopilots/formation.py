@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,11 +38,15 @@ from tests.autopilots.true_tracks import STEP_S, true_track
 from tests.autopilots.verdict import Verdict, flight_record, judge
 from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
+from vfguide.link.keys import key_places, make_keys
 from vfguide.mission import Mission
 from vfguide.mission.load import parse_mission
 
 SPACING_M = 110.0
 """From one runway to the next, eastward."""
+
+TRUE_TRACKS = "true-tracks.npz"
+"""File of where everybody truly was, beside what the companions recorded."""
 
 BOOT_S = 90.0
 """Patience with a companion that starts, and with a broker."""
@@ -85,6 +89,8 @@ class Plan:
     """The mode that pilots select for their companions."""
     engage: bool = False
     """Whether companions are allowed to enter the guided mode by themselves."""
+    record: bool = False
+    """Whether companions record what they hear and say, and where everybody truly was is kept."""
 
 
 @dataclass(slots=True)
@@ -150,6 +156,7 @@ def airborne(plan: Plan) -> Iterator[Formation]:
             conditions=plan.conditions,
         )
     mosquitto, link = broker(plan.mosquitto, directory)
+    make_keys(key_places(file), mission.name, names)
     companions = {
         name: Program(
             f"{name}.companion",
@@ -158,6 +165,7 @@ def airborne(plan: Plan) -> Iterator[Formation]:
                 *("--clock", f"{clock.epoch_s!r},{clock.rate!r}"),
                 *("--mavlink", simulators[name].companion_url, "--state", str(directory / "state")),
                 *(("--engage",) if plan.engage else ()),
+                *(("--record", str(directory / "recorded")) if plan.record else ()),
             ),
             directory,
         )
@@ -232,7 +240,7 @@ def fly(
         name: changes_of(simulator.station, formation.began_s, duration_s)
         for name, simulator in formation.simulators.items()
     }
-    return conclude(formation, time_s, faults), modes
+    return conclude(plan, formation, time_s, faults), modes
 
 
 def changes_of(
@@ -255,7 +263,9 @@ def pass_time(formation: Formation, duration_s: float, faults: Sequence[Occurren
         time.sleep(0.05)
 
 
-def conclude(formation: Formation, time_s: np.ndarray, faults: Sequence[Occurrence]) -> Verdict:
+def conclude(
+    plan: Plan, formation: Formation, time_s: np.ndarray, faults: Sequence[Occurrence]
+) -> Verdict:
     """The verdict on a flight at the times of the flight's clock (N)."""
     mission = formation.mission
     frame = local_frame(mission)
@@ -263,7 +273,11 @@ def conclude(formation: Formation, time_s: np.ndarray, faults: Sequence[Occurren
         name: true_track(simulator.station, frame, time_s)
         for name, simulator in formation.simulators.items()
     }
-    return judge(flight_record(mission, time_s, tracks), tracks, faults)
+    record = flight_record(mission, time_s, tracks)
+    if plan.record:
+        began = f"Time 0 is {formation.began_s:.3f} s of the companions' clock."
+        replace(record, notes=(began,)).save(plan.directory / TRUE_TRACKS)
+    return judge(record, tracks, faults)
 
 
 @contextmanager

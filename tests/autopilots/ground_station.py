@@ -31,6 +31,7 @@ WANTED = frozenset(
         mavlink.MAVLINK_MSG_ID_SIM_STATE,
         mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     }
 )
 """Most of what an autopilot tells a ground station is not looked at: it would take a third of a core."""
@@ -88,6 +89,8 @@ class GroundStation:
         self.texts: list[tuple[float, str]] = []
         self.parameters: dict[str, float] = {}
         self.armed = False
+        self.version: tuple[int, int] | None = None
+        """Of the firmware, and its capabilities; once it was asked for."""
         self.results: dict[int, int] = {}
         self._truth = truth
         self._flight_clock = clock
@@ -127,6 +130,15 @@ class GroundStation:
     def ask_for(self, message_id: int, rate_hz: float) -> None:
         """Ask for a message at a rate."""
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
+
+    def ask_for_version(self) -> None:
+        """Ask for AUTOPILOT_VERSION."""
+        wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)
+
+    def ask_for_parameter(self, name: str) -> None:
+        """Ask for the value of a parameter."""
+        self._send(mavlink.MAVLink_param_request_read_message(self.system_id, 1, name.encode(), -1))
 
     def stop_sending(self, message_ids: Iterable[int]) -> None:
         """Ask for none of these messages."""
@@ -214,6 +226,8 @@ class GroundStation:
                 self.modes.append(ModeChange(arrival_s, message.custom_mode))
         elif kind == "STATUSTEXT":
             self.texts.append((arrival_s, message.text))
+        elif kind == "AUTOPILOT_VERSION":
+            self.version = message.flight_sw_version, message.capabilities
         elif kind == "COMMAND_ACK":
             self.results[message.command] = message.result
         elif kind == "PARAM_VALUE":

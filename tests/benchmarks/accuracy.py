@@ -1,5 +1,6 @@
 """The tables of docs/accuracy.md, flown anew: run with `make accuracy`."""
 
+import argparse
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -46,7 +47,8 @@ def fly(task: tuple[str, str]) -> Summary:
 
 
 def main() -> None:
-    """Fly everything on all processors and print both tables."""
+    """Fly everything on all processors and print the tables."""
+    argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
     shipped = [(name, "as shipped") for name in (*ARTICLE, *CREW)]
     others = [(name, variant) for variant in VARIANTS for name in ARTICLE]
     with ProcessPoolExecutor(os.cpu_count()) as pool:

@@ -10,11 +10,11 @@ from concurrent.futures import ProcessPoolExecutor
 from random import Random
 
 import numpy as np
+from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 
 from vfguide.bench.article import article_mission
 from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
 from vfguide.mission.conditions import conditions_of
-from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 
 CANDIDATES = 32
 SEED = 3

@@ -3,20 +3,18 @@
 Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; ten minutes on two processors. First over a grid,
 then up and down from the best, each weight and the integral's time alone. How far it looks makes no
 difference to who is in place, the programme's end being weighed by the regulator's cost; it is chosen last,
-by the settling time. The first of what it prints last is the default in `vfguide/mission/controller.py`.
+by the settling time. The first of what it prints last is the default in `vfguide/laws/mpc.py`.
 """
 
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from itertools import product
-from math import radians
+
+import numpy as np
 
 from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
-from vfguide.guidance.settings import MpcWeights
-
-MAX_COURSE = radians(45.0)
+from vfguide.laws.mpc import MpcGains
 
 INTERVAL_S = 1.0 / 7.0
 """Of constant acceleration."""
@@ -33,52 +31,51 @@ NARROWER = (2.0, 1.5, 1.5, 1.25)
 """Factors by which weights and times are varied around the best."""
 
 
-def weights_of(velocity: float, acceleration: float, integral_s: float) -> MpcWeights:
+def weights_of(velocity: float, acceleration: float, integral_s: float) -> MpcGains:
     """One candidate of the grid."""
     return looking(
-        MpcWeights(
+        MpcGains(
             horizon_s=HORIZON_S,
-            intervals=1,
-            velocity=velocity,
-            acceleration=acceleration,
-            max_course=MAX_COURSE,
+            velocity_weight_s2=velocity,
+            acceleration_weight_s4=acceleration,
             integral_s=integral_s,
         ),
         HORIZON_S,
     )
 
 
-def looking(weights: MpcWeights, horizon_s: float) -> MpcWeights:
+def looking(weights: MpcGains, horizon_s: float) -> MpcGains:
     """The same, looking this far ahead."""
     intervals = round(horizon_s / INTERVAL_S)
-    return replace(weights, horizon_s=intervals * INTERVAL_S, intervals=intervals)
+    return weights.model_copy(update={"horizon_s": intervals * INTERVAL_S, "intervals": intervals})
 
 
-def around(best: MpcWeights, factor: float) -> list[MpcWeights]:
+def around(best: MpcGains, factor: float) -> list[MpcGains]:
     """The best, and up and down from it."""
     candidates = [best]
     for one in (factor, 1.0 / factor):
-        candidates += [
-            replace(best, velocity=best.velocity * one),
-            replace(best, acceleration=best.acceleration * one),
-        ]
-        if best.integral_s > 0.0:
-            candidates.append(replace(best, integral_s=best.integral_s * one))
+        for name in ("velocity_weight_s2", "acceleration_weight_s4", "integral_s"):
+            value = getattr(best, name)
+            if value > 0.0:
+                candidates.append(best.model_copy(update={name: value * one}))
     return candidates
 
 
-def flown(task: tuple[str, Sequence[MpcWeights]]) -> Trials:
+def flown(task: tuple[str, Sequence[MpcGains]]) -> Trials:
     """One mission by some candidates."""
     name, weights = task
-    return fly_trials(name, "mpc", len(weights), mpc=weights)
+    gains = {
+        field: np.array([getattr(one, field) for one in weights]) for field in MpcGains.model_fields
+    }
+    return fly_trials(name, "mpc", len(weights), gains=gains)
 
 
 def best_of(
-    candidates: list[MpcWeights],
+    candidates: list[MpcGains],
     pool: ProcessPoolExecutor,
     *,
     by_settling: bool = False,
-) -> MpcWeights:
+) -> MpcGains:
     """The best of them by the rule, or the soonest in place; those admitted printed."""
     trials = list(pool.map(flown, [(name, candidates) for name in CALM]))
     order = ranked(trials)
@@ -88,7 +85,7 @@ def best_of(
     for index in order:
         one = candidates[index]
         sys.stdout.write(
-            f"velocity {one.velocity:.3g}  acceleration {one.acceleration:.3g}  horizon "
+            f"velocity {one.velocity_weight_s2:.3g}  acceleration {one.acceleration_weight_s4:.3g}  horizon "
             f"{one.horizon_s:.3g} s, {one.intervals}  integral {one.integral_s:.3g} s\n"
             f"  {told(trials, index)}\n"
         )

@@ -2,7 +2,7 @@
 
 Run with `.venv/bin/python tests/benchmarks/tune_pid.py`; some minutes. Thousands of gains fly both missions
 at once in the array form: first drawn at random over decades, then again and again around the best of them.
-The first of what it prints last are the defaults in `vfguide/mission/controller.py`.
+The first of what it prints last are the defaults in `vfguide/laws/pid.py`.
 """
 
 import math
@@ -12,20 +12,18 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from vfguide.bench.tuning import CALM, Trials, fly_trials, mission_of, ranked, told
-from vfguide.companion.plan import guidance_settings
+from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.settings import AxisGains, PidGains
 
 CANDIDATES = 1024
 SEED = 5
 
 RANGES = {
-    "lateral_p": (0.005, 0.3),
-    "lateral_i": (1e-4, 0.3),
-    "lateral_d": (1e-3, 0.3),
-    "longitudinal_p": (0.05, 5.0),
-    "longitudinal_i": (1e-3, 3.0),
+    "lateral_p_rad_m": (0.005, 0.3),
+    "lateral_i_rad_m_s": (1e-4, 0.3),
+    "lateral_d_rad_s_m": (1e-3, 0.3),
+    "longitudinal_p_1_s": (0.05, 5.0),
+    "longitudinal_i_1_s2": (1e-3, 3.0),
     "longitudinal_d": (0.01, 5.0),
 }
 """Of the first draw; evenly spread in the logarithm."""
@@ -52,19 +50,7 @@ def drawn(random: Generator, centre: Gains | None, factor: float) -> Gains:
 def flown(task: tuple[str, Gains]) -> Trials:
     """One mission by all candidates."""
     name, gains = task
-    chosen = guidance_settings(mission_of(name, "pid", ("f1", "f2", "f3"))).pid
-    assert chosen is not None
-    axes = {
-        axis: AxisGains(
-            proportional=gains[f"{axis}_p"],
-            integral=gains[f"{axis}_i"],
-            derivative=gains[f"{axis}_d"],
-            derivative_filter_s=getattr(chosen, axis).derivative_filter_s,
-            greatest=np.full(CANDIDATES, getattr(chosen, axis).greatest),
-        )
-        for axis in ("lateral", "longitudinal")
-    }
-    return fly_trials(name, "pid", CANDIDATES, pid=PidGains(**axes))
+    return fly_trials(name, "pid", CANDIDATES, gains=gains)
 
 
 def main() -> None:

@@ -18,7 +18,9 @@ IMPAIR = Path(__file__).with_name("impair_link.py")
 
 VEHICLES = ("leader", "f1", "f2", "f3")
 EMULATORS = tuple(f"emulator-{name}" for name in VEHICLES)
-SERVICES = ("broker", *EMULATORS, *VEHICLES, "judge")
+SERVICES = ("broker", "keys", *EMULATORS, *VEHICLES, "judge")
+
+DIRECT_SERVICES = ("keys", *EMULATORS, *(f"direct-{name}" for name in VEHICLES), "direct-judge")
 
 SIGNAL = "/var/lib/vfguide/start/signal"
 FLIGHT = "/var/lib/vfguide/flight"
@@ -30,8 +32,6 @@ PATIENCE_S = 180.0
 class Formation:
     """One formation in containers of its own."""
 
-    services = SERVICES
-
     def __init__(
         self, compose: tuple[str, ...], name: str, directory: Path, settings: dict[str, str]
     ) -> None:
@@ -42,6 +42,10 @@ class Formation:
         self._files = [str(COMPOSE_FILE)]
         self._compose = compose
         self._environment = {**os.environ, "COMPOSE_PROFILES": "demo", **settings}
+        direct = self._environment["COMPOSE_PROFILES"] == "direct"
+        self.services = DIRECT_SERVICES if direct else SERVICES
+        """Names of its containers."""
+        self._judge = self.services[-1]
         self._epoch_s = 0.0
         self._containers: dict[str, str] = {}
         self._foreground: subprocess.Popen[bytes] | None = None
@@ -98,7 +102,7 @@ class Formation:
     def begin_in_foreground(self) -> None:
         """Start as a user does who wants a verdict, and wait until the aircraft begin."""
         self.began_s = time.time()
-        verdict = ("up", "--abort-on-container-exit", "--exit-code-from", "judge")
+        verdict = ("up", "--abort-on-container-exit", "--exit-code-from", self._judge)
         output = (self.directory / "up.log").open("w")
         self._foreground = subprocess.Popen(
             self._command(*verdict),
@@ -119,7 +123,7 @@ class Formation:
         """Wait for the judge's word."""
         ends = time.time() + PATIENCE_S
         while time.time() < ends:
-            judge = self.container("judge")
+            judge = self.container(self._judge)
             if judge and (text := run("docker", "exec", judge, "cat", SIGNAL, check=False)):
                 self._epoch_s = float(text)
                 return
@@ -158,7 +162,7 @@ class Formation:
 
     def finish(self, seen: object = None) -> Flown:
         """Wait for the verdict, and keep what is needed to judge the judge."""
-        judge = self.container("judge")
+        judge = self.container(self._judge)
         status = int(run("docker", "wait", judge))
         return self.keep(status, seen)
 
@@ -166,7 +170,7 @@ class Formation:
         """Copy the judge's files and all logs."""
         target = self.directory / "flight"
         run("docker", "cp", f"{self.container('judge')}:{FLIGHT}", str(target))
-        logs = {service: log_of(self.container(service)) for service in SERVICES}
+        logs = {service: log_of(self.container(service)) for service in self.services}
         return Flown(status=status, directory=target, logs=logs, seen=seen)
 
     def unjudged(self, services: tuple[str, ...], seen: object) -> Flown:

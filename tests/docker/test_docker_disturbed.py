@@ -11,6 +11,7 @@ from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from vfguide.link.codec import decode, encode
+from vfguide.link.envelope import decode_envelope
 
 Tell = Callable[[str], None]
 
@@ -66,7 +67,7 @@ def forge(formation: Formation) -> dict[str, Any]:
     heard = client(
         formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "15", "-F", "%x"
     )
-    true = decode(bytes.fromhex(heard.strip()))
+    true = decode(decode_envelope(bytes.fromhex(heard.strip())).body)
     sequence = (true.sequence + 1000) % 2**32
     lie = encode(replace(true, latitude_deg=true.latitude_deg + 0.01, sequence=sequence))
     mark = secrets.token_hex(8)

@@ -118,10 +118,14 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     return {
         "windy": (measured, {"mission": missions("circle-wind"), **duration}),
         "calm": (plain, {"mission": missions("circle-calm"), **duration}),
+        "direct": (
+            plain,
+            {"mission": missions("circle-wind"), "COMPOSE_PROFILES": "direct", **duration},
+        ),
     }
 
 
-@pytest.mark.parametrize("name", ["calm", "windy"])
+@pytest.mark.parametrize("name", ["calm", "windy", "direct"])
 def test_a_formation_in_containers_keeps_the_missions_figures(
     flights: Flights, tell: Tell, name: str
 ) -> None:

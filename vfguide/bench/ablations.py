@@ -4,6 +4,8 @@ from typing import Any
 
 from vfguide.bench.article import MISSIONS
 from vfguide.bench.flown import Case
+from vfguide.mission.controller import controller_of
+from vfguide.registry import laws
 
 ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
@@ -24,16 +26,34 @@ ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
 QUICK_S, FULL_S = 120.0, 300.0
 
 
-def ablation_cases(*, quick: bool) -> list[Case]:
-    """Every part off, on every mission."""
+def parts_of(law: str) -> list[str]:
+    """Names of the ablations that a law has: what is no field of its `controller:` cannot be switched off.
+
+    Raises:
+        InputError: there is no such law.
+    """
+    fields = controller_of({"type": laws.find(law).name})
+    return [
+        name
+        for name, changes in ABLATIONS.items()
+        if all(
+            hasattr(fields, field) and (field != "type" or law == "slot")
+            for field in changes.get("controller", {})
+        )
+    ]
+
+
+def ablation_cases(law: str, *, quick: bool) -> list[Case]:
+    """Every part of a law off, on every mission."""
     duration_s = QUICK_S if quick else FULL_S
     return [
         Case(
             mission=mission,
-            controller=changes.get("controller", {}).get("type", "slot"),
+            controller=changes.get("controller", {}).get("type", law),
             changes={**changes, "rehearsal": {"duration_s": duration_s}},
             label=name,
         )
-        for name, changes in ABLATIONS.items()
+        for name in parts_of(law)
+        if (changes := ABLATIONS[name]) is not None
         for mission in MISSIONS
     ]

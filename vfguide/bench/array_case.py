@@ -1,6 +1,6 @@
 """What is flown in the array form: a batch of formations, and what they have in common."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,10 @@ from vfguide.bench.array_wind import SwingingWind
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
-from vfguide.guidance.settings import GuidanceSettings, MpcWeights, PidGains
+from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.laws.base import Law
+from vfguide.mission.quantity import Section
 from vfguide.state import Airframe, Setpoint
 
 
@@ -36,6 +38,8 @@ class Conditions:
     """Of every leader."""
     settings: GuidanceSettings
     """Of every law."""
+    law: type[Law]
+    """Of every follower."""
     airframe: Airframe
     """What the laws take the vehicles for."""
     plant: Airframe
@@ -76,10 +80,8 @@ class Start:
     """Of each formation."""
     slot: Slot[FloatArray]
     """Offsets, F by 1 or F by M."""
-    pid: PidGains[FloatArray] | None = None
-    """For the law `pid`: gains that may differ between formations."""
-    mpc: Sequence[MpcWeights] | None = None
-    """For the law `mpc`: weights of each formation."""
+    gains: Section
+    """Of the followers' law; a value may be an array with one for each formation."""
 
 
 Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]

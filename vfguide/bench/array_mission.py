@@ -1,19 +1,18 @@
 """A mission's own flight in the array form: one formation, or as many alike as wanted."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from vfguide.bench.array_case import Conditions, Start
 from vfguide.bench.array_ground import Ground, ellipsoid_of
 from vfguide.bench.array_wind import SwingingWind, swinging_wind
 from vfguide.companion.plan import airframe_of, guidance_settings, leader_task
-from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.settings import AxisGains, MpcWeights, PidGains
+from vfguide.mission.controller import gains_of
 from vfguide.mission.model import Mission
+from vfguide.mission.quantity import Section
 from vfguide.mission.starts import follower_start, leader_start
+from vfguide.registry import laws
 
 
 def conditions_of(
@@ -28,7 +27,8 @@ def conditions_of(
 
     Raises:
         VfguideError: the mission has something that the array form does not: vehicles that differ, a lossy
-            or jittering link, a leader without measured ground speed.
+            or jittering link, a leader without measured ground speed, vehicles that answer late, slots that
+            turn with anything but the leader's measured course.
     """
     airframes = {airframe_of(vehicle) for vehicle in mission.vehicles.values()}
     rehearsal = mission.rehearsal
@@ -37,6 +37,11 @@ def conditions_of(
         (len(airframes) > 1, "vehicles that differ"),
         (rehearsal.link_loss > 0.0 or rehearsal.link_jitter_s > 0.0, "loss or jitter on the link"),
         (settings.speed_source == "observer", "a leader without measured ground speed"),
+        (any(not one.is_ideal for one in airframes), "vehicles that answer late"),
+        (
+            settings.slot_frame != "leader",
+            f"slot_frame: {settings.slot_frame} (set controller.slot_frame: leader)",
+        ),
     ):
         if wrong:
             raise VfguideError(f"{mission.name}: {what} cannot be flown in the array form")
@@ -44,6 +49,7 @@ def conditions_of(
     return Conditions(
         task=leader_task(mission),
         settings=settings,
+        law=laws.find(mission.controller.type),
         airframe=airframe,
         plant=airframe,
         ground=ground or ellipsoid_of(mission),
@@ -60,8 +66,7 @@ def start_of(
     count: int = 1,
     *,
     wind: SwingingWind | None = None,
-    pid: PidGains[FloatArray] | None = None,
-    mpc: Sequence[MpcWeights] | None = None,
+    gains: Section | None = None,
 ) -> Start:
     """The mission's start for so many formations, in its wind and with its gains if none are given."""
     starts = [
@@ -70,11 +75,6 @@ def start_of(
     ]
     columns = np.ones(count)
     slots = [follower.slot for follower in mission.followers]
-    chosen = guidance_settings(mission)
-    if pid is None and chosen.law == "pid" and chosen.pid is not None:
-        pid = in_columns(chosen.pid, columns)
-    if mpc is None and chosen.law == "mpc" and chosen.mpc is not None:
-        mpc = [chosen.mpc] * count
     return Start(
         north=np.array([start.north_m for start in starts])[:, None] * columns,
         east=np.array([start.east_m for start in starts])[:, None] * columns,
@@ -85,21 +85,5 @@ def start_of(
             forward=np.array([[slot.forward_m] for slot in slots]) * columns,
             right=np.array([[slot.right_m] for slot in slots]) * columns,
         ),
-        pid=pid,
-        mpc=mpc,
+        gains=gains_of(mission.controller) if gains is None else gains,
     )
-
-
-def in_columns(gains: PidGains[float], columns: FloatArray) -> PidGains[FloatArray]:
-    """The same gains for every formation."""
-
-    def axis(one: AxisGains[float]) -> AxisGains[FloatArray]:
-        return AxisGains(
-            proportional=columns * one.proportional,
-            integral=columns * one.integral,
-            derivative=columns * one.derivative,
-            derivative_filter_s=one.derivative_filter_s,
-            greatest=columns * one.greatest,
-        )
-
-    return PidGains(lateral=axis(gains.lateral), longitudinal=axis(gains.longitudinal))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
+from vfguide.mission.controller import with_law
 from vfguide.mission.model import Mission
 
 MissionName = Literal["line-calm", "line-wind", "circle-calm", "circle-wind"]
@@ -99,5 +100,8 @@ def article_mission(
         },
     }
     for section, fields in (changes or {}).items():
-        content[section] = {**content.get(section, {}), **fields}
+        before = content.get(section, {})
+        if section == "controller" and "type" in fields:
+            before = with_law(before, fields["type"])
+        content[section] = {**before, **fields}
     return Mission.model_validate(content)

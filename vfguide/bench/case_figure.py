@@ -1,11 +1,11 @@
 """A figure for each case, like the article's: tracks, and the followers' distances from their slots."""
 
+from itertools import cycle
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vfguide.bench.comparison import LAWS
 from vfguide.bench.flown import Tracks
 from vfguide.report.picture import save_figure
 from vfguide.report.style import (
@@ -18,8 +18,6 @@ from vfguide.report.style import (
 
 LEAST_ERROR_M = 1e-3
 """Below this no error is drawn: the scale is logarithmic."""
-
-LAW_COLOURS = dict(zip(LAWS, FOLLOWER_COLOURS, strict=False))
 
 
 def draw_case(mission: str, law: str, tracks: Tracks, directory: Path) -> Path:
@@ -48,10 +46,13 @@ def draw_case(mission: str, law: str, tracks: Tracks, directory: Path) -> Path:
 def draw_laws(tracks: dict[tuple[str, str], Tracks], directory: Path) -> Path:
     """The greatest follower error over time of every law, a panel for each mission."""
     missions = list(dict.fromkeys(mission for mission, _ in tracks))
+    colours = dict(
+        zip(dict.fromkeys(law for _, law in tracks), cycle(FOLLOWER_COLOURS), strict=False)
+    )
     figure = Figure(figsize=(9.0, 5.6), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for mission, axes in zip(missions, panels.flat, strict=False):
-        for law in LAWS:
+        for law, colour in colours.items():
             drawn = tracks[mission, law]
             worst = next(iter(drawn.error_m.values()))
             for error in drawn.error_m.values():
@@ -59,7 +60,7 @@ def draw_laws(tracks: dict[tuple[str, str], Tracks], directory: Path) -> Path:
             axes.plot(
                 drawn.time_s,
                 worst.clip(LEAST_ERROR_M),
-                color=LAW_COLOURS[law],
+                color=colour,
                 linewidth=0.9,
                 label=law,
             )
@@ -67,7 +68,9 @@ def draw_laws(tracks: dict[tuple[str, str], Tracks], directory: Path) -> Path:
         dress_errors(axes)
     # Above the panels: within, it would hide the article's field, which stays metres away.
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=SMALL_SIZE, loc="outside upper center", ncols=len(LAWS))
+    figure.legend(
+        handles, labels, fontsize=SMALL_SIZE, loc="outside upper center", ncols=len(colours)
+    )
     return save_figure(figure, directory / "laws.png")
 
 

@@ -1,7 +1,7 @@
 """The article's comparison: missions, laws, plants, twice: as shipped, and over a bad link with noise."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, fields
 from random import Random
@@ -11,7 +11,6 @@ from vfguide.bench.article import FOLLOWER_STARTS, LEADER_STARTS, MISSIONS, Chan
 from vfguide.bench.flown import Case, Figures, Tracks, fly
 from vfguide.bench.spread import flown_by
 
-LAWS = ("slot", "article", "pid", "mpc")
 PLANTS = ("heading-hold", "course-hold")
 
 BAD_LINK = {
@@ -62,7 +61,7 @@ class Row:
     mission: str
     """Of the four."""
     law: str
-    """Of the four."""
+    """Of the followers."""
     plant: str
     """Of the two."""
     condition: str
@@ -75,8 +74,8 @@ class Row:
     """Of the 95 % confidence interval of each mean; None for a single flight."""
 
 
-def cases(extent: Extent) -> list[Case]:
-    """Everything that is flown."""
+def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
+    """Everything that is flown, by each of these laws."""
     shipped = [
         Case(
             mission=mission,
@@ -87,7 +86,7 @@ def cases(extent: Extent) -> list[Case]:
             drawn=plant == PLANTS[0],
         )
         for mission in MISSIONS
-        for law in LAWS
+        for law in laws
         for plant in PLANTS
     ]
     bad = [
@@ -99,7 +98,7 @@ def cases(extent: Extent) -> list[Case]:
             label="bad link",
         )
         for mission in MISSIONS
-        for law in LAWS
+        for law in laws
         for plant in extent.bad_link_plants
         for seed in range(1, extent.seeds + 1)
     ]
@@ -120,9 +119,11 @@ def seeded(mission: str, seed: int, duration_s: float) -> Changes:
     return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
 
 
-def compare(executor: Executor, extent: Extent) -> tuple[list[Row], dict[tuple[str, str], Tracks]]:
-    """Fly everything; the table, and the tracks by mission and law."""
-    flown = cases(extent)
+def compare(
+    executor: Executor, extent: Extent, laws: Sequence[str]
+) -> tuple[list[Row], dict[tuple[str, str], Tracks]]:
+    """Fly everything by some laws; the table, and the tracks by mission and law."""
+    flown = cases(extent, laws)
     results = list(flown_by(executor, fly, flown))
     tracks = {
         (case.mission, case.controller): drawn

@@ -27,7 +27,7 @@ class Case:
     mission: str
     """Of the article's four."""
     controller: str
-    """`slot`, `article`, `pid` or `mpc`."""
+    """Name of the law by which followers kept their slots."""
     plant: str = "heading-hold"
     """Of every vehicle."""
     changes: Changes = field(default_factory=dict)

@@ -1,6 +1,6 @@
 """How old a leader's state is when it reaches those who follow it: one publisher, many subscribers.
 
-As a program, `python -m vfguide.bench.link_age LINK COUNT FIRST SECONDS FILE`, this is some of the
+As a program, `python -m vfguide.bench.link_age LINK COUNT FIRST SECONDS FILE KEYS`, this is some of the
 subscribers: links as companions have them, each with a connection of its own.
 """
 
@@ -19,8 +19,11 @@ from vfguide.bench.programs import last_words, program
 from vfguide.errors import VfguideError
 from vfguide.link.address import parse_link
 from vfguide.link.codec import LeaderMessage, decode, encode
-from vfguide.link.mqtt import Link, open_link
+from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
+from vfguide.link.member import Member
+from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
+from vfguide.link.trust import Trust, new_session
 from vfguide.rehearsal.processes import python_module
 
 FORMATION, LEADER = "bench-link", "leader"
@@ -47,7 +50,25 @@ class Subscriber:
         self.ages.append(time.monotonic() - decode(data).time_s)
 
 
-async def subscribe(link: str, count: int, first: int, seconds: float) -> list[float]:
+def trust_of(name: str, keys: Path) -> Trust:
+    """What a member of the formation that is measured signs with.
+
+    Args:
+        name: its name.
+        keys: where the formation's keys are.
+    """
+    places = key_places(keys)
+    return Trust(
+        formation=FORMATION,
+        name=name,
+        leader=LEADER,
+        session=new_session(),
+        roster=read_roster(places.roster),
+        key=read_private_key(places.private(name)),
+    )
+
+
+async def subscribe(link: str, count: int, first: int, seconds: float, keys: Path) -> list[float]:
     """Listen with some links and return the ages of what arrived, s.
 
     Args:
@@ -55,6 +76,7 @@ async def subscribe(link: str, count: int, first: int, seconds: float) -> list[f
         count: of links.
         first: number of the first of them in the formation.
         seconds: how long ages are taken, once every link has heard a state.
+        keys: where the formation's keys are.
 
     Raises:
         VfguideError: one hears nothing.
@@ -64,13 +86,15 @@ async def subscribe(link: str, count: int, first: int, seconds: float) -> list[f
         opening = [
             stack.enter_async_context(
                 open_link(
-                    parse_link(link),
+                    (parse_link(link),),
                     formation=FORMATION,
-                    vehicle=f"f{first + number}",
-                    listen_to=LEADER,
-                    receive=subscriber.take,
+                    member=Member(
+                        trust_of(f"f{first + number}", keys),
+                        clock=time.monotonic,
+                        receive=subscriber.take,
+                        peer_clock=PeerClock(),
+                    ),
                     random=Random(first + number),
-                    peer_clock=PeerClock(),
                 )
             )
             for number, subscriber in enumerate(subscribers)
@@ -103,13 +127,16 @@ async def measure_link_age(
     """
     shares = [len(range(number, subscribers, processes)) for number in range(processes)]
     ages: list[float] = []
+    keys = directory / "link"
+    names = [LEADER, *(f"f{number}" for number in range(1, subscribers + 1))]
+    make_keys(key_places(keys), FORMATION, names, operators=())
     async with AsyncExitStack() as stack:
-        await stack.enter_async_context(publishing(link, rate_hz))
+        await stack.enter_async_context(publishing(link, rate_hz, keys))
         running = []
         for number, share in enumerate(shares):
             file = directory / f"ages-{subscribers}-{number}.json"
             log = file.with_suffix(".log")
-            arguments = (link, share, 1 + sum(shares[:number]), seconds, file)
+            arguments = (link, share, 1 + sum(shares[:number]), seconds, file, keys)
             command = python_module("vfguide.bench.link_age", *map(str, arguments))
             running.append((await stack.enter_async_context(program(command, log)), file, log))
         for process, file, log in running:
@@ -126,15 +153,12 @@ async def measure_link_age(
 
 
 @asynccontextmanager
-async def publishing(link: str, rate_hz: float) -> AsyncIterator[None]:
+async def publishing(link: str, rate_hz: float, keys: Path) -> AsyncIterator[None]:
     """A leader that publishes its state at a rate."""
-    address = parse_link(link)
     async with open_link(
-        address,
+        (parse_link(link),),
         formation=FORMATION,
-        vehicle=LEADER,
-        listen_to=None,
-        receive=ignore,
+        member=Member(trust_of(LEADER, keys), clock=time.monotonic),
         random=Random(0),
     ) as opened:
         task = asyncio.create_task(publish(opened, 1.0 / rate_hz))
@@ -143,11 +167,6 @@ async def publishing(link: str, rate_hz: float) -> AsyncIterator[None]:
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-
-
-def ignore(data: bytes) -> None:
-    """A leader has no use for states."""
-    del data
 
 
 async def publish(link: Link, interval_s: float) -> None:
@@ -175,8 +194,8 @@ async def publish(link: Link, interval_s: float) -> None:
 
 def main() -> None:
     """Entry point of a process of subscribers."""
-    link, count, first, seconds, file = sys.argv[1:]
-    ages = asyncio.run(subscribe(link, int(count), int(first), float(seconds)))
+    link, count, first, seconds, file, keys = sys.argv[1:]
+    ages = asyncio.run(subscribe(link, int(count), int(first), float(seconds), Path(keys)))
     Path(file).write_text(json.dumps(ages), encoding="utf-8")
 
 

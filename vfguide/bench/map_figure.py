@@ -1,11 +1,12 @@
 """The robustness maps as one picture: error and chatter against what gets worse, unstable flights marked."""
 
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vfguide.bench.robustness import LAWS, SWEEPS, Found
+from vfguide.bench.robustness import SWEEPS, Found
 from vfguide.report.picture import save_figure
 from vfguide.report.style import DOTS_PER_INCH, FOLLOWER_COLOURS, LIMIT_COLOUR, SMALL_SIZE
 
@@ -29,9 +30,10 @@ def draw_mission(found: Sequence[Found], mission: str, directory: Path) -> Path:
     figure.suptitle(
         f"{mission}: mean distance from the slots, m; crosses: not within 10 m at the end"
     )
-    colours = dict(zip(LAWS, FOLLOWER_COLOURS, strict=False))
+    laws = dict.fromkeys(one.point.law for one in found)
+    colours = dict(zip(laws, cycle(FOLLOWER_COLOURS), strict=False))
     for (name, sweep), axes in zip(SWEEPS.items(), panels.flat, strict=False):
-        for law in LAWS:
+        for law, colour in colours.items():
             here = [one for one in found if one.point.sweep == name and one.point.law == law]
             if not here:
                 continue
@@ -39,7 +41,7 @@ def draw_mission(found: Sequence[Found], mission: str, directory: Path) -> Path:
                 [one.point.value for one in here],
                 [one.mean_error_m for one in here],
                 "o-",
-                color=colours[law],
+                color=colour,
                 markersize=3,
                 linewidth=0.9,
                 label=law,

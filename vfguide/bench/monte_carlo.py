@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
+from pydantic.fields import FieldInfo
 
 from vfguide.bench.array_case import Start
 from vfguide.bench.array_formation import fly_formations
@@ -19,7 +20,9 @@ from vfguide.bench.array_wind import SwingingWind
 from vfguide.bench.article import article_mission
 from vfguide.bench.spread import flown_by
 from vfguide.elementwise import FloatArray
+from vfguide.mission.controller import Controller, gains_of
 from vfguide.mission.model import Mission
+from vfguide.registry import laws
 
 BATCH = 1024
 """Formations at once: more of them do not fit the processor's cache."""
@@ -41,7 +44,7 @@ LEAST_SPACING_M = 15.0
 """Between any two slots and from the leader."""
 
 GAIN_FACTOR = 2.0
-"""Field gains are up to this many times those of the mission, or that part of them."""
+"""Gains of the law and kappa are up to this many times those of the mission, or that part of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +52,7 @@ class Batch:
     """Formations that share slots and gains; can be handed to another process."""
 
     law: str
-    """`slot`, `article` or `pid`."""
+    """Of the followers."""
     count: int
     """Of formations."""
     seed: tuple[int, ...]
@@ -121,17 +124,13 @@ def fly_batch(batch: Batch) -> Flown:
 
 def drawn_mission(batch: Batch, random: Generator) -> tuple[Mission, dict[str, float]]:
     """A mission with random slots and gains, and those gains."""
-    mission = article_mission(batch.mission)
+    # The array form has slots turn with the leader's measured course.
+    controller = {"type": batch.law, "slot_frame": "leader"}
+    mission = article_mission(batch.mission, {"controller": controller})
     slots = drawn_slots(len(mission.followers), random)
-    factors = GAIN_FACTOR ** random.uniform(-1.0, 1.0, 3)
-    chosen = mission.controller
-    gains = {
-        "k_x": chosen.k_x * factors[0],
-        "k_y": chosen.k_y * factors[1],
-        "kappa": chosen.kappa * factors[2],
-    }
+    gains = drawn_gains(mission.controller, random)
     content = mission.model_dump(exclude_unset=True)
-    content["controller"] |= {"type": batch.law, **gains}
+    content["controller"] |= gains
     content["rehearsal"] |= {
         "duration_s": batch.duration_s,
         "position_noise_m": batch.position_noise_m,
@@ -139,6 +138,29 @@ def drawn_mission(batch: Batch, random: Generator) -> tuple[Mission, dict[str, f
     for follower, (forward, right) in zip(content["followers"], slots, strict=True):
         follower["slot"] = {"forward_m": forward, "right_m": right, "up_m": 0.0}
     return Mission.model_validate(content), gains
+
+
+def drawn_gains(controller: Controller, random: Generator) -> dict[str, float]:
+    """Gains of the controller's law, and kappa, each by a factor; within their bounds."""
+    law = laws.find(controller.type)
+    names = law.drawn
+    if names is None:
+        gains = gains_of(controller)
+        names = [name for name in type(gains).model_fields if type(getattr(gains, name)) is float]
+    model = type(controller).model_fields
+    factors = GAIN_FACTOR ** random.uniform(-1.0, 1.0, len(names) + 1)
+    return {
+        name: within_bounds(getattr(controller, name) * float(factor), model[name])
+        for name, factor in zip((*names, "kappa"), factors, strict=True)
+    }
+
+
+def within_bounds(value: float, field: FieldInfo) -> float:
+    """A value, brought to the nearest bound of its field if it is beyond one."""
+    for bound in field.metadata:
+        value = max(value, getattr(bound, "ge", value))
+        value = min(value, getattr(bound, "le", value))
+    return value
 
 
 def drawn_slots(count: int, random: Generator) -> list[tuple[float, float]]:

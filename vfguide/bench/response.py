@@ -17,6 +17,7 @@ from vfguide.bench.programs import last_words, program
 from vfguide.bench.usage import Usage, usage_of
 from vfguide.bench.vehicle import TimedVehicle
 from vfguide.errors import VfguideError
+from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at
 from vfguide.mavlink.codec import Codec
 from vfguide.mission import Mission
@@ -144,9 +145,11 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
     """The companions of a formation, as `vfguide companion` runs them."""
     mission = formation(rate_hz)
     path = write_mission(mission, directory)
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    make_keys(key_places(path), mission.name, names)
     clients = []
     recording = recorded_ones(mission)
-    for name in (mission.leader.vehicle, *mission.followers_by_name):
+    for name in names:
         port = free_port(socket.SOCK_DGRAM)
         options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
         # Consent of its own: what an earlier measurement has left is of another flight.

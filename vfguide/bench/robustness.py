@@ -1,5 +1,6 @@
 """Errors and settling against one thing that gets worse: nothing is cropped where it becomes unstable."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,6 @@ from vfguide.bench.array_mission import conditions_of, start_of
 from vfguide.bench.array_outcome import Watch
 from vfguide.bench.flown import Case, fly
 
-LAWS = ("slot", "pid", "mpc")
 QUICK_S, FULL_S = 60.0, 150.0
 AIRSPEED_M_S = 20.0
 
@@ -71,8 +71,8 @@ class Found:
     """Back and forth of the course setpoints."""
 
 
-def points(*, quick: bool) -> list[Point]:
-    """Every flight of every map."""
+def points(laws: Sequence[str], *, quick: bool) -> list[Point]:
+    """Every flight of every map, by each of these laws."""
     return [
         Point(
             sweep=name,
@@ -83,7 +83,7 @@ def points(*, quick: bool) -> list[Point]:
         )
         for name, sweep in SWEEPS.items()
         for mission in (MISSIONS[1:] if quick else MISSIONS)
-        for law in LAWS
+        for law in laws
         for value in sweep.values
     ]
 
@@ -123,7 +123,11 @@ def fly_point(point: Point) -> Found:
 
 def fly_misled(point: Point) -> Found:
     """Fly one whose vehicles respond faster or slower than the laws believe."""
-    changes = {"rehearsal": {"duration_s": point.duration_s}}
+    # The array form has slots turn with the leader's measured course.
+    changes: dict[str, dict[str, Any]] = {
+        "rehearsal": {"duration_s": point.duration_s},
+        "controller": {"slot_frame": "leader"},
+    }
     mission = Case(mission=point.mission, controller=point.law, changes=changes).flown()
     conditions = conditions_of(mission)
     believed = conditions.airframe

@@ -1,20 +1,13 @@
 """What one guidance step of each law costs: as called in a flight, nothing left out."""
 
 import statistics
+from collections.abc import Sequence
 from typing import Any
 
 from vfguide.bench.article import article_mission
-from vfguide.bench.comparison import LAWS
 from vfguide.bench.timing import calls_timed
-from vfguide.guidance.controller import FieldController, MpcController, PidController
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.rehearsal.lockstep import fly_lockstep
-
-CONTROLLERS: dict[str, type] = {
-    "slot": FieldController,
-    "article": FieldController,
-    "pid": PidController,
-    "mpc": MpcController,
-}
 
 DURATION_S = 15.0
 
@@ -22,9 +15,9 @@ STEADY_FROM = 0.2
 """Share of the calls that is left out: imports and the first solutions."""
 
 
-def step_costs(mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
+def step_costs(laws: Sequence[str], mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
     """Median and 99th percentile of a follower's step by law, microseconds."""
-    return {law: cost_of(law, mission) for law in LAWS}
+    return {law: cost_of(law, mission) for law in laws}
 
 
 def cost_of(law: str, mission: str) -> dict[str, Any]:
@@ -32,7 +25,7 @@ def cost_of(law: str, mission: str) -> dict[str, Any]:
     flown = article_mission(
         mission, {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
     )
-    with calls_timed(CONTROLLERS[law], "step") as durations:
+    with calls_timed(SlotKeeper, "step") as durations:
         fly_lockstep(flown)
     steady = sorted(durations[round(STEADY_FROM * len(durations)) :])
     return {

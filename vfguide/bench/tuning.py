@@ -21,7 +21,7 @@ from vfguide.bench.array_mission import conditions_of, start_of
 from vfguide.bench.array_outcome import Outcome, Watch
 from vfguide.bench.article import Changes, article_mission
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.guidance.settings import MpcWeights, PidGains
+from vfguide.mission.controller import gains_of
 from vfguide.mission.model import Mission
 from vfguide.state import Setpoint
 
@@ -77,8 +77,7 @@ def fly_trials(
     *,
     followers: Sequence[str] = ("f1", "f2", "f3"),
     controller: Mapping[str, float] | None = None,
-    pid: PidGains[FloatArray] | None = None,
-    mpc: Sequence[MpcWeights] | None = None,
+    gains: Mapping[str, FloatArray] | None = None,
 ) -> Trials:
     """Fly a calm mission by so many candidates of one law; with the mission's own gains if none are given.
 
@@ -88,10 +87,10 @@ def fly_trials(
         count: of candidates.
         followers: that take part.
         controller: fields of the mission's controller, for all candidates alike.
-        pid: gains, a column each.
-        mpc: weights of each.
+        gains: of the law that the candidates differ by, an entry for each of them.
     """
     mission = mission_of(name, law, followers, controller)
+    chosen = gains_of(mission.controller).model_copy(update=gains)
     conditions = replace(conditions_of(mission, Plane(), rounded=True), calibrates=False, push=PUSH)
     calm, whole = Watch(CALM_S), Watch(DURATION_S)
 
@@ -101,7 +100,7 @@ def fly_trials(
 
     # Candidates that fly away may overflow: they have not settled.
     with np.errstate(over="ignore", invalid="ignore"):
-        fly_formations(start_of(mission, count, pid=pid, mpc=mpc), conditions, watch)
+        fly_formations(start_of(mission, count, gains=chosen), conditions, watch)
     return trials_of(calm.outcome(), whole.outcome())
 
 
@@ -110,7 +109,7 @@ def mission_of(
 ) -> Mission:
     """A mission flown by a law with some gains, with some of its followers."""
     changes: Changes = {
-        "controller": {"type": law, **(controller or {})},
+        "controller": {"type": law, "slot_frame": "leader", **(controller or {})},
         "rehearsal": {"duration_s": DURATION_S},
     }
     content = article_mission(name, changes).model_dump(exclude_unset=True)

@@ -1,9 +1,21 @@
 """`vfguide bench`: what this computer takes."""
 
 import json
+from collections.abc import Sequence
 
 from vfguide.bench.latency import render, run_latency
+from vfguide.bench.trust_cost import AIRCRAFT, render_trust_cost, run_trust_cost
 from vfguide.commands.terminal import Terminal
+
+
+def measure_trust(*, seconds: float, aircraft: Sequence[int] | None, as_json: bool) -> None:
+    """Measure what signing costs, and print it.
+
+    Raises:
+        VfguideError: one of the programs does not do its part.
+    """
+    result = run_trust_cost(seconds=seconds, aircraft=aircraft or AIRCRAFT)
+    Terminal().tell(json.dumps(result, indent=2) if as_json else render_trust_cost(result))
 
 
 def measure_latency(*, seconds: float, rate_hz: float, as_json: bool) -> None:

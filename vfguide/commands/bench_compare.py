@@ -4,6 +4,7 @@ import json
 import os
 import platform
 import time
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,16 +16,23 @@ from vfguide.bench.flown import Tracks
 from vfguide.bench.spread import executor_on
 from vfguide.bench.step_cost import step_costs
 from vfguide.commands.terminal import Terminal
+from vfguide.registry import laws
 
 CONDITIONS = ("shipped", "bad link")
 
 
 def compare_laws(
-    *, quick: bool, json_file: Path | None, out: Path | None, scheduler: str | None
+    chosen: Sequence[str] | None,
+    *,
+    quick: bool,
+    json_file: Path | None,
+    out: Path | None,
+    scheduler: str | None,
 ) -> None:
     """Fly, print the tables, and keep them.
 
     Args:
+        chosen: laws; all that are known if none.
         quick: shorter flights, and fewer.
         json_file: where all figures go.
         out: where tables, figures and the same JSON go.
@@ -34,10 +42,10 @@ def compare_laws(
     for directory in (out, json_file.parent if json_file else None):
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
-    extent = QUICK if quick else FULL
+    extent, flown = QUICK if quick else FULL, flown_laws(chosen)
     with executor_on(scheduler) as executor:
-        rows, tracks = compare(executor, extent)
-    costs = step_costs()
+        rows, tracks = compare(executor, extent, flown)
+    costs = step_costs(flown)
     content = {
         "machine": machine(),
         "duration_s": extent.duration_s,
@@ -53,6 +61,17 @@ def compare_laws(
         json_file.write_text(written, encoding="utf-8")
     if out is not None:
         keep(out, text, written, tracks)
+
+
+def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[str]:
+    """The laws that a study flies: those chosen, or else all known but one.
+
+    Raises:
+        InputError: there is no law of a chosen name.
+    """
+    if chosen:
+        return [laws.find(name).name for name in chosen]
+    return [name for name in laws.names() if name != but]
 
 
 def keep(out: Path, text: str, written: str, tracks: dict[tuple[str, str], Tracks]) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.shared_options import directory
+from vfguide.commands.shared_options import directory, with_plugins
 
 # What measures is imported where it is called: every command reads these options, few measure.
 
@@ -19,6 +19,11 @@ Directory = Annotated[
     typer.Option(metavar="DIR", help="Where tables, plots and JSON go.", parser=directory),
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
+Law = Annotated[str, typer.Option(metavar="LAW", help="By which followers keep their slots.")]
+Laws = Annotated[
+    list[str] | None,
+    typer.Option("--law", metavar="LAW", help="Fly this one, or several; all known if absent."),
+]
 Scheduler = Annotated[
     str | None,
     typer.Option(
@@ -29,22 +34,24 @@ Scheduler = Annotated[
 
 
 @bench.callback(invoke_without_command=True)
+@with_plugins
 def compare(
     context: typer.Context,
     *,
+    law: Laws = None,
     json_file: JsonFile = None,
     quick: Quick = False,
     out: Directory = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Fly the article's comparison: its four missions by fields, PID and MPC, on both plants.
+    """Fly the article's comparison: its four missions by every law, on both plants.
 
     As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
     """
     if context.invoked_subcommand is None:
         from vfguide.commands.bench_compare import compare_laws
 
-        compare_laws(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
+        compare_laws(law, quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
 
 @bench.command()
@@ -68,18 +75,46 @@ def latency(
 
 
 @bench.command()
-def ablations(
-    *, json_file: JsonFile = None, quick: Quick = False, scheduler: Scheduler = None
+def trust(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=2.0, max=600.0, help="Length of each measurement.")
+    ] = 15.0,
+    aircraft: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", min=3, max=200, help="Size of a formation; 4, 30 and 100."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
 ) -> None:
-    """Switch off each part of the laws alone, and fly the four missions."""
-    from vfguide.commands.bench_studies import show_ablations
+    """Measure what signed messages cost a follower, beside unsigned ones at the same broker.
 
-    show_ablations(quick=quick, json_file=json_file, scheduler=scheduler)
+    Exit status: 0 measured, 3 broken.
+    """
+    from vfguide.commands.bench import measure_trust
+
+    measure_trust(seconds=seconds, aircraft=aircraft, as_json=as_json)
 
 
 @bench.command()
+@with_plugins
+def ablations(
+    *,
+    law: Law = "slot",
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    scheduler: Scheduler = None,
+) -> None:
+    """Switch off each part of a law alone, and fly the four missions."""
+    from vfguide.commands.bench_studies import show_ablations
+
+    show_ablations(law, quick=quick, json_file=json_file, scheduler=scheduler)
+
+
+@bench.command()
+@with_plugins
 def robustness(
     *,
+    law: Laws = None,
     json_file: JsonFile = None,
     quick: Quick = False,
     out: Directory = None,
@@ -88,7 +123,7 @@ def robustness(
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
     from vfguide.commands.bench_studies import show_robustness
 
-    show_robustness(quick=quick, json_file=json_file, out=out, scheduler=scheduler)
+    show_robustness(law, quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
 
 @bench.command()
@@ -100,12 +135,13 @@ def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
 
 
 @bench.command(name="monte-carlo")
+@with_plugins
 def monte_carlo(
     *,
     formations: Annotated[
         int, typer.Option(metavar="N", min=1, help="How many, each in a flight of its own.")
     ] = 10_000,
-    law: Annotated[str, typer.Option(help="slot, article or pid.")] = "slot",
+    law: Law = "slot",
     processes: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
     ] = None,

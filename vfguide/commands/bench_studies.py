@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from vfguide.bench.ablations import ABLATIONS, ablation_cases
+from vfguide.bench.ablations import ablation_cases, parts_of
 from vfguide.bench.article import MISSIONS
 from vfguide.bench.comparison_table import metres, seconds
 from vfguide.bench.flown import fly
@@ -15,8 +15,9 @@ from vfguide.bench.monte_carlo import batches, sampled, summary_of
 from vfguide.bench.robustness import SWEEPS, Found, fly_point, points
 from vfguide.bench.scale import measure_all
 from vfguide.bench.spread import executor_on, flown_by
-from vfguide.commands.bench_compare import machine
+from vfguide.commands.bench_compare import flown_laws, machine
 from vfguide.commands.terminal import Terminal
+from vfguide.registry import laws
 
 SCALE_COLUMNS = (
     "vehicles",
@@ -52,9 +53,9 @@ def without_nan(value: object) -> object:
     return value
 
 
-def show_ablations(*, quick: bool, json_file: Path | None, scheduler: str | None) -> None:
+def show_ablations(law: str, *, quick: bool, json_file: Path | None, scheduler: str | None) -> None:
     """Fly and print."""
-    flown = ablation_cases(quick=quick)
+    flown = ablation_cases(law, quick=quick)
     with executor_on(scheduler) as executor:
         results = [figures for figures, _ in flown_by(executor, fly, flown)]
     found = {
@@ -64,7 +65,7 @@ def show_ablations(*, quick: bool, json_file: Path | None, scheduler: str | None
         "| mean / greatest error, m | " + " | ".join(MISSIONS) + " | back and forth, rad/s |",
         "|---|" + "---|" * (len(MISSIONS) + 1),
     ]
-    for name in ABLATIONS:
+    for name in parts_of(law):
         cells = [
             f"{metres(found[name, mission].mean_error_m)} / "
             f"{metres(found[name, mission].max_error_m)}"
@@ -81,13 +82,20 @@ def show_ablations(*, quick: bool, json_file: Path | None, scheduler: str | None
 
 
 def show_robustness(
-    *, quick: bool, json_file: Path | None, out: Path | None, scheduler: str | None
+    chosen: Sequence[str] | None,
+    *,
+    quick: bool,
+    json_file: Path | None,
+    out: Path | None,
+    scheduler: str | None,
 ) -> None:
     """Fly, print, and draw."""
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     with executor_on(scheduler) as executor:
-        found = list(flown_by(executor, fly_point, points(quick=quick)))
+        found = list(
+            flown_by(executor, fly_point, points(flown_laws(chosen, but="article"), quick=quick))
+        )
     Terminal().tell(maps(found))
     content = {"points": [asdict(one) for one in found]}
     write(json_file, content)
@@ -106,15 +114,15 @@ def maps(found: Sequence[Found]) -> str:
         here = [one for one in found if one.point.sweep == name]
         for mission in dict.fromkeys(one.point.mission for one in here):
             these = [one for one in here if one.point.mission == mission]
-            laws = list(dict.fromkeys(one.point.law for one in these))
+            flown = list(dict.fromkeys(one.point.law for one in these))
             lines = [
-                f"| {mission}: {sweep.title} | " + " | ".join(laws) + " |",
-                "|---|" + "---|" * len(laws),
+                f"| {mission}: {sweep.title} | " + " | ".join(flown) + " |",
+                "|---|" + "---|" * len(flown),
             ]
             for value in sweep.values:
                 cells = [
                     f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s"
-                    for law in laws
+                    for law in flown
                     for one in these
                     if one.point.law == law and one.point.value == value
                 ]
@@ -156,11 +164,13 @@ def sample_formations(
     scheduler: str | None,
 ) -> None:
     """Fly and print."""
+    laws.find(law)
     with executor_on(scheduler, processes) as executor:
         result = summary_of(list(sampled(executor, batches(law, formations, seed))))
     error, settle = result["mean_error_m"], result["settle_10m_s"]
     Terminal().tell(
-        f"{law}: {result['formations']} formations, {result['vehicle_seconds']:.3g} vehicle-seconds, "
+        f"{law}, slot_frame leader: {result['formations']} formations, "
+        f"{result['vehicle_seconds']:.3g} vehicle-seconds, "
         f"{result['vehicle_seconds_per_processor_second']:.3g} for each second of one core\n"
         f"within 10 m at the end {result['within_10m_at_end']:.2%}, within 1 m "
         f"{result['within_1m_at_end']:.2%}; never at a limit in the last half "

@@ -1,8 +1,11 @@
 """`vfguide companion`: the daemon for one real vehicle."""
 
 import asyncio
+import logging
+from collections.abc import Sequence
 from pathlib import Path
 
+from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.logs import log_to_standard_error
 from vfguide.commands.vehicles import check_flies
 from vfguide.companion.clock import Clock
@@ -10,11 +13,14 @@ from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
-from vfguide.link.address import parse_link
+from vfguide.link.address import parse_links
+from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.signing import signing_key
 from vfguide.mission import Mission
 from vfguide.record.recording import begin_recording
+
+logger = logging.getLogger(__name__)
 
 
 def run_companion(
@@ -22,7 +28,8 @@ def run_companion(
     vehicle: str,
     *,
     mavlink: str,
-    link: str,
+    links: Sequence[str],
+    keys: KeyFiles,
     engage: bool,
     record: Path | None,
     clock: str | None,
@@ -32,24 +39,36 @@ def run_companion(
     """Run the companion of a vehicle until SIGTERM.
 
     Raises:
-        InputError: the vehicle is not in the mission, an address is wrong, or nothing can be recorded.
+        InputError: the vehicle is not in the mission, an address is wrong, a key is missing or in the
+        wrong hands,
+            or nothing can be recorded.
     """
     check_flies(mission, vehicle)
-    autopilot, formation_link, own_clock = (
-        parse_address(mavlink),
-        parse_link(link),
-        parse_clock(clock),
+    autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
+    addresses = parse_links(links)
+    credentials = keys.of_vehicle(vehicle)
+    trust = Trust(
+        formation=mission.name,
+        name=vehicle,
+        leader=mission.leader.vehicle,
+        session=new_session(),
+        roster=credentials.roster,
+        key=credentials.key,
     )
     key = None if signing_key_file is None else read_key(signing_key_file)
     log_to_standard_error()
+    if not trust.signs:
+        logger.warning(
+            "--insecure: messages are not signed, and anybody on the link can lead this vehicle"
+        )
     recording = None
     if record is not None:
         recording = begin_recording(record, mission, vehicle, clock_s=own_clock.now())
     surroundings = Surroundings(
         mavlink=autopilot,
-        link=formation_link,
+        links=addresses,
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        trust=trust,
         clock=own_clock,
         engage=engage,
         record=recording,

@@ -1,5 +1,6 @@
 """The options of `vfguide fly`, and of `judge` and `emulate`, which fly in parts."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -7,21 +8,26 @@ import typer
 
 from vfguide.commands.check import WRONG
 from vfguide.commands.overrides import (
-    ControllerName,
     Overrides,
     PlantName,
     SpeedResponseName,
     WindName,
     apply_overrides,
     blamed,
+    parse_settings,
 )
 from vfguide.commands.shared_options import (
     AsJson,
+    Controller,
     Duration,
     Force,
-    LinkUrl,
+    Insecure,
+    KeyFile,
+    LinkUrls,
     MissionFile,
     MissionOption,
+    RosterFile,
+    Settings,
     Speedup,
     VehicleName,
     directory,
@@ -37,9 +43,8 @@ from vfguide.mission.feasibility import check_mission
 def fly(
     mission: MissionFile,
     *,
-    controller: Annotated[
-        ControllerName | None, typer.Option(help="Instead of the file's controller.type.")
-    ] = None,
+    controller: Controller = None,
+    settings: Settings = None,
     plant: Annotated[
         PlantName | None, typer.Option(help="Instead of every vehicle's plant.")
     ] = None,
@@ -68,8 +73,11 @@ def fly(
         float | None, typer.Option(metavar="X", help="With --live: times as fast as real time.")
     ] = None,
     link: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="With --live: a broker; an embedded one if absent."),
+        list[str] | None,
+        typer.Option(
+            metavar="URL",
+            help="With --live: a broker or a UDP group, or several; an embedded broker if absent.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -90,6 +98,7 @@ def fly(
     loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
+        settings=parse_settings(settings or ()),
         plant=plant,
         speed_response=speed_response,
         wind=wind,
@@ -113,7 +122,7 @@ def fly(
 
     status = fly_mission_live(
         changed,
-        link=link,
+        links=link or (),
         speedup=1.0 if speedup is None else speedup,
         out=out,
         force=force,
@@ -122,7 +131,7 @@ def fly(
     raise typer.Exit(status)
 
 
-def refuse_without_live(speedup: float | None, link: str | None) -> None:
+def refuse_without_live(speedup: float | None, links: Sequence[str] | None) -> None:
     """See that nothing is asked of a flight in virtual time that only a live one can do.
 
     Raises:
@@ -133,7 +142,7 @@ def refuse_without_live(speedup: float | None, link: str | None) -> None:
             f"--speedup {speedup:g}: only a live flight has a speed; add --live, or leave it out: "
             "in virtual time a flight is as fast as the computer"
         )
-    if link is not None:
+    if links:
         raise InputError("--link: only a live flight has a broker; add --live, or leave it out")
 
 
@@ -144,7 +153,10 @@ def judge(
         str,
         typer.Option(metavar="URL", help="Where emulators send true states: udpin://HOST:PORT."),
     ],
-    link: LinkUrl,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
     start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
     out: Annotated[
         Path,
@@ -164,13 +176,15 @@ def judge(
     status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
     """
+    from vfguide.commands.credentials import KeyFiles
     from vfguide.commands.judge import judge_flight
 
     changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
     verdict = judge_flight(
         changed,
         truth=truth,
-        link=link,
+        links=link,
+        keys=KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure),
         start=start,
         speedup=speedup,
         patience_s=patience,

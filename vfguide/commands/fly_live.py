@@ -3,7 +3,7 @@
 import asyncio
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
@@ -12,12 +12,11 @@ from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.live_table import Show, live_table, rows_of
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError, VfguideError
-from vfguide.link.address import parse_link
-from vfguide.link.watch import spectator, watching
+from vfguide.link.watch import check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.latency import latency_of
 from vfguide.rehearsal.broker_process import broker_process
-from vfguide.rehearsal.live import live_flight
+from vfguide.rehearsal.live import live_flight, watched_by_anybody
 from vfguide.rehearsal.lockstep import Flight
 
 LOOK_S = 0.25
@@ -27,7 +26,7 @@ LOOK_S = 0.25
 def fly_live(
     mission: Mission,
     *,
-    link: str | None,
+    links: Sequence[str],
     speedup: float,
     out: Path | None,
     force: bool,
@@ -37,7 +36,7 @@ def fly_live(
 
     Args:
         mission: the mission.
-        link: address of a broker; an embedded one if absent.
+        links: addresses of the formation's links; an embedded broker if there are none.
         speedup: simulation seconds for each real one.
         out: where everything is kept.
         force: whether what is there may be replaced.
@@ -45,7 +44,7 @@ def fly_live(
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
-        VfguideError: a process that should not has ended, or there is no broker at `link`.
+        VfguideError: a process that should not has ended, or none of the links stands.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
@@ -61,7 +60,7 @@ def fly_live(
             flight = asyncio.run(
                 _fly(
                     mission,
-                    link,
+                    links,
                     speedup=speedup,
                     directory=directory,
                     show=show,
@@ -74,7 +73,7 @@ def fly_live(
 
 async def _fly(
     mission: Mission,
-    link: str | None,
+    links: Sequence[str],
     *,
     speedup: float,
     directory: Path,
@@ -84,20 +83,17 @@ async def _fly(
 ) -> Flight:
     """The flight itself, to its end or until told to stop."""
     async with AsyncExitStack() as stack:
-        if link is None:
+        if not links:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))
-            link = f"mqtt://127.0.0.1:{port}"
+            links = (f"mqtt://127.0.0.1:{port}",)
         else:
             # Companions fly on without a broker: that it was never there would show nowhere.
-            async with spectator(parse_link(link), mission.name, Random()):
-                pass
-        presences = await stack.enter_async_context(
-            watching(parse_link(link), mission.name, random=Random())
-        )
+            await check_reachable(watched_by_anybody(mission, links), random=Random())
         began = time.perf_counter()
         flight = await stack.enter_async_context(
-            live_flight(mission, directory=directory, link=link, speedup=speedup)
+            live_flight(mission, directory=directory, links=links, speedup=speedup)
         )
+        presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         before, flies, interrupted = flight.accounts(), False, False
         while (now_s := flight.judge.time_s) < mission.rehearsal.duration_s and not interrupted:
             flight.check()

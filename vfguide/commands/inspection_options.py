@@ -1,4 +1,4 @@
-"""The options of `vfguide status`, `check` and `report`, which steer nothing."""
+"""The options of `vfguide status`, `check`, `report`, `export` and `analyse`, which steer nothing."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,20 @@ from typing import Annotated
 import typer
 
 from vfguide.commands.check import findings_of, report_findings
-from vfguide.commands.shared_options import AsJson, Force, LinkUrl, MissionFile, directory
+from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
+from vfguide.commands.shared_options import (
+    AsJson,
+    Controller,
+    Force,
+    Insecure,
+    KeyFile,
+    LinkUrls,
+    MissionFile,
+    RosterFile,
+    Settings,
+    directory,
+)
+from vfguide.errors import InputError
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
 
@@ -16,22 +29,29 @@ from vfguide.mission.feasibility import check_mission
 def status(
     mission: MissionFile,
     *,
-    link: LinkUrl,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
     as_json: AsJson = False,
 ) -> None:
     """Tell how the vehicles of a mission are, as their companions say over the link.
 
     Exit status: 0 every companion is online, 1 some are not, 2 the input is wrong, 3 no broker.
     """
+    from vfguide.commands.credentials import KeyFiles
     from vfguide.commands.status import show_status
 
     loaded = read_mission(mission)
-    raise typer.Exit(show_status(loaded.mission, link=link, as_json=as_json))
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    raise typer.Exit(show_status(loaded.mission, links=link, keys=keys, as_json=as_json))
 
 
 def check(
     mission: MissionFile,
     *,
+    controller: Controller = None,
+    settings: Settings = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -47,7 +67,8 @@ def check(
             raise
         found = findings_of(error.faults)
         raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
-    findings = check_mission(loaded.mission, loaded.source)
+    overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
+    findings = check_mission(apply_overrides(loaded.mission, overrides), loaded.source)
     name = loaded.mission.name
     raise typer.Exit(report_findings(findings, name=name, strict=strict, as_json=as_json))
 
@@ -72,11 +93,100 @@ def report(
         ),
     ] = None,
     force: Force = False,
+    animate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write a moving picture of the flight instead: a .gif, .webp or .png.",
+        ),
+    ] = None,
+    begin_s: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="S", help="Where the moving picture begins, s of the flight."
+        ),
+    ] = None,
+    end_s: Annotated[
+        float | None,
+        typer.Option(
+            "--to",
+            metavar="S",
+            help="Where it ends; without it once all have settled in their slots.",
+        ),
+    ] = None,
 ) -> None:
     """Write the report of a flight, rehearsed or recorded.
 
     Exit status: 0 written, 2 there is no readable record, or the directory cannot be written to.
     """
-    from vfguide.commands.report import write_reports
+    from vfguide.commands.report import animate_flight, write_reports
 
-    write_reports(directories, out, force=force)
+    if animate is not None:
+        if out is not None:
+            raise InputError(
+                "--out is the report's; --animate names the file of the moving picture itself"
+            )
+        animate_flight(directories, animate, begin_s=begin_s, end_s=end_s, force=force)
+    elif begin_s is not None or end_s is not None:
+        raise InputError("--from and --to are of a moving picture; give --animate FILE, too")
+    else:
+        write_reports(directories, out, force=force)
+
+
+def export(
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="What `vfguide fly --out DIR` wrote, or what companions recorded.",
+            parser=directory,
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE", help="Where to; .mcap, .kml, .kmz, .csv or .parquet is the format."
+        ),
+    ],
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MISSION", help="Says where a flight was whose record is of an earlier version."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a flight for other tools: Foxglove, Google Earth, spreadsheets, pandas.
+
+    Exit status: 0 written, 2 there is no readable record, or the file cannot be written.
+    """
+    from vfguide.commands.export import export_flight
+
+    flown = None if mission is None else read_mission(mission).mission
+    export_flight(directories, out, mission=flown, force=force)
+
+
+def analyse(
+    mission: MissionFile,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="ArduPilot's .BIN, PX4's .ulg or a .tlog, one for each vehicle; their system ids say whose.",
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where record and report go.", parser=directory)
+    ],
+    force: Force = False,
+) -> None:
+    """Write the report of a flight from the logs that its autopilots wrote.
+
+    Exit status: 0 written, 2 a log cannot be read, they do not fit together, or the directory cannot be
+    written to.
+    """
+    from vfguide.commands.analyse import analyse_logs
+
+    analyse_logs(read_mission(mission).mission, logs, out, force=force)

@@ -2,13 +2,15 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress, parse_link
+from vfguide.link.address import parse_links
+from vfguide.link.watch import Watched
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
 from vfguide.rehearsal.lockstep import Flight
@@ -22,7 +24,8 @@ def judge_flight(
     mission: Mission,
     *,
     truth: str,
-    link: str,
+    links: Sequence[str],
+    keys: KeyFiles,
     start: Path,
     speedup: float,
     patience_s: float,
@@ -35,7 +38,8 @@ def judge_flight(
     Args:
         mission: the mission.
         truth: where emulators send true states.
-        link: address of the broker.
+        links: addresses of the formation's links.
+        keys: what the command line says about keys.
         start: file that tells the emulators when to begin.
         speedup: simulation seconds for each real one.
         patience_s: real time to wait for companions.
@@ -47,7 +51,14 @@ def judge_flight(
         InputError: an address is wrong, or a place cannot be written to.
         VfguideError: an emulator has fallen silent.
     """
-    port, address = truth_port(truth), parse_link(link)
+    port, credentials = truth_port(truth), keys.of_operator()
+    watched = Watched(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.leader.vehicle,
+        roster=credentials.roster,
+        key=credentials.key,
+    )
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:
@@ -59,7 +70,7 @@ def judge_flight(
                 _watch(
                     mission,
                     truth=port,
-                    link=address,
+                    watched=watched,
                     start=start,
                     speedup=speedup,
                     patience_s=patience_s,
@@ -74,7 +85,7 @@ async def _watch(
     mission: Mission,
     *,
     truth: tuple[str, int],
-    link: LinkAddress,
+    watched: Watched,
     start: Path,
     speedup: float,
     patience_s: float,
@@ -82,7 +93,7 @@ async def _watch(
     stop: Callable[[], bool],
 ) -> Flight:
     """The flight, from waiting for companions to its end or until told to stop."""
-    async with watched_flight(mission, truth=truth, link=link, speedup=speedup) as flight:
+    async with watched_flight(mission, truth=truth, watched=watched, speedup=speedup) as flight:
         await _until_online(flight, patience_s=patience_s, stop=stop)
         flight.start(start)
         while flight.judge.time_s < mission.rehearsal.duration_s and not stop():

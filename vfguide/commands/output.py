@@ -107,6 +107,20 @@ def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: 
             )
 
 
+def refuse_file(path: Path, *, force: bool) -> None:
+    """See that a single file can be written without replacing another.
+
+    Raises:
+        InputError: it cannot; one line.
+    """
+    if path.is_symlink() or path.is_dir():
+        raise InputError(f"{path}: is a symbolic link or a directory; give another name")
+    if path.exists() and not force:
+        raise InputError(f"{path}: is there already; give another name, or --force to replace it")
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent}: no such directory; make it, or give another name")
+
+
 def own_names(vehicles: Collection[str]) -> set[str]:
     """Names of all that a flight of these vehicles may leave."""
     return {*SHARED_NAMES, *(name + end for name in vehicles for end in VEHICLE_ENDINGS)}
@@ -162,3 +176,19 @@ def written_beside(directory: Path) -> Iterator[Path]:
             path.replace(directory / path.name)
     finally:
         remove(partial)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A place to write a file at, which then takes its name, or is removed where that fails.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    try:
+        with written_beside(path.parent) as partial:
+            yield partial / path.name
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error

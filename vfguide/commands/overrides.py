@@ -1,19 +1,22 @@
 """A mission with what the command line says in the place of what the file says."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Literal
 
+import yaml
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
+from vfguide.mission.controller import with_law
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import Finding
 from vfguide.mission.location import Location, dotted
 from vfguide.mission.model import Mission
 
-ControllerName = Literal["slot", "article", "pid", "mpc"]
-PlantName = Literal["course-hold", "heading-hold", "bank", "npfg"]
-SpeedResponseName = Literal["first-order", "tecs"]
+PlantName = Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"]
+SpeedResponseName = Literal["first-order", "tecs", "px4"]
 WindName = Literal["calm", "article"]
 
 OPTIONS: dict[Location, str] = {
@@ -28,8 +31,10 @@ OPTIONS: dict[Location, str] = {
 class Overrides:
     """What the command line says; None leaves the file's word."""
 
-    controller: ControllerName | None = None
+    controller: str | None = None
     """Instead of `controller.type`."""
+    settings: tuple[tuple[Location, object], ...] = ()
+    """Values instead of those of any fields."""
     plant: PlantName | None = None
     """Instead of every vehicle's `plant`; `bank` is flown as `rehearsal.emulator.plant`."""
     speed_response: SpeedResponseName | None = None
@@ -53,8 +58,10 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
     try:
         return overridden(mission, overrides)
     except ValidationError as error:
+        chosen = {place: f"--set {dotted(place)}" for place, _ in overrides.settings}
+        options = {**OPTIONS, **chosen}
         lines = (
-            f"{OPTIONS.get(one.location, 'command line')}: {one.message}; {one.remedy}"
+            f"{options.get(one.location, 'command line')}: {one.message}; {one.remedy}"
             for one in explain(error)
         )
         raise InputError("\n".join(lines)) from error
@@ -84,10 +91,10 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
     """
     content: dict[str, Any] = mission.model_dump(exclude_unset=True)
     if overrides.controller is not None:
-        content.setdefault("controller", {})["type"] = overrides.controller
+        put_law(content, overrides.controller, option="--controller")
     if overrides.plant is not None:
         # A companion takes the others for what they resemble: a hold of heading and airspeed.
-        banks = overrides.plant in {"bank", "npfg"}
+        banks = overrides.plant in {"bank", "npfg", "six-dof"}
         hold = "heading-hold" if banks else overrides.plant
         for vehicle in content["vehicles"].values():
             vehicle["plant"] = hold
@@ -96,6 +103,8 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
         emulator(content)["speed_response"] = overrides.speed_response
     if overrides.wind is not None:
         content["wind"] = {"type": overrides.wind}
+    for place, value in overrides.settings:
+        put(content, place, value)
     rehearsal = {
         name: value
         for name in ("duration_s", "rate_hz", "seed")
@@ -103,6 +112,74 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
     }
     content.setdefault("rehearsal", {}).update(rehearsal)
     return Mission.model_validate(content)
+
+
+def put_law(content: dict[str, Any], name: str, *, option: str) -> None:
+    """Put a law into the fields of a mission.
+
+    Raises:
+        InputError: there is no law of this name; the message begins with the option that names it.
+    """
+    try:
+        content["controller"] = with_law(content.get("controller", {}), name)
+    except InputError as error:
+        raise InputError(f"{option} {error}") from error
+
+
+def parse_settings(texts: Sequence[str]) -> tuple[tuple[Location, object], ...]:
+    """Fields and values of `FIELD=VALUE`: values as in a mission file, fields such as `followers[0].slot`.
+
+    Raises:
+        InputError: a text is no such thing.
+    """
+    found = []
+    for text in texts:
+        field, equals, value = text.partition("=")
+        if not equals or not field:
+            raise InputError(f"--set {text}: write FIELD=VALUE, such as controller.k_x=0.3")
+        try:
+            parsed: object = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise InputError(
+                f"--set {text}: the value cannot be read; write it as in YAML"
+            ) from error
+        found.append((place_of(field), parsed))
+    return tuple(found)
+
+
+def place_of(field: str) -> Location:
+    """The place of a field such as `followers[0].slot.forward_m`."""
+    steps = field.replace("[", ".").replace("]", "").split(".")
+    return tuple(int(step) if step.isdecimal() else step for step in steps)
+
+
+def put(content: dict[str, Any], place: Location, value: object) -> None:
+    """Put a value into the fields of a mission.
+
+    Raises:
+        InputError: there is no such place.
+    """
+    if place == ("controller", "type"):
+        put_law(content, str(value), option="--set controller.type")
+        return
+    here: Any = content
+    for step, after in pairwise(place):
+        try:
+            inner = here.setdefault(step, {}) if isinstance(here, dict) else here[step]
+            if isinstance(inner, tuple):
+                inner = list(inner)
+                here[step] = inner
+        except (IndexError, TypeError, KeyError) as error:
+            raise InputError(
+                f"--set {dotted(place)}: there is no {after} in the mission"
+            ) from error
+        here = inner
+    try:
+        here[place[-1]] = value
+    except (IndexError, TypeError) as error:
+        raise InputError(
+            f"--set {dotted(place)}: there is no {place[-1]} in the mission"
+        ) from error
 
 
 def emulator(content: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,9 @@ from vfguide.commands.output import (
     RECORD_NAME,
     REPORT_NAMES,
     SUMMARY_NAME,
+    refuse_file,
     refuse_foreign,
+    whole_file,
     written_beside,
 )
 from vfguide.commands.terminal import Terminal
@@ -37,14 +39,6 @@ def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool)
     Raises:
         InputError: there is no flight in them, it is damaged, or nothing can be written there.
     """
-    for directory in directories:
-        if directory.is_file():
-            raise InputError(f"{directory}: is a file; give its directory, {directory.parent}")
-        if not directory.is_dir():
-            raise InputError(
-                f"{directory}: no such directory; give one that `vfguide fly --out` wrote, "
-                "or companions recorded into"
-            )
     record = read_flight(directories)
     if out is None and len(directories) > 1:
         raise InputError("say with --out where the report of several directories goes")
@@ -57,12 +51,50 @@ def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool)
     write_report_of(record, where)
 
 
+def animate_flight(
+    directories: Sequence[Path],
+    file: Path,
+    *,
+    begin_s: float | None,
+    end_s: float | None,
+    force: bool,
+) -> None:
+    """Write a moving picture of the flight that some directories hold.
+
+    Args:
+        directories: as of a report.
+        file: where to.
+        begin_s: from when, s of the flight.
+        end_s: until when.
+        force: whether a file that is there may be replaced.
+
+    Raises:
+        InputError: there is no flight in them, nothing to show, or the file cannot be written.
+    """
+    # Here, for the same reason as below.
+    from vfguide.report.animation import write_animation
+
+    refuse_file(file, force=force)
+    record = read_flight(directories)
+    with whole_file(file) as partial:
+        span = write_animation(record, partial, begin_s=begin_s, end_s=end_s)
+    Terminal().tell(f"{file}: {span.begin_s:g} to {span.end_s:g} s of the flight")
+
+
 def read_flight(directories: Sequence[Path]) -> FlightRecord:
     """The flight in some directories.
 
     Raises:
         InputError: there is none, or a damaged one.
     """
+    for directory in directories:
+        if directory.is_file():
+            raise InputError(f"{directory}: is a file; give its directory, {directory.parent}")
+        if not directory.is_dir():
+            raise InputError(
+                f"{directory}: no such directory; give one that `vfguide fly --out` wrote, "
+                "or companions recorded into"
+            )
     first = directories[0]
     if len(directories) == 1 and (first / RECORD_NAME).exists():
         record = FlightRecord.load(first / RECORD_NAME)

@@ -1,11 +1,15 @@
 """Arguments and options that several commands have."""
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from vfguide.errors import InputError
+from vfguide.registry import use_plugins
 
 
 def directory(text: str) -> Path:
@@ -19,14 +23,44 @@ def directory(text: str) -> Path:
     return Path(text)
 
 
-MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
+MissionFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MISSION", help="Mission file (YAML), or the name of one that comes along."
+    ),
+]
 MissionOption = Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")]
 VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")]
 AutopilotUrl = Annotated[
     str, typer.Option(metavar="URL", help="Its autopilot, such as udpin://0.0.0.0:14540.")
 ]
-LinkUrl = Annotated[
-    str, typer.Option(metavar="URL", help="The formation's link, such as mqtt://host:1883.")
+LinkUrls = Annotated[
+    list[str],
+    typer.Option(
+        "--link",
+        metavar="URL",
+        help="The formation's link, such as mqtt://host:1883; several are used at once.",
+    ),
+]
+KeyFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--key",
+        metavar="FILE",
+        help="Private key to sign with; else NAME.key in MISSION's directory of keys.",
+    ),
+]
+RosterFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--roster",
+        metavar="FILE",
+        help="Everybody's public keys; else MISSION with the ending .roster.",
+    ),
+]
+Insecure = Annotated[
+    bool,
+    typer.Option("--insecure", help="Sign nothing and believe anybody who is on the link."),
 ]
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Length of the flight, seconds.")]
 Speedup = Annotated[
@@ -36,3 +70,40 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on standard out
 Force = Annotated[
     bool, typer.Option("--force", help="Replace in --out what another flight or program wrote.")
 ]
+Controller = Annotated[
+    str | None, typer.Option(metavar="LAW", help="Instead of the file's controller.type.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        help="Instead of a field of the file, such as controller.k_x=0.3; may be given several times.",
+    ),
+]
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE",
+        help="A file of Python with a law of your own; may be given several times.",
+    ),
+]
+
+
+def with_plugins(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the option `--plugin`: what it names is loaded before the command runs."""
+
+    @wraps(command)
+    def run(*arguments: Any, plugin: list[Path] | None = None, **options: Any) -> None:  # noqa: ANN401
+        use_plugins(plugin or ())
+        command(*arguments, **options)
+
+    signature = inspect.signature(command)
+    option = inspect.Parameter(
+        "plugin", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Plugins
+    )
+    parameters = [*signature.parameters.values(), option]
+    vars(run)["__signature__"] = signature.replace(parameters=parameters)
+    run.__annotations__ = {**command.__annotations__, "plugin": Plugins}
+    return run

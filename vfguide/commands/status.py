@@ -2,21 +2,27 @@
 
 import asyncio
 import json
+from collections.abc import Sequence
 from random import Random
 
 from rich import box
 from rich.table import Table
 
+from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.terminal import Terminal
-from vfguide.link.address import parse_link
+from vfguide.link.address import parse_links
 from vfguide.link.presence import Presence
-from vfguide.link.watch import presences
+from vfguide.link.watch import Watched, presences
 from vfguide.mission import Mission
 
 LISTEN_S = 1.5
 """Long enough for a presence from everybody who lives."""
 
 ALL_THERE, SOME_MISSING = 0, 1
+
+SIGNED, INSECURE = "signed", "INSECURE"
+
+NOT_FRESH = "without an operator's private key nothing shows whether this was said today: give one with --key"
 
 COLUMNS = {
     "response ms p50": "response_ms_p50",
@@ -27,16 +33,22 @@ COLUMNS = {
 """Figures of a presence that the table shows."""
 
 
-def show_status(mission: Mission, *, link: str, as_json: bool) -> int:
+def show_status(mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_json: bool) -> int:
     """Print a line for each vehicle, and return the exit status.
 
     Raises:
-        InputError: the address is wrong.
-        VfguideError: the broker does not answer, or refuses.
+        InputError: an address is wrong, or a key is missing or in the wrong hands.
+        VfguideError: no link stands.
     """
-    address = parse_link(link)
-    listening = presences(address, mission.name, seconds=LISTEN_S, random=Random())
-    found = asyncio.run(listening)
+    credentials = keys.of_operator()
+    watched = Watched(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.leader.vehicle,
+        roster=credentials.roster,
+        key=credentials.key,
+    )
+    found = asyncio.run(presences(watched, seconds=LISTEN_S, random=Random()))
     names = [mission.leader.vehicle, *mission.followers_by_name]
     output = Terminal()
     if as_json:
@@ -44,6 +56,8 @@ def show_status(mission: Mission, *, link: str, as_json: bool) -> int:
         output.tell(json.dumps(content, indent=2))
     else:
         output.print(status_table(mission.name, names, found))
+        if credentials.roster is not None and credentials.key is None:
+            Terminal(stderr=True).tell(NOT_FRESH)
     online = all(name in found and found[name].status == "online" for name in names)
     return ALL_THERE if online else SOME_MISSING
 
@@ -56,14 +70,17 @@ def described(presence: Presence | None) -> dict[str, object]:
         "status": presence.status,
         "mode": presence.mode,
         "version": presence.version,
+        "signed": presence.signed,
         **presence.figures,
     }
 
 
 def status_table(title: str, names: list[str], found: dict[str, Presence]) -> Table:
     """A line for each vehicle."""
-    table = Table("vehicle", "status", "mode", box=box.SIMPLE, title=title, title_justify="left")
-    for heading in COLUMNS:
+    table = Table(
+        "vehicle", "status", "mode", "messages", box=box.SIMPLE, title=title, title_justify="left"
+    )
+    for heading in (*COLUMNS, "refused"):
         table.add_column(heading, justify="right")
     for name in names:
         presence = found.get(name)
@@ -72,5 +89,7 @@ def status_table(title: str, names: list[str], found: dict[str, Presence]) -> Ta
             continue
         figures = (presence.figures.get(key) for key in COLUMNS.values())
         cells = ("-" if figure is None else f"{figure:.2f}" for figure in figures)
-        table.add_row(name, presence.status, presence.mode, *cells)
+        refused = f"{presence.figures.get('refused', 0.0):.0f}"
+        messages = SIGNED if presence.signed else INSECURE
+        table.add_row(name, presence.status, presence.mode, messages, *cells, refused)
     return table

@@ -7,8 +7,11 @@ import typer
 
 from vfguide.commands.shared_options import (
     AutopilotUrl,
-    LinkUrl,
+    Insecure,
+    KeyFile,
+    LinkUrls,
     MissionOption,
+    RosterFile,
     VehicleName,
     directory,
 )
@@ -22,7 +25,10 @@ def companion(
     *,
     mission: MissionOption,
     mavlink: AutopilotUrl,
-    link: LinkUrl,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
     engage: Annotated[
         bool,
         typer.Option(
@@ -58,12 +64,14 @@ def companion(
     the pilot has selected the guided mode. Exit status: 0 stopped cleanly, 2 the input is wrong, 3 broken.
     """
     from vfguide.commands.companion import run_companion
+    from vfguide.commands.credentials import KeyFiles
 
     run_companion(
         read_mission(mission).mission,
         vehicle,
         mavlink=mavlink,
-        link=link,
+        links=link,
+        keys=KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure),
         engage=engage,
         record=record,
         clock=clock,

@@ -12,6 +12,8 @@ that is heard is older than the newest question that has been answered, however 
 import math
 from dataclasses import dataclass
 
+from vfguide.companion.clock_rate import Bracket, ClockRate
+
 ASK_S = 0.5
 """Between questions for the autopilot's time: a slip is found in less than a second."""
 
@@ -34,6 +36,9 @@ LOOK_S = 0.5
 
 UNANSWERED_S = 3.0
 """After this the autopilot is taken for one that does not answer."""
+
+REPORTED_SKEW = 0.005
+"""By which a clock may be slow or fast before the pilot is told: crystals are a hundred times better."""
 
 REPORTED_S = 0.2
 """Lost time that is worth a text to the pilot."""
@@ -77,6 +82,8 @@ class Reading:
     """Its boot time, s, without wraps."""
     read_s: float
     """When it was read, s on the companion's clock."""
+    skew: float
+    """Seconds beyond one that pass here for each second of the autopilot."""
     rebooted: bool = False
     """Whether it shows that the autopilot has started anew."""
 
@@ -98,6 +105,9 @@ class AutopilotClock:
 
     def __init__(self) -> None:
         self._asked: dict[int, float] = {}
+        self._rate = ClockRate()
+        self._anchor = (0.0, 0.0)
+        self._reported_skew = 0.0
         self._reported_time = -math.inf
         self._lost_s = 0.0
         self._word: str | None = None
@@ -133,9 +143,10 @@ class AutopilotClock:
         self._elsewhere = None
         self._note(boot_time_s, now)
         return Reading(
-            time_s=boot_time_s + self._difference,
+            time_s=self._even(boot_time_s) + self._difference,
             boot_time_s=boot_time_s,
             read_s=now,
+            skew=self._rate.skew,
             rebooted=rebooted,
         )
 
@@ -162,7 +173,7 @@ class AutopilotClock:
         time_s = autopilot_ns * NANOSECOND
         # The answer's clock does not wrap.
         time_s += WRAP_S * round((self._newest - time_s) / WRAP_S)
-        least, most = asked - time_s, now - time_s
+        least, most = asked - self._even(time_s), now - self._even(time_s)
         if self._elsewhere is not None or least - self._difference > WINDOW_S:
             # A reboot that has not shown in the reports yet.
             return
@@ -170,6 +181,12 @@ class AutopilotClock:
         if self._difference < least - ROUNDING_S:
             self._slipped(most, now)
         self._least = min(self._least, most)
+        bracket = Bracket(autopilot_s=time_s, least=asked - time_s, most=now - time_s)
+        # With the new rate everything goes on from the newest report.
+        anchor = self._newest, self._even(self._newest)
+        if self._rate.note(bracket):
+            self._anchor = anchor
+            self._tell_of_rate()
 
     def greatest_age(self, now: float) -> float:
         """How old at most (s) is what is heard now; infinite while not known, 0 without any answer ever."""
@@ -182,8 +199,27 @@ class AutopilotClock:
     def _difference(self) -> float:
         return min(self._least, self._least_before)
 
+    def _even(self, boot_time_s: float) -> float:
+        """A boot time in seconds of the companion, from an arbitrary zero."""
+        boot_s, even_s = self._anchor
+        return even_s + (boot_time_s - boot_s) * (1.0 + self._rate.skew)
+
+    def _tell_of_rate(self) -> None:
+        """Tell the pilot of a clock that does not keep time, once."""
+        skew = self._rate.skew
+        if abs(skew - self._reported_skew) < max(REPORTED_SKEW, 0.5 * abs(self._reported_skew)):
+            return
+        self._reported_skew = skew
+        if abs(skew) < REPORTED_SKEW:
+            return
+        self._word = (
+            f"the autopilot's clock runs {abs(skew):.1%} {'slow' if skew > 0.0 else 'fast'}: its times are"
+            " put right; see whether it is overloaded"
+        )
+
     def _forget(self) -> None:
         """Nothing is known of the autopilot any more."""
+        self._rate.forget()
         self._least = self._least_before = self._recent = math.inf
         self._window_ends = self._look_ends = -math.inf
         self._looked = 0
@@ -225,7 +261,7 @@ class AutopilotClock:
         if now >= self._window_ends:
             self._least_before, self._least = self._least, math.inf
             self._window_ends = now + WINDOW_S
-        difference = now - boot_time_s
+        difference = now - self._even(boot_time_s)
         self._least = min(self._least, difference)
         if now >= self._look_ends:
             late = self._recent - self._difference

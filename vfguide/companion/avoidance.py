@@ -5,16 +5,18 @@ The only place where that is decided, for leader and followers and for all laws 
 
 import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.traffic import Traffic, Viewpoint, reaction_time
+from vfguide.companion.possibilities import Viewpoint
+from vfguide.companion.traffic import Traffic, reaction_time
 from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
 from vfguide.guidance.response import course_error_for
-from vfguide.guidance.separation import Clearance, keep_clear, manoeuvres_of
+from vfguide.guidance.separation import Clearance, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
@@ -41,6 +43,9 @@ ROOM_M = 3.0
 INSISTS_S = 0.15
 """See `ROOM_M`."""
 
+LOOK_S = 0.06
+"""Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
+
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
 
@@ -61,13 +66,26 @@ class Avoidance:
     """To be added to the altitude of the mission, m."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intent:
+    """What a vehicle would fly alone."""
+
+    wanted: WantedMotion
+    """What its guidance wants."""
+    leader: LeaderState[float] | None
+    """Now; None for the leader itself."""
+    astray: float
+    """How far it is from its slot, or from flying along its path, m."""
+
+
 class KeepClear:
     """Looks at all others in every step."""
 
     def __init__(self, plan: FlightPlan, traffic: Traffic) -> None:
         self._plan = plan
         self._traffic = traffic
-        self._side = 0.0
+        self._looked_s = -math.inf
+        self._clear: Clearance | None = None
         self._climb_m = 0.0
         self._stepped_s = -math.inf
         self._tight_since = math.inf
@@ -85,10 +103,8 @@ class KeepClear:
         self,
         fix: Fix,
         turn_rate: float,
-        wanted: WantedMotion,
+        intent: Callable[[], Intent],
         *,
-        leader: LeaderState[float] | None,
-        astray: float,
         steered: bool,
     ) -> Avoidance:
         """Check what is wanted, and change it if it would come too near to another vehicle.
@@ -96,47 +112,62 @@ class KeepClear:
         Args:
             fix: the vehicle now.
             turn_rate: of its course, rad/s.
-            wanted: what its guidance wants.
-            leader: now; None for the leader itself.
-            astray: distance from its slot, m; 0 for the leader.
+            intent: finds what it would fly alone.
             steered: whether the vehicle flies by it, so that its pilot sees what is done.
         """
+        now, clear = fix.state.time_s, self._clear
+        aim = None
+        if not 0.0 <= now - self._looked_s < LOOK_S - 0.5 * fix.period:
+            self._looked_s, aim = now, intent()
+            self._clear = clear = self._look_around(fix, turn_rate, aim, steered=steered)
+        if clear is None or not clear.changed:
+            return Avoidance(setpoint=None, climb_m=self._climb_m)
+        setpoint = setpoint_of(
+            clear,
+            (aim or intent()).wanted,
+            own_motion(fix.state, turn_rate, self._plan.airframe),
+            self._agility(fix),
+            self._plan.airframe,
+        )
+        return Avoidance(setpoint=setpoint, climb_m=self._climb_m)
+
+    def _agility(self, fix: Fix) -> Agility:
+        """How fast the vehicle answers now."""
+        return agility_of(fix.state, self._plan.airframe, slips=self._plan.slips, period=fix.period)
+
+    def _look_around(
+        self, fix: Fix, turn_rate: float, aim: Intent, *, steered: bool
+    ) -> Clearance | None:
+        """What to fly, and at which height; None where no vehicle can come near. See `step`."""
         state, airframe = fix.state, self._plan.airframe
-        delay = airframe.course_dead_time + airframe.course_lag
-        velocity = cmath.rect(state.ground_speed, state.course)
         here = Viewpoint(
             time_s=state.time_s,
             place=complex(state.north, state.east),
-            velocity=velocity,
-            wanted=wanted.velocity,
+            velocity=cmath.rect(state.ground_speed, state.course),
+            wanted=aim.wanted.velocity,
             altitude_amsl=fix.altitude_amsl,
             wind=complex(state.wind_north, state.wind_east),
-            astray=astray,
-            reaction_s=reaction_time(delay),
+            astray=aim.astray,
+            reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
         )
-        found = self._traffic.possibilities(here, leader)
+        found = self._traffic.possibilities(here, aim.leader)
         if found is None:
-            self._side = 0.0
+            self._climb_m = self._height_for(None, fix)
             self._report(None, 0.0, state.time_s)
-            return Avoidance(setpoint=None, climb_m=self._height_for(None, fix))
+            return None
         others, rows = found
         own = own_motion(state, turn_rate, airframe)
-        agility = agility_of(state, airframe, slips=self._plan.slips, period=fix.period)
-        clear = keep_clear(own, wanted, others, agility, manoeuvres_of(agility), side=self._side)
-        self._side = clear.turn
+        side = 0.0 if self._clear is None else self._clear.turn
+        clear = keep_clear(own, aim.wanted, others, self._agility(fix), side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
         room_m = float((clear.nearest - others.floor).min()) if clear.changed else math.inf
         tight = self._is_tight(room_m, state.time_s)
         row = int(rows[clear.nearest.argmin()]) if tight else None
-        climb_m = self._height_for(row, fix)
+        self._climb_m = self._height_for(row, fix)
         nearest = int(rows[clear.wanted_nearest.argmin()])
-        step_m = climb_m if tight else 0.0
+        step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
-        if not clear.changed:
-            return Avoidance(setpoint=None, climb_m=climb_m)
-        return Avoidance(
-            setpoint=setpoint_of(clear, wanted, own, agility, airframe), climb_m=climb_m
-        )
+        return clear
 
     def _report(self, row: int | None, climb_m: float, now: float) -> None:
         """Put into words what is done about the vehicle of a row (None: nothing)."""
@@ -171,18 +202,15 @@ class KeepClear:
         """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
         now = fix.state.time_s
         if row is None:
-            if now - self._stepped_s > STAY_S:
-                self._climb_m = 0.0
-            return self._climb_m
+            return self._climb_m if now - self._stepped_s <= STAY_S else 0.0
         self._stepped_s = now
-        if self._climb_m == 0.0:
-            plan = self._plan
-            above = fix.altitude_amsl - self._traffic.altitude_of(row)
-            ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
-            up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
-            down_m = min(STEP_M, STEP_SHARE * max(plan.height, 0.0))
-            self._climb_m = STEP_M if up else -down_m
-        return self._climb_m
+        if self._climb_m != 0.0:
+            return self._climb_m
+        plan = self._plan
+        above = fix.altitude_amsl - self._traffic.altitude_of(row)
+        ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
+        up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
+        return STEP_M if up else -min(STEP_M, STEP_SHARE * max(plan.height, 0.0))
 
 
 def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:

@@ -122,6 +122,7 @@ class Companion:
         self._awake_since = self._idle_since = math.inf
         self._stalled = -math.inf
         self._interval = math.inf
+        self._asked_for_telemetry = False
         self._distance = math.inf
         self._housekeeping_time = -math.inf
         self._altitude_time = -math.inf
@@ -358,7 +359,7 @@ class Companion:
     def _asked(self, setpoint: Setpoint[float], altitude: float, fix: Fix) -> AutopilotSetpoint:
         """A setpoint as it is sent to the autopilot, with an altitude (m)."""
         return AutopilotSetpoint(
-            course=setpoint.course,
+            course=setpoint.course + self._own.course_offset,
             speed=self._reported(setpoint.speed),
             altitude_amsl=altitude,
             latitude_deg=fix.place.latitude_deg,
@@ -457,7 +458,9 @@ class Companion:
         silent = now - self._telemetry_time > self._patience.telemetry_s
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
         authority = self._authority
-        if authority.connected and (silent or slow):
+        # What comes unasked may have another rate, or its parts each their own.
+        if authority.connected and (silent or slow or not self._asked_for_telemetry):
+            self._asked_for_telemetry = True
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
         if not silent:
             for text in self._commands.overdue(now):

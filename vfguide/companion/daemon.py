@@ -6,6 +6,7 @@ import logging
 import math
 import signal
 import time
+from collections import Counter
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -19,9 +20,11 @@ from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.link.address import LinkAddress
-from vfguide.link.mqtt import Link, open_link
+from vfguide.link.member import Member, ignore
+from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
+from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
@@ -56,12 +59,12 @@ class Surroundings:
 
     mavlink: Address
     """Its autopilot."""
-    link: LinkAddress
-    """The formation's link."""
+    links: tuple[LinkAddress, ...]
+    """The formation's links."""
     formation: str
-    """Name of the formation on the link."""
-    leader: str
-    """Vehicle whose states are listened to."""
+    """Name of the formation on the links."""
+    trust: Trust
+    """What the vehicle signs with, and whom it believes."""
     clock: Clock
     """Its clock."""
     engage: bool
@@ -131,22 +134,17 @@ class Daemon:
             )
             self._link = await stack.enter_async_context(
                 open_link(
-                    where.link,
+                    where.links,
                     formation=where.formation,
-                    vehicle=self._name,
-                    listen_to=None if self._peer_clock is None else where.leader,
-                    receive=self._take_link,
-                    neighbours=self._neighbours,
-                    receive_neighbour=self._take_neighbour,
+                    member=self._member(where.trust),
                     random=random,
-                    peer_clock=self._peer_clock,
-                    clock=self._clock.now,
                 )
             )
             while not stop.is_set():
                 self._dispatch(self._companion.poll(self._clock.now()))
                 self._announce()
                 self._tell_of_record()
+                self._tell_of_links()
                 self._complain_of_others()
                 try:
                     async with asyncio.timeout(self._clock.real_seconds(POLL_S)):
@@ -154,6 +152,18 @@ class Daemon:
                 except TimeoutError:
                     continue
             await self._take_leave()
+
+    def _member(self, trust: Trust) -> Member:
+        """This vehicle as the others hear it."""
+        leads = self._peer_clock is None
+        return Member(
+            trust,
+            clock=self._clock.now,
+            receive=ignore if leads else self._take_link,
+            neighbours=self._neighbours,
+            receive_neighbour=self._take_neighbour,
+            peer_clock=self._peer_clock,
+        )
 
     async def _take_leave(self) -> None:
         """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
@@ -219,6 +229,7 @@ class Daemon:
                 mode=self._companion.snapshot.mode.value,
                 time_s=now,
                 version=VERSION,
+                signed=self._surroundings.trust.signs,
                 figures=self._figures(),
             )
         )
@@ -234,6 +245,12 @@ class Daemon:
             if values.last is not None:
                 figures[f"{name}_last"] = round(values.last * 1e3, 3)
             figures[f"{name}_max"] = round(values.greatest * 1e3, 3)
+        if self._link is not None:
+            figures |= refused_messages(self._link.counters)
+            figures["links"] = float(len(self._link.carriers))
+            figures["links_lost"] = float(
+                sum(not carrier.status.connected for carrier in self._link.carriers)
+            )
         return figures
 
     def _step(self) -> GuidanceStep:
@@ -246,6 +263,12 @@ class Daemon:
         """A full disk ends no flight: the pilot gets a text when it begins, and one when it is over."""
         if self._record is not None:
             for text in self._record.news():
+                self._dispatch(self._companion.tell(text, self._clock.now()))
+
+    def _tell_of_links(self) -> None:
+        """Tell the pilot when one of several links is lost, and when it is back."""
+        if self._link is not None:
+            for text in self._link.news():
                 self._dispatch(self._companion.tell(text, self._clock.now()))
 
     def _complain_of_others(self) -> None:
@@ -264,6 +287,16 @@ class Daemon:
         if missing:
             text = f"{self._record.directory}: {missing} entries of the record are missing"
             logger.warning(text, extra={"vehicle": self._name})
+
+
+def refused_messages(counters: Counter[str]) -> dict[str, float]:
+    """Messages that were not believed, in all and by reason, as figures of a presence."""
+    found = {
+        reason.replace(": ", "_").replace(" ", "_").replace("'", ""): float(count)
+        for reason, count in counters.items()
+        if reason.startswith("refused: ")
+    }
+    return {"refused": sum(found.values()), **found}
 
 
 def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:

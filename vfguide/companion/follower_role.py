@@ -6,20 +6,18 @@ from collections import Counter
 from dataclasses import replace
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.avoidance import KeepClear
+from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.foresight import Law
 from vfguide.companion.hearing import Hearing
 from vfguide.companion.motion_report import GAP_S, MotionReport
 from vfguide.companion.own_vehicle import Fix
-from vfguide.companion.plan import FlightPlan, FollowerTask, course_settings, speed_settings
+from vfguide.companion.plan import FlightPlan, FollowerTask, follower_law, late_laws
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.controller import FormationController, formation_controller
 from vfguide.guidance.course_law import sliding_course_rate
-from vfguide.guidance.follower import field_motion
 from vfguide.guidance.formation import formation_error, predict_leader, slot_motion
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
@@ -31,6 +29,7 @@ from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.virtual_leader import carry_along_path
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.state import LeaderState, Setpoint, VehicleState
 
 CARRY_S = 0.25
@@ -89,13 +88,10 @@ class FollowerRole:
         self._published_time = -math.inf
         self._distance = math.inf
         self._avoiding = False
-        self._controller = formation_controller(plan.settings, task.slot, plan.airframe)
+        self._law = follower_law(plan)
+        self._keeper = SlotKeeper(self._law, task.slot)
         # One for each of the two delays with which an autopilot answers, if it does.
-        self._late_controllers = tuple(
-            formation_controller(settings, task.slot, plan.airframe)
-            for settings in (course_settings(plan), speed_settings(plan))
-            if plan.airframe.lags
-        )
+        self._late_keepers = tuple(SlotKeeper(law, task.slot) for law in late_laws(plan))
         self._carried: LeaderState[float] | None = None
         self._intended: IntendedMotion | None = None
         self._wind = (0.0, 0.0)
@@ -118,11 +114,13 @@ class FollowerRole:
             return
         planned = planned_motion(heard, self._task.leader, self._wind)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
-        follows_path = self._plan.settings.slot_frame == "path" and heard.steered
+        slot_frame = self._plan.settings.slot_frame
+        follows_path = slot_frame != "leader" and heard.steered
         if before is None or not follows_path or not 0.0 < passed_s <= GAP_S:
             self._intended = intended_at_first(heard, planned)
         else:
-            self._intended = intended_motion(before, heard, planned)
+            as_planned = slot_frame == "plan"
+            self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state if it is sound and newer than the one before."""
@@ -158,26 +156,24 @@ class FollowerRole:
             return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=publish)
         breaks_away = mode is Mode.BREAKAWAY
         if fix.moved or not mode.steers or breaks_away:
-            for controller in (self._controller, *self._late_controllers):
-                controller.reset()
-        guidance = self._controller.step(fix.state, leader, period=fix.period, held=self._avoiding)
+            for keeper in (self._keeper, *self._late_keepers):
+                keeper.reset()
+        guidance = self._keeper.step(fix.state, leader, period=fix.period, held=self._avoiding)
         setpoint = guidance.setpoint
         if fix.foresight is not None:
             course_law, speed_law = (
-                self._law(controller, fix, leader) for controller in self._late_controllers
+                self._late_law(keeper, fix, leader) for keeper in self._late_keepers
             )
             setpoint = fix.foresight.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
         if breaks_away:
             setpoint = self._away(fix, leader)
-        now = predict_leader(leader, fix.state.time_s)
+        away = setpoint if breaks_away else None
         avoidance = self._keep_clear.step(
             fix,
             motion.turn_rate,
-            self._wanted(fix, now, setpoint if breaks_away else None),
-            leader=now,
-            astray=self._distance,
+            lambda: self._intent(fix, predict_leader(leader, fix.state.time_s), away),
             steered=mode.steers,
         )
         self._avoiding = mode.steers and avoidance.setpoint is not None
@@ -200,18 +196,22 @@ class FollowerRole:
             low_pass(east, state.wind_east, fix.interval, WIND_S),
         )
 
-    def _law(self, controller: FormationController, fix: Fix, leader: LeaderState[float]) -> Law:
-        """What a controller asks for of the vehicle as it will be."""
+    def _late_law(self, keeper: SlotKeeper[float], fix: Fix, leader: LeaderState[float]) -> Law:
+        """What a law asks for of the vehicle as it will be."""
 
         def law(ahead: VehicleState[float]) -> Setpoint[float]:
-            return controller.step(ahead, leader, period=fix.period, held=self._avoiding).setpoint
+            return keeper.step(ahead, leader, period=fix.period, held=self._avoiding).setpoint
 
         return law
+
+    def _intent(self, fix: Fix, leader: LeaderState[float], away: Setpoint[float] | None) -> Intent:
+        """What it would fly if it were alone with its leader."""
+        return Intent(wanted=self._wanted(fix, leader, away), leader=leader, astray=self._distance)
 
     def _wanted(
         self, fix: Fix, leader: LeaderState[float], away: Setpoint[float] | None
     ) -> WantedMotion:
-        """Where guidance goes: onto the slot, as the dual field does, or straight away from the others."""
+        """Where guidance goes: onto the slot as its law does, or straight away from the others."""
         state = fix.state
         if away is not None and self._breakaway_course is not None:
             velocity = cmath.rect(state.ground_speed, self._breakaway_course)
@@ -220,8 +220,8 @@ class FollowerRole:
             )
         slot = slot_motion(leader, self._task.slot)
         error = formation_error(slot, state)
-        desired = field_motion(slot, error, self._plan.settings.field)
-        velocity = cmath.rect(desired.speed, desired.course)
+        course, speed = self._law.expected_motion(slot, error)
+        velocity = cmath.rect(speed, course)
         base = cmath.rect(slot.speed, slot.course)
         settle_s = self._distance / max(abs(velocity - base), 1e-3)
         return WantedMotion(

@@ -26,7 +26,7 @@ from vfguide.guidance.response import (
     moved,
     turning_speed,
 )
-from vfguide.state import Airframe, Setpoint, VehicleState
+from vfguide.state import Airframe, Setpoint, SpeedHold, VehicleState
 
 STEP_S = 0.05
 """Longest step of the prediction."""
@@ -47,16 +47,27 @@ class Memory:
     """Low-pass on the turn rate asked of it, s; 0 lets everything through."""
 
 
-SLIPPING = Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
-"""Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz), and
-pitch and lift with it: what a swing adds to turn rate and acceleration would feed it, taken off at once. Nor
-may what it adds to the course come back as roll: the low-pass on the answer leaves a third of it."""
+SLIPPING = Memory(turn_rate_s=3.0, answer_s=0.5)
+"""Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz): what
+a swing adds to the turn rate would feed it, taken off at once. Nor may what it adds to the course come back
+as roll: the low-pass on the answer leaves a third of it."""
+
+ENERGY_S = 10.0
+"""Memory of the acceleration of a total-energy hold, whose pitch swings (PX4's simulated plane: at 0.5 Hz;
+that of ArduPilot's with the yaw): taken off at once it would feed the swing."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
 """What a model may be off by; more is no bias but a vehicle that does something else."""
 
 GAP_S = 1.0
 """After a silence longer than this everything is learned anew."""
+
+
+def memory_of(*, slips: bool, speed_hold: SpeedHold) -> Memory:
+    """How fast departures of such a vehicle from its model are learned."""
+    memory = SLIPPING if slips else Memory()
+    return replace(memory, acceleration_s=ENERGY_S) if speed_hold == "total-energy" else memory
+
 
 Law = Callable[[VehicleState[float]], Setpoint[float]]
 """Setpoint for a state."""

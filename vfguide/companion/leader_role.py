@@ -4,7 +4,7 @@ import cmath
 import math
 from collections import Counter
 
-from vfguide.companion.avoidance import KeepClear
+from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.motion_report import MotionReport
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.plan import FlightPlan, course_settings
@@ -18,6 +18,9 @@ from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import VehicleState
+
+ASTRAY_S = 1.0
+"""What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
 
 
 class LeaderRole:
@@ -56,21 +59,29 @@ class LeaderRole:
             )
         self._speed_estimate = guidance.speed_estimate
         motion = self._report.note(fix)
-        # Steered followers keep clear of the leader, not it of them: their places depend on its course.
+        distance = abs(guidance.cross_track_error)
         avoidance = self._keep_clear.step(
             fix,
             motion.turn_rate,
-            self._wanted(fix.state),
-            leader=None,
-            astray=0.0,
+            lambda: self._intent(fix.state, distance),
             steered=mode.steers,
         )
         return RoleStep(
             setpoint=avoidance.setpoint or setpoint,
-            distance=abs(guidance.cross_track_error),
+            distance=distance,
             lyapunov=math.nan,
             publish=self._report.message(motion, fix, fix.state.time_s, steered=mode.steers),
             climb_m=avoidance.climb_m,
+        )
+
+    def _intent(self, state: VehicleState[float], distance: float) -> Intent:
+        """Along the path. On it the steered followers keep clear of the leader: their places depend on it."""
+        wanted = self._wanted(state)
+        velocity = cmath.rect(state.ground_speed, state.course)
+        return Intent(
+            wanted=wanted,
+            leader=None,
+            astray=distance + ASTRAY_S * abs(velocity - wanted.velocity),
         )
 
     def _wanted(self, state: VehicleState[float]) -> WantedMotion:

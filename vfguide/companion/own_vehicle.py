@@ -8,7 +8,7 @@ from vfguide.angles import wrap_angle
 from vfguide.companion.altitude_gate import AltitudeGate
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.distrust import AirspeedGate, Doubt, FrozenPosition
-from vfguide.companion.foresight import SLIPPING, Foresight
+from vfguide.companion.foresight import Foresight, memory_of
 from vfguide.companion.navigation_health import NavigationHealth
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
@@ -24,6 +24,12 @@ from vfguide.companion.plausibility import (
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
+from vfguide.guidance.velocity_error import (
+    VelocityError,
+    velocity_error,
+    velocity_error_at_first,
+    with_right_velocity,
+)
 from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity, polar
 from vfguide.mavlink.reports import (
     AirspeedReport,
@@ -132,9 +138,11 @@ class OwnVehicle:
         self._nose: float | None = None
         self._turn_rate = 0.0
         self._state: VehicleState[float] | None = None
+        self._velocity_error: VelocityError | None = None
         self._period = self._nominal_period
-        memory = SLIPPING if plan.slips else None
-        self._foresight = Foresight(plan.airframe, memory=memory) if plan.airframe.lags else None
+        airframe = plan.airframe
+        memory = memory_of(slips=plan.slips, speed_hold=airframe.speed_hold)
+        self._foresight = None if airframe.is_ideal else Foresight(airframe, memory=memory)
 
     @property
     def doubts(self) -> bool:
@@ -145,6 +153,22 @@ class OwnVehicle:
     def calibration(self) -> Calibration:
         """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
         return self._calibration
+
+    @property
+    def course_offset(self) -> float:
+        """By how much the autopilot takes its course for another one than is believed, rad.
+
+        Its course hold acts on the course that it reports: setpoints are courses as it reports them.
+        """
+        error = self._velocity_error
+        if error is None:
+            return 0.0
+        sample = error.sample
+        right = with_right_velocity(sample, error)
+        return wrap_angle(
+            math.atan2(sample.velocity_east, sample.velocity_north)
+            - math.atan2(right.velocity_east, right.velocity_north)
+        )
 
     def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
@@ -196,7 +220,9 @@ class OwnVehicle:
         used = sample
         if judgement.verdict in CARRIED:
             used = replace(sample, north=judgement.north, east=judgement.east)
-        if previous is None or interval > GAP_S or moved or slip_s(before, reading) > SLIP_S:
+        fresh = previous is None or interval > GAP_S or moved or slip_s(before, reading) > SLIP_S
+        used = self._with_right_velocity(used, fresh=fresh, carried=judgement.verdict in CARRIED)
+        if previous is None or fresh:
             self._period = self._nominal_period
             state = first_state(used)
         else:
@@ -217,6 +243,26 @@ class OwnVehicle:
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             foresight=self._foresight,
         )
+
+    def _with_right_velocity(
+        self, sample: Sample[float], *, fresh: bool, carried: bool
+    ) -> Sample[float]:
+        """A sample with the velocity that positions show, where the mission wants that.
+
+        Args:
+            sample: with a place that is believed.
+            fresh: whether the filter starts anew.
+            carried: whether the place is the one that velocities led to, which shows nothing of them.
+        """
+        time_constant, error = self._filters.velocity_s, self._velocity_error
+        if time_constant == 0.0:
+            return sample
+        if fresh or carried or error is None or sample.time_s - error.sample.time_s > GAP_S:
+            error = velocity_error_at_first(sample)
+        else:
+            error = velocity_error(error, sample, time_constant)
+        self._velocity_error = error
+        return with_right_velocity(sample, error)
 
     def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
         """A reported altitude (m), NaN while it is doubted."""

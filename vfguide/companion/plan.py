@@ -7,34 +7,29 @@ from functools import lru_cache
 
 from vfguide.companion.supervisor import Patience
 from vfguide.frames import LocalFrame
-from vfguide.guidance.formation import FieldGains, Slot
+from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.pace import paced, without_own_speed, without_swing
+from vfguide.guidance.pace import course_delay, slowed
 from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
-from vfguide.guidance.settings import (
-    AxisGains,
-    FollowerLaw,
-    GuidanceSettings,
-    MpcWeights,
-    PathGains,
-    PidGains,
-    SlidingGains,
-)
+from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.laws.base import Law
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.px4 import Px4
-from vfguide.mission.controller import ControllerType, Pid
+from vfguide.mission.controller import gains_of
 from vfguide.mission.flight_path import CirclePath, FlightPath, LinePath
 from vfguide.mission.model import Mission
 from vfguide.mission.model import Slot as SlotOffset
+from vfguide.mission.quantity import Section
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
+from vfguide.registry import laws
 from vfguide.state import Airframe
 
 ADAPTERS: dict[str, Callable[[Vehicle], AutopilotAdapter]] = {
@@ -45,15 +40,6 @@ ADAPTERS: dict[str, Callable[[Vehicle], AutopilotAdapter]] = {
     "mavsdk": Px4,
 }
 """By what a mission calls an autopilot."""
-
-
-LAWS: dict[ControllerType, FollowerLaw] = {
-    "slot": "field",
-    "article": "field",
-    "pid": "pid",
-    "mpc": "mpc",
-}
-"""What keeps a follower on its slot, by the mission's word for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +89,11 @@ class FlightPlan:
     altitude_amsl: float
     """To be held, m above mean sea level."""
     settings: GuidanceSettings
-    """The laws' gains and switches."""
+    """Gains and switches of every law."""
+    law: type[Law]
+    """By which followers keep their slots."""
+    gains: Section
+    """Of that law."""
     airframe: Airframe
     """Response and limits."""
     asks_response: bool
@@ -157,6 +147,8 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         frame=local_frame(mission),
         altitude_amsl=height,
         settings=guidance_settings(mission),
+        law=laws.find(mission.controller.type),
+        gains=gains_of(mission.controller),
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
@@ -193,27 +185,27 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
     return replace(plan, airframe=flown, asks_response=False)
 
 
+def follower_law(plan: FlightPlan) -> Law:
+    """A new object of the plan's law, for this vehicle."""
+    return plan.law(plan.gains, plan.settings, plan.airframe)
+
+
+def late_laws(plan: FlightPlan) -> tuple[Law, ...]:
+    """(law of the course, law of the speed), each by how late it takes effect; none where nothing is late."""
+    if plan.airframe.is_ideal:
+        return ()
+    period = 1.0 / plan.rate_hz
+    return (
+        follower_law(plan).for_late_course(slips=plan.slips, period=period),
+        follower_law(plan).for_late_speed(period=period),
+    )
+
+
 def course_settings(plan: FlightPlan) -> GuidanceSettings:
-    """Settings for what goes out as a course, by how late that takes effect."""
-    airframe = plan.airframe
-    slowed = without_swing if plan.slips else paced
-    return slowed(
-        plan.settings,
-        airframe.course_dead_time + airframe.course_lag,
-        period=1.0 / plan.rate_hz,
-        speed=airframe.cruise,
-    )
-
-
-def speed_settings(plan: FlightPlan) -> GuidanceSettings:
-    """Settings for what goes out as a speed, by how late that takes effect."""
-    airframe, period = plan.airframe, 1.0 / plan.rate_hz
-    delay = airframe.speed_dead_time + airframe.speed_lag
-    if not plan.slips:
-        return paced(plan.settings, delay, period=period, speed=airframe.cruise)
-    return without_own_speed(
-        plan.settings, delay, airframe.beta, period=period, speed=airframe.cruise
-    )
+    """Settings of the leader's law for what goes out as a course, by how late that takes effect."""
+    sliding = plan.settings.sliding
+    delay = course_delay(sliding, plan.airframe, slips=plan.slips, period=1.0 / plan.rate_hz)
+    return replace(plan.settings, sliding=slowed(sliding, delay))
 
 
 def local_frame(mission: Mission) -> LocalFrame:
@@ -242,6 +234,8 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         course_lag=vehicle.course_lag_s,
         speed_dead_time=vehicle.speed_dead_time_s,
         speed_lag=vehicle.speed_lag_s,
+        # One that slips is an ArduPlane, whose hold is one of the total energy too.
+        speed_hold="total-energy" if vehicle.slips else vehicle.speed_hold,
     )
 
 
@@ -342,18 +336,9 @@ def path_of(path: FlightPath) -> Path:
 
 
 def guidance_settings(mission: Mission) -> GuidanceSettings:
-    """Gains and switches."""
+    """Gains and switches of every law."""
     chosen = mission.controller
     return GuidanceSettings(
-        field_type="article" if chosen.type == "article" else "slot",
-        field=FieldGains(
-            k_x=chosen.k_x,
-            k_y=chosen.k_y,
-            chi_inf=math.radians(chosen.chi_inf_deg),
-            v_inf=chosen.v_inf_m_s,
-            # What keeps the article's field off its slot on a turn is no disturbance.
-            integral_s=0.0 if chosen.type == "article" else chosen.integral_s,
-        ),
         sliding=SlidingGains(
             kappa=chosen.kappa,
             epsilon=chosen.epsilon,
@@ -364,42 +349,15 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         observer=ObserverGains(
             gamma=chosen.observer.gamma, rho=chosen.observer.rho, sigma=chosen.observer.sigma
         ),
-        filters=FilterTimes(position_s=chosen.position_filter_s, wind_s=chosen.wind_filter_s),
+        filters=FilterTimes(
+            position_s=chosen.position_filter_s,
+            wind_s=chosen.wind_filter_s,
+            velocity_s=chosen.velocity_filter_s,
+        ),
         rate_filter_s=chosen.rate_filter_s,
         speed_source=chosen.leader_speed_source,
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
-        slot_frame="leader" if chosen.type == "article" else chosen.slot_frame,
-        rate_feedforward=chosen.rate_feedforward,
-        law=LAWS[chosen.type],
-        pid=pid_gains(chosen.pid),
-        mpc=MpcWeights(
-            horizon_s=chosen.mpc.horizon_s,
-            intervals=chosen.mpc.intervals,
-            velocity=chosen.mpc.velocity_weight_s2,
-            acceleration=chosen.mpc.acceleration_weight_s4,
-            max_course=math.radians(chosen.mpc.max_course_deg),
-            integral_s=chosen.mpc.integral_s,
-        ),
-    )
-
-
-def pid_gains(chosen: Pid) -> PidGains[float]:
-    """Gains of the PID baseline."""
-    return PidGains(
-        lateral=AxisGains(
-            proportional=chosen.lateral_p_rad_m,
-            integral=chosen.lateral_i_rad_m_s,
-            derivative=chosen.lateral_d_rad_s_m,
-            derivative_filter_s=chosen.derivative_filter_s,
-            greatest=math.radians(chosen.max_course_deg),
-        ),
-        longitudinal=AxisGains(
-            proportional=chosen.longitudinal_p_1_s,
-            integral=chosen.longitudinal_i_1_s2,
-            derivative=chosen.longitudinal_d,
-            derivative_filter_s=chosen.derivative_filter_s,
-            greatest=chosen.max_speed_m_s,
-        ),
+        slot_frame=laws.find(chosen.type).slot_frame or chosen.slot_frame,
     )

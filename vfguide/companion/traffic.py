@@ -1,36 +1,29 @@
-"""The others in the air, as a vehicle knows them: where they are now, and what they may do next.
-
-Three kinds. One that is steered by its companion and heard flies with the formation, and keeps clear itself.
-One that is heard and not steered may do anything that a plane can: fly on along its arc, level out, turn
-either way at its bank limit. One that is silent flies on with the formation, where only the link is lost,
-holds its last course, where its companion has died, or turns on, where its autopilot hangs.
-"""
+"""The other vehicles of a formation, as one of them knows them: who could come near, and by what."""
 
 import cmath
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vfguide.companion.hearing import Hearing
 from vfguide.companion.plan import OtherVehicle
-from vfguide.companion.shared_clock import SharedClock
-from vfguide.elementwise import BoolArray, FloatArray, clip
-from vfguide.frames import LocalFrame
-from vfguide.guidance.predicted_tracks import (
-    HORIZON_S,
-    TIMES,
-    ComplexArray,
-    arc,
-    formation_tracks,
-    in_formation,
-    place_of,
-    velocity_of,
+from vfguide.companion.possibilities import (
+    ALONG_S,
+    HOLDS_S,
+    SPACING_SHARE,
+    IntArray,
+    Seen,
+    Viewpoint,
+    possibilities_of,
 )
-from vfguide.guidance.separation import FLOOR_M, Others
+from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.sightings import SILENT_S, Sightings
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.frames import LocalFrame
+from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of
+from vfguide.guidance.separation import Others
 from vfguide.state import HeardState, LeaderState
 
 JOIN_M = 11.0
@@ -42,18 +35,8 @@ HOLD_M = 8.0
 ASTRAY_M = 5.0
 """From its slot: from here on a follower is astray."""
 
-SPACING_SHARE = 0.65
-"""Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
-
-BERTH_M = 15.0
-"""Distance that is kept from the predicted arc of one that is not under guidance."""
-
-SILENT_S = 2.4
-"""Of a vehicle that has not been heard for longer it is not known whether its companion still steers.
-
-In a turn, where that matters, ten states were lost in a row: at a loss of 30 % that is rare (6e-6). On a
-circle of 150 m at 20 m/s a course that is held has by then left the slot by 8 m.
-"""
+LEADER_ASTRAY_M = 10.0
+"""From here on a leader keeps clear of steered followers: they cannot know how it will turn onto its path."""
 
 LATER_S = 0.3
 """A vehicle that was heard by so much later than another shows that the link works without the other."""
@@ -62,29 +45,8 @@ STOPPED_S = 0.7
 """A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
 under a parachute has: the place where it was last heard is not flown through."""
 
-DRIFT_M_S = 1.0
-"""How fast a silent vehicle may leave the places where it is believed to be, m/s."""
-
-LAST_TURN_S = 1.0
-"""A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
-
 FORGET_S = 12.0
 """After this its place is not known well enough to be avoided."""
-
-LEVEL_S = 4.0
-"""How far ahead a vehicle that is not under guidance is thought to level out."""
-
-TURNS_OFF_M_S = 3.0
-"""A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
-
-ALONG_S = 4.0
-"""How far ahead steered vehicles are looked at: they keep clear themselves, and go for their slots."""
-
-ARC_S = 2.0
-"""How far ahead it may."""
-
-HOLDS_S = 3.0
-"""How far ahead a silent vehicle may hold its last course: most silences are those of the link."""
 
 ABOVE_M = 30.0
 """Vehicles farther above or below than this are not in the way."""
@@ -97,30 +59,6 @@ CHORD_M = 0.5
 
 LEADER_WEIGHT = 3.0
 """What the leader counts where not all distances can be kept: it does not make room itself."""
-
-IntArray = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Viewpoint:
-    """The vehicle that looks around."""
-
-    time_s: float
-    """On its own clock."""
-    place: complex
-    """m."""
-    velocity: complex
-    """Over the ground, m/s."""
-    wanted: complex
-    """Velocity that guidance wants, m/s."""
-    altitude_amsl: float
-    """m."""
-    wind: complex
-    """As the vehicle knows it, toward, m/s."""
-    astray: float
-    """Distance from its slot, m."""
-    reaction_s: float
-    """Until it answers to something new: the age of what it hears, its dead time and lag."""
 
 
 class Traffic:
@@ -141,22 +79,19 @@ class Traffic:
         self._hearing = {one.name: Hearing(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
         self._link_lost_s = -math.inf
+        self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
-        count = 2 * len(others)
-        self._time = np.full(count, -np.inf)
-        self._since = np.full(count, np.inf)
-        self._place = np.full(count, complex(np.nan))
-        self._ahead = np.full(count, complex(np.nan))
-        self._speed, self._acceleration = np.full(count, np.nan), np.full(count, np.nan)
-        self._turn_rate, self._altitude = np.full(count, np.nan), np.full(count, np.nan)
-        self._steered = np.zeros(count, dtype=bool)
+        count = len(others)
+        self._heard = Sightings(2 * count)
+        self._believed, self._doubted = (
+            self._heard.rows(0, count),
+            self._heard.rows(count, 2 * count),
+        )
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
-        self._offset = self._slot.copy()
-        self._drift = np.zeros(count)
-        self._wind = np.zeros(count, dtype=np.complex128)
+        self._heard.offset[:] = self._slot
         self._spacing = np.array([one.spacing for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
-        self._leads = np.array([one.leads for one in others] + [False] * len(others), dtype=bool)
+        self._leads = np.array([one.leads for one in others] + [False] * count, dtype=bool)
         self._weight = np.array([LEADER_WEIGHT if one.leads else 1.0 for one in others] * 2)
 
     @property
@@ -197,17 +132,20 @@ class Traffic:
             self._note(row, carried)
         elif hearing.newest is not None:
             self._note(row, hearing.newest)
-            self._time[doubted_row] = -np.inf
+            self._heard.time[doubted_row] = -np.inf
 
     def _note(self, row: int, state: HeardState) -> None:
-        if state.time_s - self._time[row] > SILENT_S:
-            self._since[row] = state.time_s
-        self._time[row] = state.time_s
-        self._place[row] = place_of(state)
-        self._ahead[row] = cmath.rect(1.0, state.course)
-        self._speed[row], self._acceleration[row] = state.ground_speed, state.acceleration
-        self._turn_rate[row], self._altitude[row] = state.turn_rate, state.altitude_amsl
-        self._steered[row] = state.steered
+        known = self._heard
+        if state.time_s - known.time[row] > SILENT_S:
+            known.since[row] = state.time_s
+        known.time[row] = state.time_s
+        known.place[row] = place_of(state)
+        known.ahead[row] = cmath.rect(1.0, state.course)
+        known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
+        known.turn_rate[row], known.altitude[row] = state.turn_rate, state.altitude_amsl
+        known.steered[row] = state.steered
+        if self._leads[row]:
+            self._leader_s = state.time_s
 
     def vehicle_of(self, row: int) -> OtherVehicle:
         """The vehicle of a row."""
@@ -215,7 +153,7 @@ class Traffic:
 
     def altitude_of(self, row: int) -> float:
         """Altitude that a vehicle said last, m above mean sea level."""
-        return float(self._altitude[row])
+        return float(self._heard.altitude[row])
 
     def possibilities(
         self, here: Viewpoint, leader: LeaderState[float] | None
@@ -225,44 +163,48 @@ class Traffic:
         Args:
             here: the vehicle that looks around.
             leader: of the formation it flies in, at the same time; None for the leader itself, which leaves
-                it to the steered ones to keep clear.
+                it to the steered ones to keep clear unless it is astray.
 
         Returns:
             None where no vehicle can come near.
         """
         if self.is_clear(here, leader):
             return None
-        age = here.time_s - self._time
+        age = here.time_s - self._heard.time
         silent = age > SILENT_S
-        linked = self._works_for()
         known = age <= FORGET_S
-        known &= ~(np.abs(self._altitude - here.altitude_amsl) > ABOVE_M)
-        believed = self._steered
+        linked = self._works_for(known & (age > STOPPED_S))
+        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > ABOVE_M)
+        believed = self._heard.steered
         alone = known & ~(believed & ~silent)
         if leader is None:
             # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.
             alone &= ~believed | linked
+            if here.astray > LEADER_ASTRAY_M:
+                alone |= known & believed & ~silent
         if not (alone if leader is None else known).any():
             return None
         age[~known] = 0.0
-        self._wind[~silent] = here.wind
-        place, velocity = self._moved(age, here.wind)
+        self._heard.wind[~silent] = here.wind
+        place, velocity = self._heard.moved(age, here.wind)
         keep = kept_distance(self._spacing, here.astray)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)
         drift = np.zeros(len(age))
         if leader is not None:
             offset, relative = in_formation(place, velocity, leader)
-            self._offset[~silent] = offset[~silent]
-            self._drift[~silent] = np.abs(relative)[~silent]
-            drift = self._drift
+            self._heard.offset[~silent] = offset[~silent]
+            self._heard.drift[~silent] = np.abs(relative)[~silent]
+            drift = self._heard.drift
             own_place, own_drift = in_formation(here.place, here.velocity, leader)
             _, wanted_drift = in_formation(here.place, here.wanted, leader)
-            room = np.abs(self._offset - own_place) - keep
+            room = np.abs(self._heard.offset - own_place) - keep
             fastest = drift + max(abs(own_drift), abs(wanted_drift))
             near |= known & ~alone & (room < ALONG_S * fastest)
         stopped = known & believed & self._leads & (age > STOPPED_S) & linked
-        near |= stopped & (np.abs(self._place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity))
+        near |= stopped & (
+            np.abs(self._heard.place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity)
+        )
         rows = np.flatnonzero(near)
         if not rows.size:
             return None
@@ -271,12 +213,12 @@ class Traffic:
             age=age[rows],
             silent=silent[rows],
             stopped=stopped[rows],
-            heard_at=self._place[rows],
+            heard_at=self._heard.place[rows],
             believed=believed[rows],
             place=place[rows],
             velocity=velocity[rows],
-            offset=self._offset[rows],
-            turn_rate=self._turn_rate[rows],
+            offset=self._heard.offset[rows],
+            turn_rate=self._heard.turn_rate[rows],
             hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),
             keep=keep[rows],
             spacing=self._spacing[rows],
@@ -288,16 +230,19 @@ class Traffic:
         )
         return possibilities_of(seen, here, leader)
 
-    def _works_for(self) -> BoolArray:
-        """Whether the link has worked since each was heard: another was heard all the time, and after it.
+    def _works_for(self, missing: BoolArray) -> BoolArray:
+        """Whether the link has worked since those who are missing were heard: another was, all the time.
 
         Not where it has just come back, and one is heard again before another, nor where it was known to be
         lost meanwhile: after a broker's restart the others come back to it one by one.
         """
-        heard_before = self._since[None, :] <= self._time[:, None]
-        heard_after = self._time[None, :] > self._time[:, None] + LATER_S
-        works: BoolArray = np.any(heard_before & heard_after, axis=1)
-        return works & (self._time > self._link_lost_s)
+        works = np.zeros(len(missing), dtype=bool)
+        heard = self._heard
+        for row in np.flatnonzero(missing):
+            last_s = heard.time[row]
+            heard_all_the_time = (heard.since <= last_s) & (heard.time > last_s + LATER_S)
+            works[row] = last_s > self._link_lost_s and heard_all_the_time.any()
+        return works
 
     def is_clear(self, here: Viewpoint, leader: LeaderState[float] | None) -> bool:
         """Whether all others are heard and steered, and none can come near: the usual case, at a glance.
@@ -306,172 +251,35 @@ class Traffic:
             here: see `possibilities`.
             leader: see `possibilities`.
         """
-        count = len(self.vehicles)
-        age = here.time_s - self._time[:count]
-        oldest_s = float(age.max(initial=0.0))
-        doubted = (self._time[count:] >= here.time_s - FORGET_S).any()
-        leader_s = float(age[self._leads[:count]].max(initial=0.0))
-        if (
-            oldest_s > SILENT_S
-            or leader_s > STOPPED_S
-            or doubted
-            or not self._steered[:count].all()
-        ):
+        known = self._believed
+        if here.time_s - self._leader_s > STOPPED_S or not np.logical_and.reduce(known.steered):
             return False
-        self._wind[:count] = here.wind
+        if leader is None and here.astray > LEADER_ASTRAY_M:
+            return False
+        age = here.time_s - known.time
+        oldest_s = float(np.maximum.reduce(age, initial=0.0))
+        doubted_s = np.maximum.reduce(self._doubted.time, initial=-np.inf)
+        if oldest_s > SILENT_S or doubted_s >= here.time_s - FORGET_S:
+            return False
+        known.wind[:] = here.wind
         if leader is None:
             return True
-        half_turn = np.exp(0.5j * self._turn_rate[:count] * age)
-        velocity = self._speed[:count] * self._ahead[:count] * half_turn
-        place = self._place[:count] + velocity * age
+        half_turn = np.exp(0.5j * known.turn_rate * age)
+        velocity = known.speed * known.ahead * half_turn
+        place = known.place + velocity * age
         place_led, velocity_led, turn = place_of(leader), velocity_of(leader), 1j * leader.turn_rate
         away = place - place_led
         drift = np.abs(velocity * half_turn - velocity_led - turn * away)
         own = velocity_led + turn * (here.place - place_led)
         fastest = drift + max(abs(here.velocity - own), abs(here.wanted - own))
         # Without the accelerations, and along chords instead of arcs.
-        left_out = (
-            float(np.abs(self._acceleration[:count]).max()) * oldest_s * (ALONG_S + oldest_s)
-            + CHORD_M
-        )
-        room = np.abs(place - here.place) - kept_distance(self._spacing[:count], here.astray)
-        if (room < ALONG_S * fastest + left_out).any():
+        left_out = np.abs(known.acceleration) * (oldest_s * (ALONG_S + oldest_s)) + CHORD_M
+        room = np.abs(place - here.place) - kept_distance(self._spacing[: len(age)], here.astray)
+        if np.minimum.reduce(room - ALONG_S * fastest - left_out) < 0.0:
             return False
-        self._drift[:count] = drift
-        self._offset[:count] = away * cmath.rect(1.0, -leader.course)
+        known.drift[:] = drift
+        known.offset[:] = away * cmath.rect(1.0, -leader.course)
         return True
-
-    def _moved(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-        """(places, velocities) of all, these times (s) after they were heard: along their arcs.
-
-        A wind (m/s) that is not the one of when they fell silent carries them with it.
-        """
-        first = np.minimum(age, LAST_TURN_S)
-        last = self._speed + self._acceleration * first
-        mean = np.where(age > LAST_TURN_S, last, self._speed + 0.5 * self._acceleration * first)
-        place = arc(self._place, mean * self._ahead, self._turn_rate, age)
-        velocity: ComplexArray = last * self._ahead * np.exp(1j * self._turn_rate * age)
-        change = wind - self._wind
-        return place + 0.5 * change * age, velocity + change
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """Those who may come near, one element for each."""
-
-    row: IntArray
-    age: FloatArray
-    silent: BoolArray
-    stopped: BoolArray
-    """Whether they may stand where they were last heard."""
-    heard_at: ComplexArray
-    """There, m."""
-    believed: BoolArray
-    """Whether they said last that they were steered."""
-    place: ComplexArray
-    velocity: ComplexArray
-    offset: ComplexArray
-    """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
-    turn_rate: FloatArray
-    hardest: FloatArray
-    """Turn rate at the bank limit, rad/s."""
-    keep: FloatArray
-    spacing: FloatArray
-    slot: ComplexArray
-    """Forward + j right of the leader, m."""
-    drift: FloatArray
-    """Speed relative to the formation, of those who are silent as it was when they were heard, m/s."""
-    weight: FloatArray
-    linked: BoolArray
-    """Whether the link has worked all the time since they were heard."""
-
-
-def possibilities_of(
-    seen: Seen, here: Viewpoint, leader: LeaderState[float] | None
-) -> tuple[Others, IntArray] | None:
-    """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
-    found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
-    grown = DRIFT_M_S * np.maximum(seen.age - SILENT_S, 0.0)
-    floor = np.minimum(FLOOR_M, seen.keep)
-    # However uncertain the places are, slots are flown: the mission put them this near.
-    keep = np.maximum(np.minimum(seen.keep + grown, SPACING_SHARE * seen.spacing), seen.keep)
-    berth = grown + np.clip(SPACING_SHARE * seen.spacing, FLOOR_M, BERTH_M)
-
-    def arcs(which: BoolArray, turn_rate: FloatArray, horizon_s: float, keep: FloatArray) -> None:
-        tracks = arc(seen.place[which, None], seen.velocity[which, None], turn_rate[which, None])
-        found.append((np.flatnonzero(which), tracks, horizon_s, keep))
-
-    straight = np.zeros(len(seen.row))
-    if leader is not None and seen.believed.any():
-        along = seen.believed
-        place, velocity = with_formation(seen, leader)
-        left = np.abs(seen.slot - seen.offset)[along]
-        settle = clip(left / (seen.drift[along] + 1e-3), 1.0, HORIZON_S)
-        tracks = formation_tracks(place[along], velocity[along], seen.slot[along], settle, leader)
-        found.append((np.flatnonzero(along), tracks, ALONG_S, keep))
-        # Also one that is silent: an autopilot that hangs in a turn turns on.
-        off = along & (~seen.silent | seen.linked) & (seen.drift > TURNS_OFF_M_S)
-        if off.any():
-            arcs(off, seen.turn_rate, ARC_S, keep)
-        hangs = off & seen.silent
-        if hangs.any():
-            found.append((np.flatnonzero(hangs), tightened(seen)[hangs], ARC_S, floor + grown))
-    holds = seen.believed & seen.silent & seen.linked
-    if holds.any():
-        place, velocity = course_held(seen)
-        tracks = arc(place[holds, None], velocity[holds, None], 0.0)
-        found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
-    if seen.stopped.any():
-        tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
-        found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, floor))
-    free = ~seen.believed
-    if free.any():
-        arcs(free, seen.turn_rate, HORIZON_S, berth)
-        arcs(free, straight, LEVEL_S, berth)
-        arcs(free, seen.hardest, here.reaction_s, floor)
-        arcs(free, -seen.hardest, here.reaction_s, floor)
-    if not found:
-        return None
-    rows = np.concatenate([which for which, *_ in found])
-    keep = np.concatenate([distance[which] for which, _, _, distance in found])
-    others = Others(
-        tracks=np.concatenate([tracks for _, tracks, _, _ in found]),
-        horizon_s=np.concatenate([np.full(len(which), end) for which, _, end, _ in found]),
-        keep=keep,
-        floor=np.minimum(floor[rows], keep),
-        weight=seen.weight[rows],
-    )
-    return others, seen.row[rows]
-
-
-def with_formation(seen: Seen, leader: LeaderState[float]) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who fly with the formation, silent ones as they flew in it; m, m/s."""
-    frame = cmath.exp(1j * leader.course)
-    carried = place_of(leader) + frame * seen.offset
-    carried_velocity = velocity_of(leader) + 1j * leader.turn_rate * frame * seen.offset
-    return (
-        np.where(seen.silent, carried, seen.place),
-        np.where(seen.silent, carried_velocity, seen.velocity),
-    )
-
-
-def tightened(seen: Seen) -> ComplexArray:
-    """Tracks of vehicles that, when they fell silent, rolled on to the bank limit of their turn, m.
-
-    A turn that has only begun is reported late: 0.1 rad/s of it are 20 m after four seconds.
-    """
-    heard = seen.velocity * np.exp(-1j * seen.turn_rate * seen.age)
-    hardest = np.copysign(seen.hardest, seen.turn_rate)
-    times = seen.age[:, None] + TIMES
-    return arc(seen.heard_at[:, None], heard[:, None], hardest[:, None], times)
-
-
-def course_held(seen: Seen) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s."""
-    # Back along the arc to where they were heard, on for the last turn, and straight from there.
-    turned = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
-    back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
-    return back + turned * (seen.age - LAST_TURN_S), turned
 
 
 def kept_distance(spacing: FloatArray, astray: float) -> FloatArray:

@@ -11,7 +11,7 @@ from vfguide.debrief.recordings import FlightRecordings, Recorded
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.mission.model import Mission
-from vfguide.record.flight import Acceptance, FlightRecord
+from vfguide.record.flight import Acceptance, FlightRecord, Origin
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import files_of
 from vfguide.record.vehicle import VehicleRecord
@@ -80,6 +80,8 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         duration_s=float(time_s[-1]),
         wall_s=None,
         acceptance=Acceptance(**mission.acceptance.model_dump()),
+        origin=Origin(**mission.origin.model_dump()),
+        begin_unix_s=begin,
         notes=notes_of(found, [name for name in names if not parts[name]]),
     )
 
@@ -150,6 +152,7 @@ def vehicle_record(
         system_id=mission.vehicles[name].system_id,
         slot_forward_m=slot.forward_m if slot else 0.0,
         slot_right_m=slot.right_m if slot else 0.0,
+        slot_up_m=slot.up_m if slot else 0.0,
         north_m=known_north,
         east_m=known_east,
         altitude_amsl_m=at(moments, when, positions[:, 3]),

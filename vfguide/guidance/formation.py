@@ -7,15 +7,12 @@ the article's frame exactly and on a turn removes the steady error that a rigid 
 
 import math
 from dataclasses import dataclass
-from typing import Generic, Literal
+from typing import Generic
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import Number, atan, atan2, cos, greater_of, hypot, sin
 from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.state import LeaderState, VehicleState
-
-FieldType = Literal["slot", "article"]
-"""`slot` follows the slot's own motion; `article` takes the leader's course and speed for it."""
 
 LEAST_SLOT_SPEED = 3.0
 """m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
@@ -29,22 +26,6 @@ class Slot(Generic[Number]):
     """g_x, m ahead of the leader."""
     right: Number
     """g_y, m to the right of the leader."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldGains:
-    """Shape of the dual field."""
-
-    k_x: float
-    """Along-track gain, 1/m."""
-    k_y: float
-    """Lateral gain, 1/m."""
-    chi_inf: float
-    """Greatest course correction, rad."""
-    v_inf: float
-    """Greatest speed correction, m/s."""
-    integral_s: float = 0.0
-    """T: time in which a lasting error is learned, s; 0 learns nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

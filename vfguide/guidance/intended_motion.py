@@ -48,6 +48,9 @@ ON_PATH_S = 4.0
 FADE_S = 0.5
 """In this time slots go over to the measured motion: the weight fades in about ten of it."""
 
+TRUST_S = 2.0
+"""In this time slots go over to a plan that is trusted, and back."""
+
 SMALL_BEND = 0.1
 """rad: bends of the path's field that are smaller count less and less: near the path its tangent is meant."""
 
@@ -92,6 +95,8 @@ class IntendedMotion:
     """Mean square of what is fast in it, rad²."""
     far_s: float
     """When that difference was last a great one, s."""
+    trust: float = 0.0
+    """How far slots are fixed to the plan alone: 1 on the path of one that is taken to fly as planned."""
 
 
 def planned_motion(
@@ -139,7 +144,11 @@ def intended_at_first(leader: LeaderState[float], planned: Plan) -> IntendedMoti
 
 
 def intended_motion(
-    before: IntendedMotion, leader: LeaderState[float], planned: Plan
+    before: IntendedMotion,
+    leader: LeaderState[float],
+    planned: Plan,
+    *,
+    as_planned: bool = False,
 ) -> IntendedMotion:
     """The motion that slots are fixed to.
 
@@ -147,18 +156,21 @@ def intended_motion(
         before: the estimate before.
         leader: as it was heard, later than that.
         planned: see `planned_motion`, for this state.
+        as_planned: whether a leader on its path is taken to fly on as planned, whatever its course shows.
     """
     period = leader.time_s - before.motion.time_s
     difference = wrap_angle(leader.course - planned.course)
     slow = _tracked(before.slow, difference, period, SLOW_S)
     fast = wrap_angle(difference - slow[0])
     far_s = leader.time_s if abs(slow[0]) > FAR_RAD else before.far_s
-    if leader.time_s - far_s >= ON_PATH_S:
+    on_path = leader.time_s - far_s >= ON_PATH_S
+    trust = low_pass(before.trust, 1.0 if as_planned and on_path else 0.0, period, TRUST_S)
+    if on_path:
         jitter = low_pass(before.jitter, fast * fast, period, WATCH_S)
     else:
         # Not at once: slots would jump.
         jitter = low_pass(before.jitter, 0.0, period, FADE_S)
-    weight = jitter / (jitter + CALM_RAD * CALM_RAD)
+    weight = max(jitter / (jitter + CALM_RAD * CALM_RAD), trust)
     course = _tracked(before.course, difference, period, MEMORY_S)
     speed = _tracked(before.speed, leader.ground_speed - planned.ground_speed, period, MEMORY_S)
     turn_acceleration = low_pass(
@@ -171,7 +183,7 @@ def intended_motion(
     def meant(measured: float, filtered: float) -> float:
         return measured + weight * (filtered - measured)
 
-    meant_course = planned.course + meant(difference, course[0])
+    meant_course = planned.course + (1.0 - trust) * meant(difference, course[0])
     meant_speed = meant(leader.ground_speed, planned.ground_speed + speed[0])
     north, east = polar(leader.ground_speed, leader.course)
     meant_north, meant_east = polar(meant_speed, meant_course)
@@ -183,7 +195,7 @@ def intended_motion(
             course=meant_course,
             ground_speed=meant_speed,
             acceleration=meant(leader.acceleration, planned.acceleration + speed[1]),
-            turn_rate=meant(leader.turn_rate, planned.turn_rate + course[1]),
+            turn_rate=meant(leader.turn_rate, planned.turn_rate + (1.0 - trust) * course[1]),
             turn_acceleration=meant(leader.turn_acceleration, turn_acceleration),
             drift_north=north - meant_north,
             drift_east=east - meant_east,
@@ -195,6 +207,7 @@ def intended_motion(
         slow=slow,
         jitter=jitter,
         far_s=far_s,
+        trust=trust,
     )
 
 

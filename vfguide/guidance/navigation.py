@@ -28,6 +28,8 @@ class FilterTimes:
     """How long a reported position is remembered, s."""
     wind_s: float
     """Time constant of the wind, its rate and the rate of that, s."""
+    velocity_s: float = 0.0
+    """Time constant with which reported velocities are checked by the positions, s; 0: they are right."""
     blind_s: float = 0.4
     """Time constant of the filter that has positions only, s."""
 

@@ -173,7 +173,7 @@ def own_tracks(
     round_s = np.exp(1j * wanted.turn_rate * TIMES)
     excess = wanted.velocity - wanted.base_velocity
     air = round_s * (wanted.base_velocity + excess * np.exp(-TIMES / wanted.settle_s)) - own.wind
-    heading = np.unwrap(np.angle(air))
+    heading = continuous_angle(air)
     flown = cmath.phase(own.air_velocity)
     # At the end of the delay, relative to a heading that turns on.
     error = wrap_angle(
@@ -182,7 +182,8 @@ def own_tracks(
     off = wrap_angle(error - manoeuvres.turn)[:, None]
     left = max(agility.turn_rate + wanted.turn_rate, LEAST_TURN_RATE) * since
     right = max(agility.turn_rate - wanted.turn_rate, LEAST_TURN_RATE) * since
-    off = off - np.clip(off * -np.expm1(-agility.alpha * since), -right, left)
+    share = -np.expm1(-agility.alpha * since)
+    off = off - np.minimum(np.maximum(off * share, -right), left)
     before = (own.turn_rate - wanted.turn_rate) * np.maximum(agility.turn_delay - TIMES, 0.0)
     nose = heading + manoeuvres.turn[:, None] + off - before
     speed = _speeds(abs(own.air_velocity), np.abs(air), manoeuvres, agility)
@@ -194,6 +195,15 @@ def own_tracks(
     return tracks
 
 
+def continuous_angle(directions: ComplexArray) -> FloatArray:
+    """Angles (rad) of directions that follow each other by less than half a turn, without a jump."""
+    angle = np.empty(directions.shape)
+    angle[0] = cmath.phase(directions[0])
+    angle[1:] = np.angle(directions[1:] * directions[:-1].conj())
+    continuous: FloatArray = np.add.accumulate(angle)
+    return continuous
+
+
 def _speeds(
     flown: float, wanted: FloatArray, manoeuvres: Manoeuvres, agility: Agility
 ) -> FloatArray:
@@ -202,5 +212,5 @@ def _speeds(
     share, most = -np.expm1(-agility.beta * since), agility.acceleration * since
     target = np.where(np.isnan(manoeuvres.airspeed)[:, None], wanted, manoeuvres.airspeed[:, None])
     left = flown - target[:, :1]
-    speed = target + left - np.clip(left * share, -most, most)
-    return np.clip(speed, agility.speed_min, agility.speed_max)
+    speed = target + left - np.minimum(np.maximum(left * share, -most), most)
+    return np.minimum(np.maximum(speed, agility.speed_min), agility.speed_max)

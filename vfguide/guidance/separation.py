@@ -13,12 +13,14 @@ and speed bounds have to be inside a barrier: Molnar, Kannan, Cunningham, Dunlap
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.predicted_tracks import (
     HORIZON_S,
+    STEP_S,
     TIMES,
     Agility,
     ComplexArray,
@@ -94,13 +96,20 @@ class Clearance:
     """The same for what was wanted, m."""
 
 
+BEGINNINGS = TIMES[:-1]
+"""Of the intervals in which closest approaches are looked for, s from now."""
+
+FADE: FloatArray = np.exp(-BEGINNINGS / PATIENCE_S)
+"""Weight of each interval."""
+
 WANTED = Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan))
 """What guidance wants."""
 
 
-def manoeuvres_of(agility: Agility) -> Manoeuvres:
-    """Everything that is looked at: each turn at the wanted airspeed and at some from lowest to highest."""
-    speeds = np.array([np.nan, *np.linspace(agility.speed_min, agility.speed_max, SPEEDS)])
+@lru_cache(maxsize=16)
+def manoeuvres_between(speed_min: float, speed_max: float) -> Manoeuvres:
+    """Everything that is looked at: each turn at the wanted airspeed and at some between these (m/s)."""
+    speeds = np.array([np.nan, *np.linspace(speed_min, speed_max, SPEEDS)])
     return Manoeuvres(
         turn=np.tile(TURNS_RAD, len(speeds)), airspeed=np.repeat(speeds, len(TURNS_RAD))
     )
@@ -112,11 +121,13 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
     Between two times both fly straight; beyond the horizon of a possibility the distance is infinite.
     """
     apart = tracks[:, None, :] - others.tracks[None, :, :]
-    start, way = apart[..., :-1], np.diff(apart, axis=-1)
+    start = apart[..., :-1]
+    way = apart[..., 1:] - start
     square = np.maximum(way.real * way.real + way.imag * way.imag, 1e-9)
-    share = np.clip(-(start.real * way.real + start.imag * way.imag) / square, 0.0, 1.0)
+    share = -(start.real * way.real + start.imag * way.imag) / square
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
     distance = np.abs(start + share * way)
-    return np.where(TIMES[:-1] < others.horizon_s[:, None], distance, np.inf)
+    return np.where(others.horizon_s[:, None] > BEGINNINGS, distance, np.inf)
 
 
 def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
@@ -129,11 +140,10 @@ def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
         distance: see `closest_approaches`.
         others: what the others may do.
     """
-    fade = np.exp(-TIMES[:-1] / PATIENCE_S)
     keep, floor = others.keep[:, None], others.floor[:, None]
-    within = np.maximum(1.0 - distance / keep, 0.0) * fade
-    below = np.maximum(1.0 - distance / floor, 0.0) * fade
-    lasting = within.sum(axis=2) * (TIMES[1] / HORIZON_S)
+    within = np.maximum(1.0 - distance / keep, 0.0) * FADE
+    below = np.maximum(1.0 - distance / floor, 0.0) * FADE
+    lasting = within.sum(axis=2) * (STEP_S / HORIZON_S)
     cost: FloatArray = (lasting + INTRUSION * below.max(axis=2) ** 2) @ others.weight
     return cost
 
@@ -154,7 +164,6 @@ def keep_clear(
     wanted: WantedMotion,
     others: Others,
     agility: Agility,
-    manoeuvres: Manoeuvres,
     *,
     side: float = 0.0,
 ) -> Clearance:
@@ -165,7 +174,6 @@ def keep_clear(
         wanted: what guidance wants.
         others: what the others may do.
         agility: how the vehicle answers.
-        manoeuvres: that may be flown instead.
         side: turn (rad) that was flown the step before, whose sign is kept where that is as good.
     """
     distance = closest_approaches(own_tracks(own, wanted, WANTED, agility), others)
@@ -175,6 +183,7 @@ def keep_clear(
         return Clearance(
             turn=0.0, airspeed=np.nan, changed=False, nearest=before, wanted_nearest=before
         )
+    manoeuvres = manoeuvres_between(agility.speed_min, agility.speed_max)
     distance = closest_approaches(own_tracks(own, wanted, manoeuvres, agility), others)
     total = intrusion_cost(distance, others) + change_cost(
         manoeuvres, abs(wanted.velocity - own.wind), side

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Generic
 
 from vfguide.elementwise import BoolArray, Number, clip, like, where
-from vfguide.guidance.formation import FieldGains, FormationError
+from vfguide.guidance.formation import FormationError
 
 NEAR_M = 2.0
 """m: an error of this size is learned from half as fast, and a greater one hardly. On the way to the slot the
@@ -43,19 +43,19 @@ def nearness(error: FormationError[Number]) -> Number:
     return 1.0 / (1.0 + squared * squared)
 
 
-def learning_rate(error: FormationError[Number], gains: FieldGains) -> tuple[Number, Number]:
-    """(ahead, right) db/dt of the offset, m/s."""
-    if gains.integral_s <= 0.0:
+def learning_rate(error: FormationError[Number], integral_s: float) -> tuple[Number, Number]:
+    """(ahead, right) db/dt of the offset, m/s, with the time T (s) of the integral; 0 learns nothing."""
+    if integral_s <= 0.0:
         return error.along_track * 0.0, error.along_track * 0.0
-    share = nearness(error) / gains.integral_s
+    share = nearness(error) / integral_s
     return share * error.along_track, share * error.cross_track
 
 
 def aimed_error(
-    error: FormationError[Number], offset: Offset[Number], gains: FieldGains
+    error: FormationError[Number], offset: Offset[Number], integral_s: float
 ) -> FormationError[Number]:
     """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt."""
-    ahead_rate, right_rate = learning_rate(error, gains)
+    ahead_rate, right_rate = learning_rate(error, integral_s)
     return replace(
         error,
         along_track=error.along_track + offset.ahead,
@@ -68,7 +68,7 @@ def aimed_error(
 def learned(
     offset: Offset[Number],
     error: FormationError[Number],
-    gains: FieldGains,
+    integral_s: float,
     *,
     period: float,
     held: bool | BoolArray,
@@ -78,11 +78,11 @@ def learned(
     Args:
         offset: b until now.
         error: of the step.
-        gains: of the field; an `integral_s` of 0 learns nothing.
+        integral_s: T; 0 learns nothing.
         period: since the step before, s.
         held: where something else than the field decides, or a limit: learning would only wind up.
     """
-    ahead_rate, right_rate = learning_rate(error, gains)
+    ahead_rate, right_rate = learning_rate(error, integral_s)
     ahead = clip(offset.ahead + ahead_rate * period, -GREATEST_M, GREATEST_M)
     right = clip(offset.right + right_rate * period, -GREATEST_M, GREATEST_M)
     return Offset(ahead=where(held, offset.ahead, ahead), right=where(held, offset.right, right))

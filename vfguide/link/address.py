@@ -3,7 +3,7 @@
 import ipaddress
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
@@ -21,6 +21,13 @@ PORTS = {"mqtt": 1883, "mqtts": 8883}
 EXAMPLE = "mqtt://HOST:1883/PREFIX"
 SECURE_EXAMPLE = "mqtts://USER@HOST:8883/PREFIX?ca=FILE&cert=FILE&key=FILE"
 
+UDP_EXAMPLE = "udp://239.255.42.1:14700?interface=wlan0"
+
+MOST_PEERS = 100
+"""Each message goes to every one."""
+
+INTERFACE = re.compile(r"[A-Za-z0-9._@-]{0,32}")
+
 OPTIONS = ("ca", "cert", "key")
 """Files that an mqtts:// address may name."""
 
@@ -37,7 +44,34 @@ NUMERIC = re.compile(r"[0-9.]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkAddress:
+class UdpAddress:
+    """Where the members of a formation are who speak to each other by datagrams."""
+
+    destinations: tuple[tuple[str, int], ...]
+    """IPv4 address and port of the group, of the network's broadcast, or of each peer."""
+    port: int
+    """That is listened at."""
+    interface: str = ""
+    """Name or address of the interface that a group is on; empty for that of the default route."""
+
+    @property
+    def group(self) -> str | None:
+        """The multicast group; None where there is none."""
+        host = self.destinations[0][0]
+        return host if ipaddress.IPv4Address(host).is_multicast else None
+
+    @property
+    def shared(self) -> bool:
+        """Whether several programs of one computer may listen: what is sent to one address reaches all."""
+        host = self.destinations[0][0]
+        return self.group is not None or (len(self.destinations) == 1 and host.endswith(".255"))
+
+    def __str__(self) -> str:
+        return "udp://" + ",".join(f"{host}:{port}" for host, port in self.destinations)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MqttAddress:
     """A broker, and what it wants to know of those who call."""
 
     host: str
@@ -65,6 +99,10 @@ class LinkAddress:
         return f"{scheme}://{host}:{self.port}/{self.prefix}"
 
 
+LinkAddress = MqttAddress | UdpAddress
+"""Of any kind of link."""
+
+
 def parse_link(text: str, environment: Mapping[str, str] = os.environ) -> LinkAddress:
     """The broker that a text names.
 
@@ -80,6 +118,17 @@ def parse_link(text: str, environment: Mapping[str, str] = os.environ) -> LinkAd
         raise InputError(f"link address: {fault}") from None
 
 
+def parse_links(texts: Sequence[str]) -> tuple[LinkAddress, ...]:
+    """The links that some texts name, each once.
+
+    Raises:
+        InputError: one names none, or there is none.
+    """
+    if not texts:
+        raise InputError(f"link address: there is none; write {EXAMPLE}")
+    return tuple(dict.fromkeys(parse_link(text) for text in texts))
+
+
 def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
     if not text.isprintable() or " " in text:
         raise InputError(f"it has blanks or control characters; write {EXAMPLE}")
@@ -87,14 +136,18 @@ def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
         parts = urlsplit(text)
     except ValueError:
         raise InputError(f"the host is no name or number; write {EXAMPLE}") from None
+    if parts.scheme == "udp" and "://" in text:
+        return _udp(parts)
     if parts.scheme not in PORTS or "://" not in text:
-        raise InputError(f"it must begin with mqtt:// or mqtts://; write {EXAMPLE}")
+        raise InputError(
+            f"it must begin with mqtt://, mqtts:// or udp://; write {EXAMPLE} or {UDP_EXAMPLE}"
+        )
     if parts.fragment:
         raise InputError("a # is not possible here; write %23 for one in a user name or password")
     secure = parts.scheme == "mqtts"
     user, password = _credentials(parts, environment)
     files = _files(parts.query, secure=secure)
-    return LinkAddress(
+    return MqttAddress(
         host=_host(parts),
         port=_port(parts),
         prefix=_prefix(parts.path),
@@ -105,6 +158,46 @@ def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
         cert=files.get("cert"),
         key=files.get("key"),
     )
+
+
+def _udp(parts: SplitResult) -> UdpAddress:
+    """Group, broadcast address or peers, as in udp://239.255.42.1:14700?interface=wlan0."""
+    if parts.fragment or parts.path.strip("/"):
+        raise InputError(f"a UDP link has no path; write {UDP_EXAMPLE}")
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if not set(options) <= {"interface", "port"}:
+        raise InputError(f"after the ? come interface= and port=; write {UDP_EXAMPLE}")
+    texts = parts.netloc.split(",")
+    if len(texts) > MOST_PEERS:
+        raise InputError(f"these are {len(texts)} peers; write {MOST_PEERS} at most, or a group")
+    destinations = tuple(_destination(text) for text in texts)
+    interface = options.get("interface", "")
+    groups = sum(ipaddress.IPv4Address(host).is_multicast for host, _ in destinations)
+    if groups and len(destinations) > 1:
+        raise InputError(f"a group reaches everybody by itself; write {UDP_EXAMPLE}")
+    if interface and not groups:
+        raise InputError("interface= goes with a multicast group; leave it out")
+    if not INTERFACE.fullmatch(interface):
+        raise InputError("interface= is no interface; write wlan0, or an address that it has")
+    own = options.get("port", str(destinations[-1][1]))
+    return UdpAddress(destinations=destinations, port=_udp_port(own), interface=interface)
+
+
+def _destination(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    try:
+        return str(ipaddress.IPv4Address(host)), _udp_port(port)
+    except ValueError:
+        raise InputError(
+            f"a UDP link has IPv4 addresses and ports; write {UDP_EXAMPLE}, udp://10.0.0.255:14700 or"
+            " udp://10.0.0.2:14700,10.0.0.3:14700"
+        ) from None
+
+
+def _udp_port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) <= 5 and 0 < int(text) < 2**16):
+        raise InputError(f"the port must be within 1 to 65535; write {UDP_EXAMPLE}")
+    return int(text)
 
 
 def _host(parts: SplitResult) -> str:

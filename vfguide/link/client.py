@@ -16,7 +16,7 @@ from paho.mqtt.client import MQTT_ERR_SUCCESS
 from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
-from vfguide.link.address import ENVIRONMENT_VARIABLE, LinkAddress
+from vfguide.link.address import ENVIRONMENT_VARIABLE, MqttAddress
 
 KEEPALIVE_S = 2
 """After this long without a word from the broker it is asked whether it lives."""
@@ -74,10 +74,10 @@ class BrokerClient(Client):
 
     def __init__(
         self,
-        address: LinkAddress,
+        address: MqttAddress,
         *,
         identifier: str,
-        will: Will,
+        will: Will | None,
         queue: type[asyncio.Queue[Message]],
         context: ssl.SSLContext | None,
     ) -> None:
@@ -225,7 +225,7 @@ class TidySocket(ssl.SSLSocket):
             raise
 
 
-def security_of(address: LinkAddress) -> ssl.SSLContext | None:
+def security_of(address: MqttAddress) -> ssl.SSLContext | None:
     """What an encrypted connection needs; None for one that is not.
 
     Raises:

@@ -1,8 +1,10 @@
 """Questions for the time of another computer's clock and their answers, as bytes.
 
 Layout, little-endian: "VFCA" (ask) or "VFCT" (tell), version (u8), three bytes of zero, number of the
-exchange (u32), then as f64 when the question left (s, clock of who asks), in an answer also when it arrived
-and when the answer left (s, clock of who answers), then the CRC-32 of all that (u32). 24 and 40 bytes.
+exchange (u64), then as f64 when the question left (s, clock of who asks), in an answer also when it arrived
+and when the answer left (s, clock of who answers), then the CRC-32 of all that (u32). 28 and 44 bytes.
+
+The number is chance: whoever answers with it has heard the question.
 """
 
 import struct
@@ -11,10 +13,10 @@ from dataclasses import dataclass
 
 from vfguide.link.codec import LinkDataError
 
-VERSION = 1
+VERSION = 2
 ASK, TELL = b"VFCA", b"VFCT"
-ASK_LAYOUT = struct.Struct("<4sB3xId")
-TELL_LAYOUT = struct.Struct("<4sB3xI3d")
+ASK_LAYOUT = struct.Struct("<4sB3xQd")
+TELL_LAYOUT = struct.Struct("<4sB3xQ3d")
 CHECKSUM = struct.Struct("<I")
 
 GREATEST_TIME_S = 1e10
@@ -26,7 +28,7 @@ class Ask:
     """What does your clock show?"""
 
     number: int
-    """Of the exchange, modulo 2^32."""
+    """Of the exchange: 64 bits of chance."""
     originate_s: float
     """When the question left, s on the clock of who asks."""
 

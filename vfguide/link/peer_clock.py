@@ -6,7 +6,9 @@ a clock.
 """
 
 import math
+import secrets
 from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from vfguide.link.clock_codec import Ask, Tell, decode_ask, decode_tell, encode_ask, encode_tell
@@ -76,10 +78,15 @@ def exchange_of(tell: Tell, arrived_s: float) -> Exchange:
 class PeerClock:
     """The clock of one peer, as known from exchanges with it."""
 
-    def __init__(self) -> None:
+    def __init__(self, chance: Callable[[], int] = lambda: secrets.randbits(64)) -> None:
+        """Know nothing yet.
+
+        Args:
+            chance: numbers of 64 bits for questions, which nobody can foresee.
+        """
         self.counters: Counter[str] = Counter()
         """Answers that were not used, by reason, and steps of either clock."""
-        self._number = 0
+        self._chance = chance
         self._open: dict[int, float] = {}
         self._kept: deque[Exchange] = deque(maxlen=KEPT)
         self._odd: list[Exchange] = []
@@ -117,11 +124,23 @@ class PeerClock:
 
     def request(self, now: float) -> bytes:
         """A question to send at once."""
-        self._number = (self._number + 1) % 2**32
-        self._open[self._number] = now
+        number = self._chance()
+        self._open[number] = now
         while len(self._open) > OPEN:
             del self._open[next(iter(self._open))]
-        return encode_ask(Ask(number=self._number, originate_s=now))
+        return encode_ask(Ask(number=number, originate_s=now))
+
+    def awaits(self, data: bytes) -> bool:
+        """Whether these bytes are the answer to a question that is still open."""
+        try:
+            tell = decode_tell(data)
+        except LinkDataError:
+            self.counters["malformed"] += 1
+            return False
+        asked = self._open.get(tell.number) == tell.originate_s
+        if not asked:
+            self.counters["not asked for"] += 1
+        return asked
 
     @staticmethod
     def answer(data: bytes, received: float, now: float) -> bytes:
@@ -147,15 +166,10 @@ class PeerClock:
         Returns:
             Whether it shows that one of the clocks has stepped.
         """
-        try:
-            tell = decode_tell(data)
-        except LinkDataError:
-            self.counters["malformed"] += 1
+        if not self.awaits(data):
             return False
+        tell = decode_tell(data)
         # Each question is answered once, whoever repeats the answer.
-        if self._open.get(tell.number) != tell.originate_s:
-            self.counters["not asked for"] += 1
-            return False
         del self._open[tell.number]
         exchange = exchange_of(tell, now)
         if not 0.0 <= exchange.delay_s <= GREATEST_DELAY_S or tell.transmit_s < tell.receive_s:

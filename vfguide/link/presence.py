@@ -31,6 +31,8 @@ class Presence:
     """When this was true, on the vehicle's own clock, s; in a last will, when it had connected."""
     version: str
     """Of the vehicle's companion."""
+    signed: bool = False
+    """Whether its messages are signed; else anybody can say what it says."""
     figures: dict[str, float] = field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
@@ -68,6 +70,7 @@ def decode_presence(data: bytes) -> Presence:
         mode=_text(content.get("mode", "")),
         time_s=_number(content.get("time_s")),
         version=_text(content.get("version", "")),
+        signed=content.get("signed") is True,
         figures=_figures(content.get("figures", {})),
     )
 

@@ -11,10 +11,9 @@ from random import Random
 from aiomqtt import MqttError, Will
 
 from vfguide.backoff import retry_delay
-from vfguide.link.address import LinkAddress
+from vfguide.link.address import MqttAddress
 from vfguide.link.client import BrokerClient, reason_of
 from vfguide.link.inbox import Inbox
-from vfguide.link.presence import encode_presence
 from vfguide.link.session import Parts, Session
 
 logger = logging.getLogger(__name__)
@@ -33,7 +32,7 @@ class Reconnecting:
     """Keeps a link connected until told to stop."""
 
     def __init__(
-        self, address: LinkAddress, security: ssl.SSLContext | None, parts: Parts, random: Random
+        self, address: MqttAddress, security: ssl.SSLContext | None, parts: Parts, random: Random
     ) -> None:
         self._address = address
         self._security = security
@@ -78,11 +77,10 @@ class Reconnecting:
         """One connection, from the call to its end."""
         parts = self._parts
         inbox = Inbox(parts.status.counters)
-        will = replace(parts.presence, status="offline", time_s=parts.clock(), figures={})
         client = BrokerClient(
             self._address,
             identifier=self._identifier,
-            will=Will(self._topic, encode_presence(will), qos=1, retain=True),
+            will=None if parts.member.watches else self._will(),
             queue=inbox.as_queue(),
             context=self._security,
         )
@@ -90,10 +88,17 @@ class Reconnecting:
         try:
             session = Session(client, inbox, parts)
             await session.run(self._stop)
-            goodbye = replace(parts.presence, status="offline")
-            await session.announce(goodbye, patience_s=GOODBYE_S)
+            if not parts.member.watches:
+                goodbye = replace(parts.presence, status="offline")
+                await session.announce(goodbye, patience_s=GOODBYE_S)
         finally:
             await client.close()
+
+    def _will(self) -> Will:
+        """What the broker is to say once it has lost this vehicle."""
+        member, presence = self._parts.member, self._parts.presence
+        offline = replace(presence, status="offline", time_s=member.clock(), figures={})
+        return Will(self._topic, member.presence(offline, will=True).data, qos=1, retain=True)
 
     async def _open(self, client: BrokerClient) -> None:
         """Connect; whoever is told to stop meanwhile does not wait for an answer.

@@ -1,22 +1,18 @@
 """What goes on over one connection to the broker, from subscribing until it is lost."""
 
 import asyncio
-import logging
-from collections.abc import Callable, Collection, Coroutine, Iterable
+from collections.abc import Coroutine, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 
 from vfguide.link.client import ANSWER_S, BrokerClient
-from vfguide.link.codec import LinkDataError
 from vfguide.link.echo import Echo
+from vfguide.link.envelope import Kind
 from vfguide.link.inbox import Inbox, NewestOnly
-from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import Presence, encode_presence
+from vfguide.link.member import Member, Parcel
+from vfguide.link.presence import Presence
 from vfguide.link.status import LinkStatus
 from vfguide.link.topics import Topics
-
-logger = logging.getLogger(__name__)
 
 BEAT_S = 1.0
 """s between presences. Each is acknowledged: a broker that hangs shows within this and an answer's time."""
@@ -33,22 +29,12 @@ REFUSED = 128
 
 @dataclass(slots=True, kw_only=True)
 class Parts:
-    """What a link consists of, whether it is connected or not."""
+    """What a link by way of a broker consists of, whether it is connected or not."""
 
     topics: Topics
     """Where everything is."""
-    listen_to: str | None
-    """Vehicle whose states are wanted; None for the leader."""
-    receive: Callable[[bytes], None]
-    """Takes them."""
-    neighbours: Collection[str]
-    """Other vehicles whose states are wanted."""
-    receive_neighbour: Callable[[str, bytes], None]
-    """Takes those, with the vehicle's name."""
-    peer_clock: PeerClock | None
-    """Learns that vehicle's clock."""
-    clock: Callable[[], float]
-    """This vehicle's clock, s."""
+    member: Member
+    """Says and hears."""
     status: LinkStatus
     """Whether it stands."""
     outbox: NewestOnly
@@ -60,6 +46,35 @@ class Parts:
     announced: asyncio.Event = field(default_factory=asyncio.Event)
     """Set when that is new."""
 
+    def topic_of(self, parcel: Parcel) -> str:
+        """Where a message goes."""
+        topics = self.topics
+        match parcel.kind:
+            case Kind.QUESTION:
+                return topics.ask(parcel.to)
+            case Kind.ANSWER:
+                return topics.answer(parcel.to)
+            case Kind.ORDER:
+                return topics.order(parcel.to)
+            case Kind.STATE:
+                return topics.state(topics.vehicle)
+            case Kind.PRESENCE | Kind.WILL:
+                return topics.presence(topics.vehicle)
+
+
+def wanted_topics(topics: Topics, member: Member) -> list[str]:
+    """Where all is that a member has a use for."""
+    leader = member.trust.leader
+    wanted = [topics.state(leader)] if member.listens else []
+    wanted += [topics.state(vehicle) for vehicle in sorted(member.neighbours)]
+    if member.peer_clock is not None:
+        wanted.append(topics.answer_of(leader))
+    if member.trust.leads:
+        wanted.append(topics.every_ask())
+    if member.watches:
+        wanted.append(topics.every_presence())
+    return wanted
+
 
 class Session:
     """One connection that stands."""
@@ -68,16 +83,8 @@ class Session:
         self._client = client
         self._inbox = inbox
         self._parts = parts
-        topics, listen_to = parts.topics, parts.listen_to
-        self._own = topics.vehicle
-        self._handlers: dict[str, Callable[[bytes], None]] = {}
-        if listen_to is not None:
-            self._handlers[topics.state(listen_to)] = partial(self._take, parts.receive)
-            if parts.peer_clock is not None:
-                self._handlers[topics.tell(listen_to)] = self._take_time
-        for vehicle in parts.neighbours:
-            receive = partial(parts.receive_neighbour, vehicle)
-            self._handlers[topics.state(vehicle)] = partial(self._take, receive)
+        self._own_states = parts.topics.state(parts.topics.vehicle)
+        self._wanted = wanted_topics(parts.topics, parts.member)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Share until told to stop.
@@ -85,21 +92,19 @@ class Session:
         Raises:
             MqttError: the connection is lost.
         """
-        topics = list(self._handlers)
-        if self._parts.listen_to is None:
-            topics.append(self._parts.topics.every_ask())
-        await self._subscribe(topics)
+        if self._wanted:
+            await self._subscribe(self._wanted)
         self._parts.outbox.clear()
         self._parts.status.up()
+        self._parts.member.hurry.set()
         jobs: list[Coroutine[None, None, object]] = [
             stop.wait(),
             self._until_lost(),
             self._read(),
             self._send(),
-            self._beat(),
-            self._watch_echo(),
-            self._ask(),
         ]
+        if not self._parts.member.watches:
+            jobs += [self._beat(), self._watch_echo()]
         tasks = [asyncio.create_task(job) for job in jobs]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -131,40 +136,11 @@ class Session:
                 self._dispatch(*mail)
 
     def _dispatch(self, topic: str, payload: bytes) -> None:
-        handler = self._handlers.get(topic)
-        if handler is not None:
-            handler(payload)
-        elif self._parts.listen_to is None and (to := self._parts.topics.answer_to(topic)):
-            self._tell_time(to, payload)
-        else:
-            self._parts.status.counters["dropped: other topic"] += 1
-
-    def _take(self, receive: Callable[[bytes], None], payload: bytes) -> None:
-        try:
-            receive(payload)
-        except Exception:
-            # What comes over the network must not end the link, whatever a receiver makes of it.
-            if not self._parts.status.counters["failed to use"]:
-                logger.exception("a state from the link could not be used")
-            self._parts.status.counters["failed to use"] += 1
-
-    def _take_echo(self, payload: bytes) -> None:
         parts = self._parts
-        if not parts.echo.hear(payload):
-            text = f"somebody else publishes states of {self._own!r} too"
-            parts.status.warn("somebody else's", text)
-
-    def _take_time(self, payload: bytes) -> None:
-        peer_clock = self._parts.peer_clock
-        if peer_clock is not None and peer_clock.take(payload, self._parts.clock()):
-            logger.warning("the clock of %r has stepped", self._parts.listen_to)
-
-    def _tell_time(self, topic: str, payload: bytes) -> None:
-        now = self._parts.clock()
-        try:
-            self._parts.outbox.put(topic, PeerClock.answer(payload, now, now))
-        except LinkDataError:
-            self._parts.status.counters["dropped: no question"] += 1
+        if topic == self._own_states and parts.echo.hear(payload):
+            return
+        # Where a message comes from is for itself to prove: a broker may put it anywhere.
+        parts.member.take(payload)
 
     async def _send(self) -> None:
         while True:
@@ -193,17 +169,14 @@ class Session:
         Raises:
             MqttError: it does not answer.
         """
-        topic, content = self._parts.topics.presence(self._own), encode_presence(presence)
-        await self._client.publish(topic, content, qos=1, retain=True, timeout=patience_s)
+        parcel = self._parts.member.presence(presence)
+        topic = self._parts.topic_of(parcel)
+        await self._client.publish(topic, parcel.data, qos=1, retain=True, timeout=patience_s)
 
     async def _watch_echo(self) -> None:
         """Listen for own states until one has come back, and after a while again."""
-        topic = self._parts.topics.state(self._own)
-        if topic in self._handlers:
-            # Who follows his own states hears them anyway.
-            await asyncio.Event().wait()
+        topic = self._own_states
         while True:
-            self._handlers[topic] = self._take_echo
             self._parts.echo.listen()
             await self._subscribe([topic])
             await self._until_echo(topic)
@@ -220,16 +193,6 @@ class Session:
                 status.warn("not heard", f"own states do not come back: {hint}")
             if echo.heard:
                 return
-
-    async def _ask(self) -> None:
-        parts = self._parts
-        peer_clock, listen_to = parts.peer_clock, parts.listen_to
-        if peer_clock is None or listen_to is None:
-            await asyncio.Event().wait()
-            return
-        while True:
-            parts.outbox.put(parts.topics.ask(listen_to), peer_clock.request(parts.clock()))
-            await asyncio.sleep(peer_clock.pause_s)
 
 
 async def cancel(tasks: Iterable[asyncio.Task[object]]) -> None:

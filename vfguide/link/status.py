@@ -19,14 +19,15 @@ class LinkStatus:
         """What was dropped and what went wrong, by reason."""
         self.settled = asyncio.Event()
         """Set once the first try has ended, one way or the other."""
-        self._address = address
+        self.address = address
+        """Of the link, without its password."""
 
     def up(self) -> None:
         """The broker listens."""
         self.counters["connected"] += 1
         self.connected, self.detail = True, ""
         self.settled.set()
-        logger.info("link %s: connected", self._address)
+        logger.info("link %s: connected", self.address)
 
     def down(self, reason: str) -> None:
         """The broker does not listen."""
@@ -37,17 +38,17 @@ class LinkStatus:
         if reason.startswith("refused"):
             self.counters["refused"] += 1
         if self.connected or reason != self.detail:
-            logger.warning("link %s: not connected, %s", self._address, reason)
+            logger.warning("link %s: not connected, %s", self.address, reason)
         self.connected, self.detail = False, reason
         self.settled.set()
 
     def close(self) -> None:
         """The link ends because it is no longer wanted."""
         self.connected = False
-        logger.info("link %s: closed", self._address)
+        logger.info("link %s: closed", self.address)
 
     def warn(self, counter: str, text: str) -> None:
         """Something is wrong with a link that stands; the log hears of it the first time."""
         self.counters[counter] += 1
         if self.counters[counter] == 1:
-            logger.warning("link %s: %s", self._address, text)
+            logger.warning("link %s: %s", self.address, text)

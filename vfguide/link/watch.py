@@ -2,121 +2,126 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from random import Random
 
-from aiomqtt import MqttError, Will
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from vfguide.errors import VfguideError
+from vfguide.errors import InputError, VfguideError
 from vfguide.link.address import LinkAddress
-from vfguide.link.client import BrokerClient, reason_of, security_of
-from vfguide.link.codec import LinkDataError
-from vfguide.link.presence import Presence, decode_presence
-from vfguide.link.topics import level
+from vfguide.link.keys import Roster, public_bytes
+from vfguide.link.member import Member
+from vfguide.link.opening import Link, open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence
+from vfguide.link.trust import Trust, new_session
 
-RETRY_S = 1.0
-"""s from one try to reach a broker that is away to the next."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """A formation that somebody wants to know something of."""
+
+    addresses: tuple[LinkAddress, ...]
+    """Of its links."""
+    formation: str
+    """Its name."""
+    leader: str
+    """Name of its leader."""
+    roster: Roster | None
+    """Everybody's public keys; None to believe anybody."""
+    key: Ed25519PrivateKey | None = None
+    """An operator's private key, with which the leader can be asked whether it lives."""
+
+
+def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
+    """Name of the operator whose private key this is.
+
+    Raises:
+        InputError: the roster names no such operator.
+    """
+    public = public_bytes(key)
+    for name, known in roster.operators.items():
+        if known == public:
+            return name
+    raise InputError("the key is no operator's in the roster; run `vfguide keys make`")
 
 
 @asynccontextmanager
-async def watching(
-    address: LinkAddress, formation: str, *, random: Random
-) -> AsyncIterator[Mapping[str, Presence]]:
-    """Presences by vehicle, kept current for as long as the context lasts; old ones while no broker answers.
-
-    Args:
-        address: of the broker.
-        formation: name of the formation.
-        random: for a name of one's own at the broker.
-    """
-    found: dict[str, Presence] = {}
-
-    async def watch() -> None:
-        while True:
-            # Whoever wants to know why there is no broker reads the companions' logs.
-            with suppress(VfguideError):
-                async with spectator(address, formation, random) as client:
-                    await read(client, found)
-            await asyncio.sleep(RETRY_S)
-
-    task = asyncio.create_task(watch(), name="watching presences")
-    try:
+async def watching(watched: Watched, *, random: Random) -> AsyncIterator[Mapping[str, Presence]]:
+    """Presences by vehicle, kept current for as long as the context lasts; old ones while no link stands."""
+    async with _spectator(watched, random) as (_, found):
         yield found
-    finally:
-        task.cancel()
-        await asyncio.wait([task])
 
 
-async def presences(
-    address: LinkAddress, formation: str, *, seconds: float, random: Random
-) -> dict[str, Presence]:
+async def presences(watched: Watched, *, seconds: float, random: Random) -> dict[str, Presence]:
     """What each vehicle of a formation last said about itself, by name.
 
-    Presences are kept by the broker, so that even a short look finds everybody.
+    Presences are kept by a broker, and repeated every second on other links.
 
     Args:
-        address: of the broker.
-        formation: name of the formation.
+        watched: the formation.
         seconds: how long to listen.
-        random: for a name of one's own at the broker.
+        random: keeps those who lost the same broker from coming back in step.
 
     Raises:
-        VfguideError: the broker does not answer, or refuses.
+        VfguideError: no link stands.
     """
-    found: dict[str, Presence] = {}
-    async with spectator(address, formation, random) as client:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                await read(client, found)
-    return found
+    async with _spectator(watched, random) as (link, found):
+        check_connected(link)
+        await asyncio.sleep(seconds)
+        check_connected(link)
+        return dict(found)
+
+
+async def check_reachable(watched: Watched, *, random: Random) -> None:
+    """See that a link stands.
+
+    Raises:
+        VfguideError: none does; the text says why.
+    """
+    async with _spectator(watched, random) as (link, _):
+        check_connected(link)
+
+
+def check_connected(link: Link) -> None:
+    """See that a link stands.
+
+    Raises:
+        VfguideError: none does; the text says why.
+    """
+    if not link.connected:
+        raise VfguideError(link.complaint())
 
 
 @asynccontextmanager
-async def spectator(
-    address: LinkAddress, formation: str, random: Random
-) -> AsyncIterator[BrokerClient]:
-    """A connection to the broker on which the presences of a formation come in.
-
-    Raises:
-        VfguideError: the broker does not answer, refuses, or is lost.
-    """
-    own = f"{address.prefix}/{level(formation)}"
-    client = BrokerClient(
-        address,
-        identifier=f"vfguide-status-{random.getrandbits(32):08x}",
-        will=Will(f"{own}/-/watch"),
-        queue=asyncio.Queue,
-        context=security_of(address),
+async def _spectator(
+    watched: Watched, random: Random
+) -> AsyncIterator[tuple[Link, dict[str, Presence]]]:
+    """A link on which presences come in, and those that have."""
+    found: dict[str, Presence] = {}
+    asks, name = True, f"watch-{random.getrandbits(32):08x}"
+    if watched.roster is not None:
+        asks = watched.key is not None
+        name = operator_of(watched.roster, watched.key) if watched.key is not None else name
+    clock = asyncio.get_running_loop().time
+    trust = Trust(
+        formation=watched.formation,
+        name=name,
+        leader=watched.leader,
+        session=new_session(),
+        roster=watched.roster,
+        key=watched.key,
+        watches=True,
     )
-    # Opening ends by itself, and is not to be cancelled.
-    opening = asyncio.ensure_future(client.open())
-    try:
-        await asyncio.shield(opening)
-        await client.subscribe(f"{own}/+/presence")
-        yield client
-    except MqttError as error:
-        raise VfguideError(f"link {address}: {reason_of(error)}") from error
-    finally:
-        await asyncio.wait([opening])
-        if opening.exception() is None:
-            await client.close()
-
-
-async def read(client: BrokerClient, found: dict[str, Presence]) -> None:
-    """Note presences as they come, until cancelled.
-
-    Raises:
-        MqttError: the broker is lost.
-    """
-    async for message in client.messages:
-        vehicle = message.topic.value.split("/")[-2]
-        if isinstance(message.payload, bytes):
-            note(found, vehicle, message.payload)
-
-
-def note(found: dict[str, Presence], vehicle: str, data: bytes) -> None:
-    """Keep a presence, unless it is none."""
-    try:
-        found[vehicle] = decode_presence(data)
-    except LinkDataError:
-        return
+    member = Member(
+        trust,
+        clock=clock,
+        receive_presence=found.__setitem__,
+        peer_clock=PeerClock() if asks else None,
+    )
+    async with open_link(
+        watched.addresses, formation=watched.formation, member=member, random=random
+    ) as link:
+        await link.settle()
+        yield link, found

@@ -9,13 +9,17 @@ known of other versions, are told in `px4_steering`.
 | position ahead | within 0.5 degrees | 1.09 s | by 178, after each position |
 
 - Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM.
-- Airspeed: 0.1 1/s with default parameters; 0.6 with FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX those
-  of the aircraft and FW_T_TAS_TC 2. 178 accepts everything, NaN and 99 m/s too. Height within 1 m.
+- Airspeed: a setpoint goes to a new one with 1 m/s². With FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX
+  those of the aircraft and FW_T_TAS_TC 2 the airspeed follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²), a swing
+  at 0.5 Hz; with default parameters half of a step comes within 2 s and the rest within a minute. 178 accepts
+  everything, NaN and 99 m/s too. Height within 1 m.
 - A companion that dies in Guided Course leaves an aircraft that flies on. Heartbeats of companions are not
   counted, those of ground stations are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the
   companion sends such a heartbeat beside its own, except while a pilot flies.
 - Offboard: COM_OBL_RC_ACT 1.7 s after the last setpoint. Its default 0 is a return to the launch without a
   remote control; 5 loiters.
+- What its estimator says: positions wander by 0.2 to 0.3 m per axis, velocities by 0.3 m/s and courses by 1
+  degree, for a second or two. Its course hold acts on the course that it reports.
 - A mode that PX4 does not have is answered with TEMPORARILY_REJECTED.
 """
 

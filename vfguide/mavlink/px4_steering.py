@@ -115,32 +115,46 @@ class GuidedCourse:
         return [command_long(self._vehicle, command, altitude_amsl, mavlink.MAV_FRAME_GLOBAL)]
 
 
-class PositionAhead:
-    """Offboard, the course as a point ahead: whoever flies to it has it on the course."""
+class Offboard:
+    """What setpoints of offboard have in common: they have to go on arriving, also before it is entered."""
 
-    name = "by positions ahead in offboard"
     stops_by = "COM_OBL_RC_ACT"
     streams_before_engaging = True
     counts_ground_stations = False
-    holds_altitude = True
     keep_alive_s = OFFBOARD_KEEP_ALIVE_S
     parts_belong_together = True
-    """Each position sets the airspeed back to the autopilot's own: the command has to follow it."""
+    """Each setpoint sets the airspeed back to the autopilot's own: the command has to follow it."""
     main_mode, sub_mode = MAIN_MODE_OFFBOARD, 0
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """Offboard."""
-        return is_offboard(custom_mode)
+        """The main mode is the third byte of the custom mode."""
+        return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """A position on the course, at the altitude that is to be held, and then the speed."""
+        """The course and the altitude, and then the speed."""
         return [*self.stay_ready(setpoint), change_speed(self._vehicle, setpoint.speed)]
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """The position alone: the speed command would be obeyed in other modes too."""
+        """The setpoint alone: the speed command would be obeyed in other modes too."""
+        raise NotImplementedError
+
+    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
+        """Nothing: a position says it, and a velocity keeps the altitude at which offboard was entered."""
+        del altitude_amsl
+        return []
+
+
+class PositionAhead(Offboard):
+    """The course as a point ahead: whoever flies to it has it on the course."""
+
+    name = "by positions ahead in offboard"
+    holds_altitude = True
+
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """A position on the course, at the altitude that is to be held."""
         latitude_deg, longitude_deg = point_ahead(setpoint, AHEAD_M)
         vehicle = self._vehicle
         return [
@@ -160,41 +174,19 @@ class PositionAhead:
             )
         ]
 
-    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Nothing: each position says it."""
-        del altitude_amsl
-        return []
 
-
-class VelocityAlong:
-    """Offboard, the course as that of a velocity whose length is ignored.
+class VelocityAlong(Offboard):
+    """The course as that of a velocity whose length is ignored.
 
     The third velocity is taken for a rate of climb without a change of sign, although the message counts it
     down: 0 is the one value that every version understands, and it keeps the altitude of the entry.
     """
 
     name = "by velocities in offboard"
-    stops_by = "COM_OBL_RC_ACT"
-    streams_before_engaging = True
-    counts_ground_stations = False
     holds_altitude = False
-    keep_alive_s = OFFBOARD_KEEP_ALIVE_S
-    parts_belong_together = True
-    main_mode, sub_mode = MAIN_MODE_OFFBOARD, 0
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
-
-    def is_engaged(self, custom_mode: int) -> bool:
-        """Offboard."""
-        return is_offboard(custom_mode)
-
-    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """A velocity along the course, and then the speed."""
-        return [*self.stay_ready(setpoint), change_speed(self._vehicle, setpoint.speed)]
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """The velocity alone: all three components have to be finite, or the setpoint is none."""
+        """A velocity along the course: all three components have to be finite, or the setpoint is none."""
         vehicle, course, speed = self._vehicle, setpoint.course, setpoint.speed
         return [
             mavlink.MAVLink_set_position_target_local_ned_message(
@@ -209,16 +201,6 @@ class VelocityAlong:
                 *(0.0, 0.0),
             )
         ]
-
-    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Nothing: velocity setpoints keep the altitude at which offboard was entered."""
-        del altitude_amsl
-        return []
-
-
-def is_offboard(custom_mode: int) -> bool:
-    """Whether this is offboard: the main mode is the third byte of the custom mode."""
-    return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
 
 
 def change_speed(vehicle: Vehicle, speed: float) -> MAVLink_message:

@@ -1,6 +1,7 @@
 """Setpoints that change nothing are not sent again, except now and then in case one was lost."""
 
 from collections.abc import Sequence
+from itertools import compress
 from math import isfinite
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
@@ -34,17 +35,17 @@ class SetpointStream:
 
     def due(self, messages: Sequence[MAVLink_message], now: float) -> list[MAVLink_message]:
         """Those of a setpoint's messages that have to be sent now (s)."""
-        waiting = [message for message in messages if self._is_due(message, now)]
-        if waiting and self._adapter.parts_belong_together:
-            waiting = list(messages)
-        for message in waiting:
-            kind = kind_of(message)
-            self._content[kind], self._sent[kind] = content_of(message), now
-        return waiting
+        kinds = [kind_of(message) for message in messages]
+        contents = [content_of(message) for message in messages]
+        due = [self._is_due(*one, now) for one in zip(kinds, contents, strict=True)]
+        if any(due) and self._adapter.parts_belong_together:
+            due = [True] * len(due)
+        for kind, content in compress(zip(kinds, contents, strict=True), due):
+            self._content[kind], self._sent[kind] = content, now
+        return list(compress(messages, due))
 
-    def _is_due(self, message: MAVLink_message, now: float) -> bool:
-        kind = kind_of(message)
-        if self._content.get(kind) != content_of(message):
+    def _is_due(self, kind: Kind, content: Content, now: float) -> bool:
+        if self._content.get(kind) != content:
             return True
         # A clock that was set back makes the last sending lie ahead.
         return not 0.0 <= now - self._sent[kind] < self._adapter.keep_alive_s
@@ -57,8 +58,8 @@ def kind_of(message: MAVLink_message) -> Kind:
 
 def content_of(message: MAVLink_message) -> Content:
     """The fields of a message, as finely as they matter."""
-    content = []
-    for name in message.fieldnames:
-        value = getattr(message, name)
-        content.append(round(value, DIGITS) if type(value) is float and isfinite(value) else value)
-    return tuple(content)
+    values = map(vars(message).__getitem__, message.fieldnames)
+    return tuple(
+        round(value, DIGITS) if type(value) is float and isfinite(value) else value
+        for value in values
+    )

@@ -1,13 +1,23 @@
-"""The guidance law of a mission and its gains."""
+"""The guidance law of a mission and its gains.
 
-from typing import Annotated, Literal
+`Controller` holds what every law shares. The gains of a law are a section of the law's own; the mission's
+`controller:` has the fields of both, by a model that is made of the two for each law.
+"""
 
-from pydantic import Field
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, Literal
 
-from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section, Switch
+from pydantic import BaseModel, Field, ValidationError, create_model
+from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails
 
-ControllerType = Literal["slot", "article", "pid", "mpc"]
-"""The laws that keep a slot."""
+from vfguide.guidance.settings import SlotFrame
+from vfguide.mission.quantity import Duration, Gain, NotNegative, Section, Switch
+from vfguide.registry import laws
+
+USUAL_LAW = "slot"
+"""The law of a mission that names none."""
 
 
 class Observer(Section):
@@ -23,85 +33,11 @@ class Observer(Section):
     """sigma of the article: pull of the estimate toward the measured ground speed."""
 
 
-class Pid(Section):
-    """The baseline `pid`: a correction of course and speed on top of the slot's own motion.
-
-    The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
-    """
-
-    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.502
-    """Course for the error across track, rad/m."""
-
-    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 1.27
-    """Course for its integral, rad/(m s)."""
-
-    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.225
-    """Course for its rate, rad s/m."""
-
-    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 12.4
-    """Speed for the error along track, m/s per m."""
-
-    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 22.4
-    """Speed for its integral, m/s per m s."""
-
-    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 5.79
-    """Speed for its rate, m/s per m/s."""
-
-    derivative_filter_s: Duration = 0.2
-    """Time constant of the rates, s."""
-
-    max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
-    """Largest correction of the course, degrees."""
-
-    max_speed_m_s: Annotated[Number, Field(ge=0.1, le=100.0)] = 8.0
-    """Largest correction of the speed, m/s."""
-
-
-class Mpc(Section):
-    """The baseline `mpc`: a quadratic programme over the next seconds; a metre of error weighs 1.
-
-    The defaults are what `tests/benchmarks/tune_mpc.py` finds on the calm missions.
-    """
-
-    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 4.0
-    """How far it looks, s."""
-
-    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 28
-    """Into how many intervals of constant acceleration the horizon is cut."""
-
-    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.01
-    """Weight of the velocity relative to the slot, s²."""
-
-    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.0016
-    """Weight of the acceleration relative to the slot, s⁴."""
-
-    max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
-    """Largest course relative to the slot's that is planned, degrees."""
-
-    integral_s: Duration = 0.75
-    """Time in which it learns what keeps a follower off its slot, s; 0: never."""
-
-
 class Controller(Section):
     """Formation keeping: which law, how sharp, and what is fed forward."""
 
-    type: ControllerType = "slot"
+    type: str = USUAL_LAW
     """`slot`: field around the slot's motion; `article`: around the leader's; `pid`, `mpc`: baselines."""
-
-    k_x: Annotated[Gain, Field(le=10.0)] = 0.2
-    """How sharply speed answers the error along track, 1/m."""
-
-    k_y: Annotated[Gain, Field(le=10.0)] = 0.2
-    """How sharply course answers the error across track, 1/m."""
-
-    chi_inf_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
-    """chi_inf of the article: largest course correction of a follower, degrees."""
-
-    v_inf_m_s: Annotated[Number, Field(ge=0.1, le=100.0)] = 8.0
-    """V_inf of the article: largest speed correction of a follower, m/s."""
-
-    integral_s: Duration = 0.0
-    """Time in which the field of type `slot` learns what keeps a follower off its slot, s; 0: never."""
 
     kappa: Annotated[Gain, Field(le=100.0)] = 3.0
     """kappa of the article: rate at which course and speed errors are driven out, per hold bandwidth."""
@@ -124,6 +60,10 @@ class Controller(Section):
     observer: Observer = Observer()
     """Gains of the ground-speed observer."""
 
+    velocity_filter_s: Duration = 0.0
+    """In which errors of the reported velocities are found by the reported positions, s; 0: velocities are
+    right. 0.3 suits PX4, whose estimator's velocities are off by 0.3 m/s for a second or two in turns."""
+
     position_filter_s: Duration = 2.0
     """Time constant of the follower's position filter, s; 0 switches it off."""
 
@@ -139,17 +79,104 @@ class Controller(Section):
     wind_feedforward: Switch = True
     """Feed the estimated change of wind forward."""
 
-    rate_feedforward: Switch = True
-    """Let a follower's field know how the slot's course and speed change."""
-
     give_way: Switch = True
     """Let the leader change its airspeed when a slot would leave its follower's airspeed range."""
 
-    slot_frame: Literal["leader", "path"] = "path"
-    """What slots turn with: the leader's course as its path has it where gusts shake it, or as measured."""
+    slot_frame: SlotFrame = "path"
+    """What slots turn with: `path`: the leader's course, as its path has it where that is shaken; `plan`: its
+    path's course wherever it is on it, for autopilots whose courses are noisy; `leader`: as measured."""
 
-    pid: Pid = Pid()
-    """Gains of the baseline `pid`."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes as plain fields: the model of a law is made anew in each of them."""
+        return controller_of, (self.model_dump(exclude_unset=True) | {"type": self.type},)
 
-    mpc: Mpc = Mpc()
-    """Weights of the baseline `mpc`."""
+
+@cache
+def controller_model(name: str, gains: type[BaseModel]) -> type[Controller]:
+    """The fields that `controller:` may hold for a law: the shared ones and the law's gains."""
+    kind: Any = (Literal[name], name)
+    bases: tuple[Any, ...] = (Controller, gains)
+    return create_model(
+        f"{name.capitalize()}Controller",
+        __base__=bases,
+        __module__=__name__,
+        type=kind,
+    )
+
+
+def controller_of(content: Mapping[str, Any]) -> Controller:
+    """The controller that the fields of a mission file stand for.
+
+    Gains of the law may also stand in a group of the law's name. Gains of other laws are passed over, so
+    that one file holds the gains of several laws, and can be flown by each of them.
+
+    Raises:
+        pydantic.ValidationError: the law or a field is not known, or a value is out of its range.
+    """
+    name = content.get("type", USUAL_LAW)
+    if name not in laws:
+        raise unknown_law(name)
+    model = controller_model(name, laws.find(name).Gains)
+    group = content.get(name)
+    fields = {**content, **group} if isinstance(group, Mapping) else dict(content)
+    unknown = [key for key in fields if key not in model.model_fields]
+    if unknown:
+        of_others = gains_by_field() | dict.fromkeys(laws.names())
+        fields = {
+            key: value
+            for key, value in fields.items()
+            if key not in unknown or key not in of_others
+        }
+    return model.model_validate(fields)
+
+
+def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The fields of a `controller:` for another law: without those gains that have another meaning there.
+
+    Raises:
+        InputError: there is no law of one of both names.
+    """
+    before = laws.find(content.get("type", USUAL_LAW)).Gains
+    after = laws.find(name).Gains
+    common = {
+        field
+        for section in before.__mro__
+        if section in after.__mro__
+        for field in getattr(section, "model_fields", ())
+    }
+    dropped = set(before.model_fields) - common
+    kept = {field: value for field, value in content.items() if field not in dropped}
+    return {**kept, "type": name}
+
+
+def chosen_controller(value: object) -> object:
+    """A mapping as the controller that it stands for; anything else as it is."""
+    return controller_of(value) if isinstance(value, Mapping) else value
+
+
+def gains_by_field() -> dict[str, FieldInfo]:
+    """The gains of all known laws, by their names."""
+    return {
+        name: field
+        for law in laws.names()
+        for name, field in laws.find(law).Gains.model_fields.items()
+    }
+
+
+def gains_of(controller: Controller) -> Any:  # noqa: ANN401 - each law has a section of its own
+    """The gains of the controller's law: an instance of the law's `Gains`."""
+    section: type[BaseModel] = laws.find(controller.type).Gains
+    return section.model_construct(
+        **{name: getattr(controller, name) for name in section.model_fields}
+    )
+
+
+def unknown_law(name: object) -> ValidationError:
+    """What validation says of a law that nobody knows."""
+    details = InitErrorDetails(
+        type="literal_error",
+        loc=("type",),
+        input=name,
+        ctx={"expected": " or ".join(f"'{one}'" for one in laws.names())},
+    )
+    return ValidationError.from_exception_data("controller", [details])

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 
 from vfguide.mission.conditions import Conditions, conditions_of
-from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 from vfguide.mission.finding import Finding, Report, worst_first
 from vfguide.mission.location import MissionSource
 from vfguide.mission.loop_limits import (
@@ -12,7 +11,6 @@ from vfguide.mission.loop_limits import (
     observer_out_of_tune,
 )
 from vfguide.mission.model import Mission
-from vfguide.mission.predicted_error import precision
 from vfguide.mission.separation_limits import distance_kept_from_strays
 from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
 from vfguide.mission.start_limits import (
@@ -21,11 +19,15 @@ from vfguide.mission.start_limits import (
     distant_starts,
     settling_after_the_end,
 )
-from vfguide.mission.turn_limits import (
-    field_beyond_bank,
-    followers_field_beyond_bank,
-    turns_beyond_bank,
-)
+from vfguide.mission.turn_limits import field_beyond_bank, turns_beyond_bank
+from vfguide.registry import laws
+
+
+def findings_of_the_law(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """What the mission's own law says of its gains."""
+    if mission.followers:
+        yield from laws.find(mission.controller.type).findings(mission, conditions)
+
 
 OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     below_ground,
@@ -44,10 +46,7 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     slots_out_of_airspeed,
     distance_kept_from_strays,
     field_beyond_bank,
-    followers_field_beyond_bank,
-    fields_beyond_the_loop,
-    integral_too_fast,
-    precision,
+    findings_of_the_law,
 )
 """Checks that ask what happens along the path; each needs a leader that can fly it."""
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from vfguide.mission.controller import Controller, gains_by_field
 from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
@@ -26,6 +27,8 @@ class Place:
     @property
     def known(self) -> Mapping[str, FieldInfo]:
         """The fields that group may hold."""
+        if self.group is Controller:
+            return {**Controller.model_fields, **gains_by_field()}
         return self.group.model_fields if self.group else {}
 
 

@@ -17,6 +17,11 @@ from vfguide.regular_file import PipeOrDeviceError, open_regular
 MAX_BYTES = 1024 * 1024
 """Far beyond any mission; what is larger is something else."""
 
+PACKAGE = Path(__file__).parents[1]
+
+SHIPPED_IN = (PACKAGE / "missions", PACKAGE.parent / "missions")
+"""Where the missions that come along are: in an installed wheel, and in a checkout."""
+
 
 @dataclass(frozen=True, slots=True)
 class LoadedMission:
@@ -28,8 +33,15 @@ class LoadedMission:
     """The file and the line of each field, for later findings."""
 
 
+def shipped_missions() -> dict[str, Path]:
+    """Files of the missions that come along, by name, such as `circle-wind`."""
+    place = next((place for place in SHIPPED_IN if place.is_dir()), None)
+    files = [] if place is None else sorted(place.glob("*.yaml"))
+    return {file.stem: file for file in files}
+
+
 def load_mission(path: Path) -> Mission:
-    """Read a mission file.
+    """Read a mission file, or the mission of this name that comes along.
 
     Raises:
         MissionError: the file cannot be read, or is no mission; lists every fault found.
@@ -80,7 +92,11 @@ def _read_bytes(path: Path) -> bytes:
         with open_regular(path) as stream:
             content = stream.read(MAX_BYTES + 1)
     except FileNotFoundError as error:
-        raise _error(file, "there is no such file", "give the path of a mission file") from error
+        shipped = shipped_missions()
+        if file in shipped:
+            return _read_bytes(shipped[file])
+        remedy = f"give the path of a mission file, or one of these names: {', '.join(shipped)}"
+        raise _error(file, "there is no such file", remedy) from error
     except PipeOrDeviceError as error:
         raise _error(file, str(error.strerror), "give the path of a mission file") from error
     except IsADirectoryError as error:

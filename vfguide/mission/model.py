@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
-from vfguide.mission.controller import Controller
+from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import FlightPath
 from vfguide.mission.patience import Patience
 from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
@@ -87,7 +87,11 @@ class Mission(Section):
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
     """Every vehicle of the mission by name."""
 
-    controller: Controller = Controller()
+    controller: Annotated[
+        SerializeAsAny[Controller],
+        BeforeValidator(chosen_controller),
+        Field(default_factory=lambda: controller_of({})),
+    ]
     """The guidance law and its gains."""
 
     patience: Patience = Patience()

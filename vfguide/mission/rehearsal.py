@@ -120,12 +120,13 @@ class Start(Section):
 class Emulator(Section):
     """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
 
-    plant: Literal["course-hold", "heading-hold", "bank", "npfg"] | None = None
+    plant: Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"] | None = None
     """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,
-    as ArduPlane does it; `npfg`: lateral acceleration from it, as PX4 does."""
+    as ArduPlane does it; `npfg`: lateral acceleration from it, as PX4 does; `six-dof`: a rigid body with
+    the Aerosonde's coefficients under attitude and energy loops, which flies 16 to 32 m/s."""
 
     guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
-    """`bank`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
+    """`bank`, `six-dof`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
 
     roll_time_s: Annotated[Positive, Field(le=10.0)] = 0.4
     """`bank`: time constant of the roll, s."""
@@ -133,8 +134,9 @@ class Emulator(Section):
     turn_efficiency: Annotated[Positive, Field(le=2.0)] = 1.0
     """`bank`: turn rate in parts of the coordinated turn's; 0.7 was measured on ArduPlane."""
 
-    speed_response: Literal["first-order", "tecs"] = "first-order"
-    """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane."""
+    speed_response: Literal["first-order", "tecs", "px4"] = "first-order"
+    """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane; `px4`:
+    one whose setpoint slews with 1 m/s² and which swings, as PX4's with a throttle that is trimmed."""
 
     course_dead_time_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
     """From a new course to the moment at which the autopilot's loop knows it, s."""

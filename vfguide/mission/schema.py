@@ -3,14 +3,27 @@
 import json
 
 from vfguide.mission.model import Mission
+from vfguide.registry import laws
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
 
 
 def mission_schema() -> dict[str, object]:
-    """The schema that the model of a mission file amounts to."""
+    """The schema that the model of a mission file amounts to, with the gains of vfguide's own laws."""
     schema = Mission.model_json_schema()
+    controller = schema["$defs"]["Controller"]["properties"]
+    controller["type"]["enum"] = list(laws.own)
+    for name in laws.own:
+        gains = laws.find(name).Gains.model_json_schema()
+        for field, described in gains["properties"].items():
+            known = controller.setdefault(field, described)
+            if known.get("default") != described.get("default"):
+                # It is another for each law.
+                controller[field] = {key: one for key, one in known.items() if key != "default"}
+        schema["$defs"][gains["title"]] = gains
+        group = f"Gains of `{name}`, for when the mission is flown by it."
+        controller[name] = {"$ref": f"#/$defs/{gains['title']}", "description": group}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

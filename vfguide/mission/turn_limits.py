@@ -35,23 +35,6 @@ def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
     return FIELD_TURN_CONSTANT * gain * ground_speed * (2.0 / math.pi) * approach
 
 
-def course_field_turn_rate(gain: float, ground_speed: float, greatest: float) -> float:
-    """Greatest turn rate (rad/s) of a course field: max of c (2/pi) k V sin(c (2/pi) atan u) / (1 + u^2).
-
-    Unlike `field_turn_rate` also exact for corrections c far below a quarter turn, by looking for the
-    greatest value over u = k e.
-
-    Args:
-        gain: k, 1/m.
-        ground_speed: V, m/s.
-        greatest: c, rad.
-    """
-    share = greatest * (2.0 / math.pi)
-    scaled = np.linspace(0.0, 3.0, 301)
-    shape = np.sin(share * np.arctan(scaled)) / (1.0 + scaled * scaled)
-    return share * gain * ground_speed * float(shape.max())
-
-
 def bank_for(ground_speed: float, turn_rate: float) -> float:
     """Bank (rad) of a turn: atan(V omega / g), with V in m/s and omega in rad/s."""
     return math.atan(ground_speed * abs(turn_rate) / GRAVITY)
@@ -108,27 +91,3 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
     else:
         remedy = "widen radius_m or fly slower"
     yield Finding("warning", ("path", "gain"), message, remedy)
-
-
-def followers_field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """A followers' course field that turns faster than one of them can, on its slot's speed and turn.
-
-    It is the same field as the one around a path, with k_y and the followers' chi_inf. Worth a note only:
-    its setpoint is limited while it joins, and near the slot the field asks for less.
-    """
-    airspeed = mission.leader.airspeed_m_s
-    turn = float(np.abs(conditions.turn_rate(airspeed)).max())
-    approach = math.radians(mission.controller.chi_inf_deg)
-    for _, name, slot in _everyone(mission):
-        if name == mission.leader.vehicle:
-            continue
-        speed = float(np.hypot(*conditions.slot_velocity(airspeed, slot)).max())
-        allowed = bank_limited_turn_rate(math.radians(mission.vehicles[name].max_bank_deg), speed)
-        needed = turn + course_field_turn_rate(mission.controller.k_y, speed, approach)
-        if needed > allowed:
-            message = (
-                f"joining its slot, '{name}' is asked to turn at up to {needed:.2f} rad/s at "
-                f"{speed:.1f} m/s over ground; its bank gives {allowed:.2f}, so it joins less sharply"
-            )
-            yield Finding("note", ("controller", "k_y"), message)
-            return

@@ -7,6 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
 from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed, Switch
+from vfguide.state import SpeedHold
 
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
@@ -68,6 +69,11 @@ class Vehicle(Section):
 
     speed_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
     """Time constant with which the acceleration then follows, s."""
+
+    speed_hold: SpeedHold = "first-order"
+    """How the speed hold answers. `total-energy`: by throttle and pitch, as ArduPlane's and PX4's TECS does,
+    which swings where setpoints answer the measured speed at once; they follow the slot's speed instead, at
+    most as fast as beta lets them."""
 
     slips: Switch = False
     """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination

@@ -24,7 +24,15 @@ from vfguide.record.vehicle import (
     floats,
 )
 
-__all__ = ["Acceptance", "FlightMode", "FlightRecord", "IntegerArray", "Role", "VehicleRecord"]
+__all__ = [
+    "Acceptance",
+    "FlightMode",
+    "FlightRecord",
+    "IntegerArray",
+    "Origin",
+    "Role",
+    "VehicleRecord",
+]
 
 FlightMode = Literal["lockstep", "live", "recorded"]
 
@@ -51,6 +59,18 @@ class Acceptance:
     """Least distance between any two vehicles at any time, m."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where on the earth the local frame of a flight begins."""
+
+    latitude_deg: float
+    """North positive."""
+    longitude_deg: float
+    """East positive."""
+    altitude_amsl_m: float
+    """Above mean sea level."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRecord:
     """A whole flight.
@@ -72,7 +92,7 @@ class FlightRecord:
     mission: str
     """Name of the mission."""
     controller: str
-    """`slot`, `article`, `pid` or `mpc`."""
+    """Name of the law by which followers kept their slots."""
     plant: str
     """`course-hold`, `heading-hold` or `bank`."""
     wind: str
@@ -96,6 +116,10 @@ class FlightRecord:
     """How quick the programs were, of a live flight."""
     notes: tuple[str, ...] = ()
     """What a reader has to know of where the figures come from, a sentence each."""
+    origin: Origin | None = None
+    """Of the local frame; None in records of earlier versions."""
+    begin_unix_s: float | None = None
+    """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -180,6 +204,8 @@ def _describe(record: FlightRecord) -> dict[str, object]:
         "interrupted": record.interrupted,
         "latency": None if record.latency is None else describe_latency(record.latency),
         "notes": list(record.notes),
+        "origin": None if record.origin is None else asdict(record.origin),
+        "begin_unix_s": record.begin_unix_s,
         "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
     }
 
@@ -208,11 +234,22 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         duration_s=float(description["duration_s"]),
         wall_s=None,
         acceptance=_compose_acceptance(description["acceptance"]),
-        # Records of earlier versions have neither.
+        # Records of earlier versions have none of these.
         interrupted=bool(description.get("interrupted", False)),
         latency=compose_latency(latency) if (latency := description.get("latency")) else None,
         notes=tuple(str(note) for note in description.get("notes", ())),
+        origin=_compose_origin(origin) if (origin := description.get("origin")) else None,
+        begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else float(begin),
     )
+
+
+def _compose_origin(entry: dict[str, Any]) -> Origin:
+    """A place on the earth; ValueError where it is none."""
+    origin = Origin(**{field.name: float(entry[field.name]) for field in fields(Origin)})
+    on_earth = abs(origin.latitude_deg) <= 90.0 and abs(origin.longitude_deg) <= 180.0
+    if not (on_earth and abs(origin.altitude_amsl_m) <= 100e3):
+        raise ValueError("the origin is nowhere on the earth")
+    return origin
 
 
 def _compose_acceptance(entry: dict[str, Any]) -> Acceptance:

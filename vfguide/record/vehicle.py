@@ -87,6 +87,8 @@ class VehicleRecord:
     """Whether a limit of the vehicle cut the setpoint."""
     lyapunov: FloatArray
     """The follower's Lyapunov function W, m²; NaN for the leader."""
+    slot_up_m: float = 0.0
+    """Slot above the leader, m; 0 for the leader. No error counts it: a formation error is horizontal."""
 
 
 def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
@@ -97,6 +99,7 @@ def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
         "system_id": vehicle.system_id,
         "slot_forward_m": vehicle.slot_forward_m,
         "slot_right_m": vehicle.slot_right_m,
+        "slot_up_m": vehicle.slot_up_m,
     }
 
 
@@ -117,6 +120,8 @@ def compose_vehicle(
         system_id=int(entry["system_id"]),
         slot_forward_m=float(entry["slot_forward_m"]),
         slot_right_m=float(entry["slot_right_m"]),
+        # Records of earlier versions do not tell.
+        slot_up_m=float(entry.get("slot_up_m", 0.0)),
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},

@@ -4,16 +4,26 @@ import asyncio
 import os
 import socket
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 import yaml
 
 from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
 from vfguide.errors import VfguideError
+from vfguide.link.address import parse_links
+from vfguide.link.keys import (
+    OPERATOR,
+    key_places,
+    make_keys,
+    read_private_key,
+    read_roster,
+)
+from vfguide.link.watch import Watched
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
@@ -87,6 +97,7 @@ def emulator_command(
         "airspeed": min(max(mission.leader.airspeed_m_s, lowest), highest),
         "airspeed-range": f"{lowest},{highest}",
         "max-bank": vehicle.max_bank_deg,
+        "max-acceleration": vehicle.max_acceleration_m_s2,
         "home-altitude": ground,
         "position-noise": mission.rehearsal.position_noise_m,
         "speedup": speedup,
@@ -111,16 +122,28 @@ def emulator_command(
     return python_module("sitl_stub", *pairs, "--airborne")
 
 
+def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
+    """The formation of a mission on its links, for those who have no keys."""
+    return Watched(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.leader.vehicle,
+        roster=None,
+    )
+
+
 class LiveFlight:
     """The processes of a live rehearsal and what its judge has seen."""
 
-    def __init__(self, mission: Mission, *, directory: Path, link: str, speedup: float) -> None:
+    def __init__(
+        self, mission: Mission, *, directory: Path, links: Sequence[str], speedup: float
+    ) -> None:
         """Prepare the processes; `fly` starts them.
 
         Args:
             mission: the mission.
             directory: for logs and for the mission file that companions read.
-            link: address of the broker.
+            links: addresses of the formation's links.
             speedup: simulation seconds for each real one.
         """
         self.mission = mission
@@ -128,10 +151,27 @@ class LiveFlight:
         self.emulators: dict[str, Process] = {}
         self.companions: dict[str, Process] = {}
         self._directory = directory
-        self._link = link
+        self._links = tuple(links)
         self._speedup = speedup
+        self._state = TemporaryDirectory(prefix="vfguide-state-")
         self._epoch_s = 0.0
         self._companions_zero_s = 0.0
+        self._keys = key_places(Path(self._state.name) / "rehearsal.yaml")
+        self._watched: Watched | None = None
+
+    @property
+    def watched(self) -> Watched:
+        """The formation, for those who want to know how it is."""
+        return self._watched or watched_by_anybody(self.mission, self._links)
+
+    def _make_keys(self) -> None:
+        """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
+        make_keys(self._keys, self.mission.name, self.names)
+        self._watched = replace(
+            watched_by_anybody(self.mission, self._links),
+            roster=read_roster(self._keys.roster),
+            key=read_private_key(self._keys.private(OPERATOR)),
+        )
 
     @property
     def names(self) -> list[str]:
@@ -146,6 +186,7 @@ class LiveFlight:
     async def start(self, truth_port: int) -> None:
         """Start every process."""
         mission_file = self._directory / "mission.yaml"
+        self._make_keys()
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
@@ -154,11 +195,13 @@ class LiveFlight:
             options = [
                 f"--mission={mission_file}",
                 f"--mavlink=udpin://127.0.0.1:{port}",
-                f"--link={self._link}",
+                f"--key={self._keys.private(name)}",
+                f"--roster={self._keys.roster}",
+                *(f"--link={link}" for link in self._links),
                 f"--record={self._directory / RECORDINGS}",
                 f"--clock={clock.epoch_s!r},{clock.rate!r}",
-                # Each flight is a first one: of one before into the same directory nothing is known.
-                f"--state={mkdtemp(prefix='state-', dir=self._directory)}",
+                # Each flight is a first one: nothing is known of one before.
+                f"--state={self._state.name}",
                 "--engage",
             ]
             companion = python_module("vfguide", "companion", name, *options)
@@ -196,6 +239,7 @@ class LiveFlight:
         """Stop every process, companions first."""
         await self.stop_companions()
         await asyncio.gather(*(one.stop() for one in self.emulators.values()))
+        self._state.cleanup()
 
     def accounts(self) -> dict[str, Account]:
         """What each process has taken so far, this one with whatever else it runs included."""
@@ -238,10 +282,10 @@ class LiveFlight:
 
 @asynccontextmanager
 async def live_flight(
-    mission: Mission, *, directory: Path, link: str, speedup: float = 1.0
+    mission: Mission, *, directory: Path, links: Sequence[str], speedup: float = 1.0
 ) -> AsyncIterator[LiveFlight]:
     """A live rehearsal in the air, over a broker that runs already."""
-    flight = LiveFlight(mission, directory=directory, link=link, speedup=speedup)
+    flight = LiveFlight(mission, directory=directory, links=links, speedup=speedup)
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(
         lambda: flight.judge, local_addr=("127.0.0.1", 0)

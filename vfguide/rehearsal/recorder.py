@@ -15,7 +15,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.mission.flight_path import LinePath, RacetrackPath
 from vfguide.mission.model import Mission
-from vfguide.record.flight import Acceptance, FlightMode, FlightRecord
+from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
 from vfguide.record.vehicle import VehicleRecord
 
 TRUTHS = (
@@ -81,6 +81,7 @@ class VehicleRecorder:
             system_id=vehicle.system_id,
             slot_forward_m=slot.forward_m if slot else 0.0,
             slot_right_m=slot.right_m if slot else 0.0,
+            slot_up_m=slot.up_m if slot else 0.0,
             north_m=north,
             east_m=east,
             **{field: truths[field] for field in TRUTHS},
@@ -121,6 +122,7 @@ def flight_record(
         duration_s=times[-1],
         wall_s=wall_s,
         acceptance=Acceptance(**mission.acceptance.model_dump()),
+        origin=Origin(**mission.origin.model_dump()),
     )
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from random import Random
 
 from vfguide.errors import VfguideError
-from vfguide.link.address import LinkAddress
-from vfguide.link.watch import presences
+from vfguide.link.watch import Watched, presences
 from vfguide.mission.model import Mission
 from vfguide.record.latency import Latency, latency_of
 from vfguide.rehearsal.judge import Judge
@@ -28,17 +27,17 @@ PATIENCE_S = 20.0
 class WatchedFlight:
     """What a judge knows of a flight that runs elsewhere."""
 
-    def __init__(self, mission: Mission, *, link: LinkAddress, speedup: float) -> None:
+    def __init__(self, mission: Mission, *, watched: Watched, speedup: float) -> None:
         """Prepare to watch.
 
         Args:
             mission: the mission.
-            link: address of the broker, where companions say how they are.
+            watched: the formation's links, where companions say how they are.
             speedup: simulation seconds for each real one.
         """
         self.mission = mission
         self.judge = Judge(mission)
-        self._link = link
+        self._watched = watched
         self._speedup = speedup
         self._epoch_s = 0.0
 
@@ -55,9 +54,7 @@ class WatchedFlight:
     async def missing(self) -> list[str]:
         """Vehicles whose companions are not online; all of them while there is no broker."""
         try:
-            found = await presences(
-                self._link, self.mission.name, seconds=LISTEN_S, random=Random()
-            )
+            found = await presences(self._watched, seconds=LISTEN_S, random=Random())
         except VfguideError:
             return self.names
         online = {name for name, presence in found.items() if presence.status == "online"}
@@ -66,9 +63,7 @@ class WatchedFlight:
     async def latency(self) -> Latency | None:
         """What the companions say of their latencies; nothing where there is no broker any more."""
         try:
-            found = await presences(
-                self._link, self.mission.name, seconds=LISTEN_S, random=Random()
-            )
+            found = await presences(self._watched, seconds=LISTEN_S, random=Random())
         except VfguideError:
             return None
         figures = {name: presence.figures for name, presence in found.items()}
@@ -98,14 +93,14 @@ class WatchedFlight:
 
 @asynccontextmanager
 async def watched_flight(
-    mission: Mission, *, truth: tuple[str, int], link: LinkAddress, speedup: float
+    mission: Mission, *, truth: tuple[str, int], watched: Watched, speedup: float
 ) -> AsyncIterator[WatchedFlight]:
     """A flight to watch, with an open ear for true states at a host and port.
 
     Raises:
         VfguideError: the port is not to be had.
     """
-    flight = WatchedFlight(mission, link=link, speedup=speedup)
+    flight = WatchedFlight(mission, watched=watched, speedup=speedup)
     loop = asyncio.get_running_loop()
     try:
         transport, _ = await loop.create_datagram_endpoint(lambda: flight.judge, local_addr=truth)

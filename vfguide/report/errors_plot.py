@@ -10,6 +10,7 @@ from vfguide.report.figures import errors_that_count, in_window, settling_time
 from vfguide.report.geometry import slot_error
 from vfguide.report.style import (
     LIMIT_COLOUR,
+    NARROW_INCH,
     QUIET_COLOUR,
     SMALL_SIZE,
     dress,
@@ -28,19 +29,28 @@ LEAST_DRAWN_M = 1e-3
 """Errors below this are drawn as this: a logarithm has no zero."""
 
 
-def errors_figure(record: FlightRecord) -> Figure:
+def errors_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
     """Distance from the slot on a log scale; below it, along and across, whole flight and window."""
-    figure = new_figure(12.0, 9.5)
-    grid = figure.add_gridspec(3, 2, height_ratios=[1.35, 1.0, 1.0], width_ratios=[1.25, 1.0])
-    distance = figure.add_subplot(grid[0, :])
+    if narrow:
+        figure = new_figure(NARROW_INCH, 10.5)
+        grid = figure.add_gridspec(5, 1, height_ratios=[1.5, 1.0, 1.0, 1.0, 1.0])
+        distance = figure.add_subplot(grid[0])
+        places = ((grid[1], grid[2]), (grid[3], grid[4]))
+    else:
+        figure = new_figure(12.0, 9.5)
+        grid = figure.add_gridspec(3, 2, height_ratios=[1.35, 1.0, 1.0], width_ratios=[1.25, 1.0])
+        distance = figure.add_subplot(grid[0, :])
+        places = ((grid[1, 0], grid[1, 1]), (grid[2, 0], grid[2, 1]))
     draw_distance(distance, record)
     errors = {f.name: slot_error(record.leader, f) for f in record.followers}
     along = {name: error.along_track_m for name, error in errors.items()}
     cross = {name: error.cross_track_m for name, error in errors.items()}
-    for row, (name, sign, values) in enumerate(
-        (("Along track", "+ slot ahead", along), ("Cross track", "+ slot to the right", cross)), 1
-    ):
-        whole, zoomed = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
+    components = (
+        ("Along track", "+ slot ahead", along),
+        ("Cross track", "+ slot to the right", cross),
+    )
+    for (name, sign, values), (left, right) in zip(components, places, strict=True):
+        whole, zoomed = figure.add_subplot(left), figure.add_subplot(right)
         draw_component(whole, record, values)
         dress(whole, title=f"{name} ({sign})", across="time, s", up="error, m")
         show_whole_flight(whole, record)

@@ -1,4 +1,4 @@
-"""The report as one HTML page that needs nothing else: no network, no scripts, no other file."""
+"""The report as one HTML page that needs nothing else: no network, no other file, no program but its own."""
 
 import shlex
 from base64 import b64encode
@@ -10,8 +10,9 @@ from vfguide.errors import InputError
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.report.metrics import summarise
-from vfguide.report.page_style import STYLE
-from vfguide.report.plots import Plot, plots_for, write_plots
+from vfguide.report.page_style import NARROW, STYLE
+from vfguide.report.plots import Plot, draw_narrow, plots_for, write_plots
+from vfguide.report.replay.page_part import hash_source, replay_of
 from vfguide.report.summary import LeaderSummary, Summary
 from vfguide.report.wording import (
     NOT_REQUIRED,
@@ -26,8 +27,11 @@ from vfguide.report.wording import (
     verdict,
 )
 
-POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-"""Forbids a browser to load anything from anywhere."""
+POLICY = (
+    "default-src 'none'; img-src data:; style-src {style}; script-src {script}; "
+    "base-uri 'none'; form-action 'none'"
+)
+"""Forbids a browser to load anything from anywhere, and to run anything but what has these hashes."""
 
 VEHICLE_HEADINGS = (
     "Slot ahead, right, m",
@@ -63,27 +67,34 @@ def write_report(record: FlightRecord, directory: Path) -> Path:
 def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]) -> str:
     """The whole page, with the pictures inside it."""
     plots = "".join(
-        _render_plot(plot, picture)
+        _render_plot(record, plot, picture)
         for plot, picture in zip(plots_for(record), pictures, strict=True)
     )
+    replay = replay_of(record)
+    style = STYLE + replay.style
     body = "".join(
         (
             f"<h1>{escape(summary.mission)}</h1>",
             f'<p class="quiet">{escape(setting(summary))}, {escape(pace(summary))}</p>',
             _render_verdict(summary),
             _render_notes(record),
+            replay.markup,
             _render_figures(summary),
             _render_vehicles(record, summary),
             plots,
             "" if summary.mode == "recorded" else _render_reproduction(summary),
         )
     )
+    policy = POLICY.format(
+        style=hash_source(style), script=hash_source(replay.script) if replay.script else "'none'"
+    )
+    script = f"<script>{replay.script}</script>\n" if replay.script else ""
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escape(POLICY)}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escape(policy, quote=True)}">\n'
         f"<title>{escape(summary.mission)}: {verdict(summary).lower()}</title>\n"
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n{body}</main>\n{script}</body>\n</html>\n"
     )
 
 
@@ -191,12 +202,14 @@ def _vehicle_cells(summary: Summary, name: str, slot: str) -> tuple[str, ...]:
     )
 
 
-def _render_plot(plot: Plot, picture: Path) -> str:
-    """A plot inside the page, with what to look for."""
-    data = b64encode(picture.read_bytes()).decode("ascii")
+def _render_plot(record: FlightRecord, plot: Plot, picture: Path) -> str:
+    """A plot inside the page, in another layout for a narrow screen, with what to look for."""
+    wide = b64encode(picture.read_bytes()).decode("ascii")
+    narrow = b64encode(draw_narrow(plot, record)).decode("ascii")
     return (
         f"<h2>{escape(plot.title)}</h2>\n<figure>"
-        f'<div class="plot"><img alt="{escape(plot.title)}" src="data:image/png;base64,{data}"></div>'
+        f'<div class="plot"><picture><source media="{NARROW}" srcset="data:image/png;base64,{narrow}">'
+        f'<img alt="{escape(plot.title)}" src="data:image/png;base64,{wide}"></picture></div>'
         f"<figcaption>{escape(plot.caption)}</figcaption></figure>\n"
     )
 

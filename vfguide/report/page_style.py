@@ -1,4 +1,7 @@
-"""How the page looks: one column, light or dark as the reader's device is, plots on white."""
+"""How the page looks: one column, light or dark as the reader's device is, plots too."""
+
+NARROW = "(max-width: 40rem)"
+"""Screens for which plots are laid out anew: phones held upright."""
 
 STYLE = """
 :root {
@@ -39,15 +42,19 @@ td.number, th.number { text-align: right; white-space: nowrap; }
 thead th.number { white-space: normal; }
 figure { margin: 0 0 1.8rem; }
 figcaption { margin: .5rem .2rem; color: var(--quiet); }
-.plot {
-  overflow-x: auto; background: #fff; border: 1px solid var(--rule); border-radius: .6rem; padding: .6rem;
+.plot { background: #fff; border: 1px solid var(--rule); border-radius: .6rem; padding: .6rem; }
+.plot img { display: block; width: 100%; height: auto; }
+/* Light and dark change places, and hues stay what they are. */
+@media screen and (prefers-color-scheme: dark) {
+  .plot { filter: invert(.88) hue-rotate(180deg); border-color: #dfe2e6; }
 }
-.plot img { display: block; width: 100%; min-width: 44rem; height: auto; }
 pre {
   white-space: pre-wrap; overflow-wrap: anywhere;
   background: var(--card); border: 1px solid var(--rule); border-radius: .6rem;
   padding: .8rem 1rem; font: .9rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace;
 }
-@media (max-width: 40rem) { th, td { padding: .35rem .4rem; } .few td.number { white-space: normal; } }
-@media print { .plot img { min-width: 0; } figure { break-inside: avoid; } }
+@media (max-width: 40rem) {
+  th, td { padding: .35rem .4rem; } .few td.number { white-space: normal; } .plot { padding: .15rem; }
+}
+@media print { figure { break-inside: avoid; } }
 """

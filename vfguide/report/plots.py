@@ -1,8 +1,8 @@
 """All plots of a flight, written as PNG files."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from matplotlib.figure import Figure
 
@@ -10,11 +10,19 @@ from vfguide.errors import InputError
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.report.errors_plot import errors_figure
-from vfguide.report.picture import save_figure
+from vfguide.report.picture import picture_of, save_figure
 from vfguide.report.separation_plot import separation_figure
 from vfguide.report.setpoints_plot import setpoints_figure
+from vfguide.report.style import NARROW_DOTS_PER_INCH
 from vfguide.report.tracks_plot import tracks_figure
 from vfguide.report.wind_plot import wind_figure
+
+
+class Draw(Protocol):
+    """What makes the figure of a plot."""
+
+    def __call__(self, record: FlightRecord, *, narrow: bool = False) -> Figure:
+        """The figure of a flight, laid out for a wide or a narrow screen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +35,7 @@ class Plot:
     """A heading."""
     caption: str
     """What to look for, in a sentence."""
-    draw: Callable[[FlightRecord], Figure]
+    draw: Draw
     """Makes the figure."""
     needs_followers: bool
     """Whether there is nothing to draw for a lone leader."""
@@ -82,6 +90,11 @@ def plots_for(record: FlightRecord) -> tuple[Plot, ...]:
     if record.time_s.size < 2 or record.time_s[-1] <= record.time_s[0]:
         return ()
     return tuple(plot for plot in PLOTS if record.followers or not plot.needs_followers)
+
+
+def draw_narrow(plot: Plot, record: FlightRecord) -> bytes:
+    """A plot for a narrow screen, as PNG."""
+    return picture_of(plot.draw(record, narrow=True), NARROW_DOTS_PER_INCH)
 
 
 def write_plots(record: FlightRecord, directory: Path) -> tuple[Path, ...]:

@@ -8,6 +8,7 @@ from vfguide.record.flight import FlightRecord
 from vfguide.report.geometry import PairSeparation, pair_separations
 from vfguide.report.style import (
     LIMIT_COLOUR,
+    NARROW_INCH,
     SMALL_SIZE,
     TEXT_SIZE,
     dress,
@@ -28,9 +29,9 @@ WIDE_RANGE = 8.0
 """Ratio of distances above which a log scale reads better."""
 
 
-def separation_figure(record: FlightRecord) -> Figure:
+def separation_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
     """Distance of each pair over time, the least of all marked."""
-    figure = new_figure(12.0, 5.2)
+    figure = new_figure(NARROW_INCH, 4.6) if narrow else new_figure(12.0, 5.2)
     axes = figure.subplots(1, 1)
     pairs = sorted(pair_separations(record), key=lambda pair: float(np.min(pair.distance_m)))
     shown = pairs[:MOST_PAIRS]
@@ -46,7 +47,11 @@ def separation_figure(record: FlightRecord) -> Figure:
     if shown:
         mark_least(axes, record, shown[0])
         figure.legend(
-            loc="outside right upper", frameon=False, fontsize=TEXT_SIZE, handlelength=3.0
+            loc="outside upper center" if narrow else "outside right upper",
+            ncols=2 if narrow else 1,
+            frameon=False,
+            fontsize=TEXT_SIZE,
+            handlelength=3.0,
         )
     return figure
 

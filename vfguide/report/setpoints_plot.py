@@ -9,8 +9,10 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.flight import FlightRecord, VehicleRecord
 from vfguide.report.style import (
     LIMIT_COLOUR,
+    NARROW_INCH,
     TITLE_SIZE,
     dress,
+    fitted,
     legend_above,
     mark_samples,
     new_figure,
@@ -25,11 +27,16 @@ CLOSE_UP_S = 20.0
 SETPOINT_COLOUR = "#e6007e"
 
 
-def setpoints_figure(record: FlightRecord) -> Figure:
-    """A row for each vehicle: course and speed, whole flight and the last seconds."""
+def setpoints_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
+    """A row for each vehicle: course and speed, whole flight and the last seconds; of two lines if narrow."""
     rows = len(record.vehicles)
-    figure = new_figure(15.0, 1.0 + (2.3 if rows <= 5 else 1.7) * rows)
-    grid = figure.subplots(rows, 4, squeeze=False, sharex="col")
+    if narrow:
+        figure = new_figure(NARROW_INCH, 1.2 + 2.7 * rows)
+        panels = figure.subplots(2 * rows, 2, squeeze=False)
+        grid = panels.reshape(rows, 4)
+    else:
+        figure = new_figure(15.0, 1.0 + (2.3 if rows <= 5 else 1.7) * rows)
+        grid = figure.subplots(rows, 4, squeeze=False, sharex="col")
     colours = vehicle_colours(record)
     end = record.time_s >= record.time_s[-1] - CLOSE_UP_S
     whole = np.ones_like(end)
@@ -55,7 +62,7 @@ def setpoints_figure(record: FlightRecord) -> Figure:
         f"Speed, m/s, {seconds}",
     )
     for axes, title in zip(grid[0], titles, strict=True):
-        axes.set_title(title, fontsize=TITLE_SIZE, loc="left")
+        axes.set_title(fitted(axes, title), fontsize=TITLE_SIZE, loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time, s", fontsize=TITLE_SIZE - 1)
     figure.align_ylabels()

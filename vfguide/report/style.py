@@ -4,6 +4,7 @@ Figures are made and drawn without pyplot, so that a report leaves no state behi
 """
 
 from collections.abc import Iterable, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +17,14 @@ from vfguide.record.flight import FlightRecord
 from vfguide.report.figures import window_s
 
 DOTS_PER_INCH = 120
+
+NARROW_INCH = 3.8
+"""Width of a figure for a phone: its text is then as large as the page's."""
+
+NARROW_DOTS_PER_INCH = 230
+
+NARROW_LETTERS = 34
+"""Letters of a title that fit into a line of a narrow figure."""
 
 LEADER_COLOUR = "#1a1a1a"
 
@@ -31,6 +40,23 @@ FOLLOWER_COLOURS = (
     "#999933",
 )
 """Of Okabe and Ito, told apart by colour-blind readers too; three more for large formations."""
+
+DAY_COLOURS = (LEADER_COLOUR, *FOLLOWER_COLOURS)
+"""On a light ground, the leader's first."""
+
+NIGHT_COLOURS = (
+    "#f2f2f2",
+    "#4da3e8",
+    "#ff8a45",
+    "#2fc79a",
+    "#eaa0ca",
+    "#f5bf3d",
+    "#a5dbf7",
+    "#ad92e6",
+    "#cf9a8b",
+    "#cfcf62",
+)
+"""The same on a dark ground."""
 
 LIMIT_COLOUR = "#c1121f"
 """Of what a flight is held against."""
@@ -51,11 +77,11 @@ TITLE_SIZE = 10.5
 SMALL_SIZE = 8.0
 
 
-def vehicle_colours(record: FlightRecord) -> dict[str, str]:
-    """A colour for each vehicle, by name: near-black for the leader."""
-    colours = {record.leader.name: LEADER_COLOUR}
+def vehicle_colours(record: FlightRecord, palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
+    """A colour for each vehicle, by name: the first for the leader, the others in turn."""
+    colours = {record.leader.name: palette[0]}
     for number, follower in enumerate(record.followers):
-        colours[follower.name] = FOLLOWER_COLOURS[number % len(FOLLOWER_COLOURS)]
+        colours[follower.name] = palette[1 + number % (len(palette) - 1)]
     return colours
 
 
@@ -76,7 +102,7 @@ def new_figure(width_inch: float, height_inch: float) -> Figure:
 
 def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:
     """Titles, labels with units, light grid, no box."""
-    axes.set_title(title, fontsize=TITLE_SIZE, loc="left")
+    axes.set_title(fitted(axes, title), fontsize=TITLE_SIZE, loc="left")
     axes.set_xlabel(across, fontsize=TEXT_SIZE)
     axes.set_ylabel(up, fontsize=TEXT_SIZE)
     axes.tick_params(labelsize=TEXT_SIZE, color="#b0b0b0")
@@ -86,6 +112,15 @@ def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> Non
         axes.spines[side].set_visible(False)
     for side in ("bottom", "left"):
         axes.spines[side].set_color("#b0b0b0")
+
+
+def fitted(axes: Axes, text: str) -> str:
+    """A title in as many lines as a narrow figure needs."""
+    figure = axes.get_figure(root=True)
+    if figure is None or figure.get_figwidth() > NARROW_INCH:
+        return text
+    columns = axes.get_subplotspec().get_gridspec().ncols  # type: ignore[union-attr]
+    return fill(text, NARROW_LETTERS // columns)
 
 
 def set_log_scale(axes: Axes, low: float, high: float) -> None:
@@ -118,6 +153,10 @@ def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
     lines = [axes.get_legend_handles_labels() for axes in panels]
     handles = [handle for found, _ in lines for handle in found]
     labels = [label for _, found in lines for label in found]
+    if figure.get_figwidth() <= NARROW_INCH and labels:
+        # The line before each label takes the room of some letters.
+        letters = max(len(label) for label in labels) + 7
+        columns = max(1, min(columns, 52 // letters))
     figure.legend(
         handles,
         labels,

@@ -73,7 +73,7 @@ class Summary:
     mission: str
     """Its name."""
     controller: str
-    """`slot`, `article`, `pid` or `mpc`."""
+    """Name of the law by which followers kept their slots."""
     plant: str
     """`course-hold`, `heading-hold` or `bank`."""
     wind: str

@@ -11,6 +11,7 @@ from vfguide.record.flight import FlightRecord
 from vfguide.report.formation_drawing import Point, draw_aircraft, draw_links, formation_links
 from vfguide.report.leader_view import draw_leader_view
 from vfguide.report.style import (
+    NARROW_INCH,
     QUIET_COLOUR,
     SMALL_SIZE,
     STILL_AIR_M_S,
@@ -47,15 +48,15 @@ class View:
     """Length of a side."""
 
 
-def tracks_figure(record: FlightRecord) -> Figure:
+def tracks_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
     """Top view of the whole flight; with followers, beside it the formation in the leader's course frame."""
     if not record.followers:
-        figure = new_figure(7.2, 7.2)
+        figure = new_figure(NARROW_INCH, 4.2) if narrow else new_figure(7.2, 7.2)
         above = figure.subplots(1, 1)
         draw_top_view(above, record)
     else:
-        figure = new_figure(13.0, 6.9)
-        above, relative = figure.subplots(1, 2)
+        figure = new_figure(NARROW_INCH, 8.2) if narrow else new_figure(13.0, 6.9)
+        above, relative = figure.subplots(2, 1) if narrow else figure.subplots(1, 2)
         draw_top_view(above, record)
         draw_leader_view(relative, record)
     legend_above(figure, [above], columns=len(record.vehicles) + 4)

@@ -10,6 +10,7 @@ from vfguide.angles import wrap_course
 from vfguide.elementwise import FloatArray
 from vfguide.record.flight import FlightRecord
 from vfguide.report.style import (
+    NARROW_INCH,
     STILL_AIR_M_S,
     TEXT_SIZE,
     WIND_COLOUR,
@@ -28,9 +29,10 @@ LEAST_DRAWN = 1e-6
 """Lyapunov functions below this are drawn as this: a logarithm has no zero."""
 
 
-def wind_figure(record: FlightRecord) -> Figure:
+def wind_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
     """Wind speed and direction; with followers, their Lyapunov functions below."""
-    figure = new_figure(12.0, 8.2 if record.followers else 5.5)
+    tall = 8.2 if record.followers else 5.5
+    figure = new_figure(NARROW_INCH, 0.85 * tall) if narrow else new_figure(12.0, tall)
     panels = figure.subplots(3 if record.followers else 2, 1, sharex=True)
     winds = winds_to_draw(record)
     for wind in winds:

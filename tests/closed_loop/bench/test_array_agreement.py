@@ -46,6 +46,7 @@ def distances_on_arrays(mission: Mission, count: int) -> FloatArray:
         ("slot", "heading-hold"),
         ("slot", "course-hold"),
         ("pid", "heading-hold"),
+        ("article", "heading-hold"),
     ],
 )
 def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: str) -> None:
@@ -72,6 +73,8 @@ def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
     [
         ({"rehearsal": {"link_loss": 0.1}}, "loss or jitter"),
         ({"controller": {"leader_speed_source": "observer"}}, "measured ground speed"),
+        ({"controller": {"slot_frame": "path"}}, "slot_frame: path"),
+        ({}, "slot_frame: path"),
     ],
 )
 def test_what_the_array_form_has_not_is_refused(

@@ -21,7 +21,7 @@ def test_mission_is_flown_within_its_acceptance(name: str, mission_with: Mission
 def test_easement_spreads_the_jump_of_the_turn_rate(mission_with: MissionWith) -> None:
     def greatest_error(easement_m: float) -> float:
         path = {"easement_m": easement_m}
-        mission = mission_with("survey-racetrack", path=path, rehearsal={"duration_s": 120.0})
+        mission = mission_with("survey-racetrack", path=path, rehearsal={"duration_s": 80.0})
         return summarise(fly_lockstep(mission).record).formation.max_error_m
 
     # 8.3 m against 0.8 m.
@@ -52,7 +52,7 @@ def test_leader_gives_way_where_an_inner_slot_is_too_slow(
     give_way: bool, kept: bool, mission_with: MissionWith
 ) -> None:
     changes = slow_inside(give_way)
-    mission = mission_with("circle-calm", **changes, rehearsal={"duration_s": 150.0})
+    mission = mission_with("circle-calm", **changes, rehearsal={"duration_s": 100.0})
     inner = mission.followers[1].model_copy(
         update={"slot": mission.followers[1].slot.model_copy(update={"right_m": 40.0})}
     )

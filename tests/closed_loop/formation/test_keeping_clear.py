@@ -14,8 +14,8 @@ AFTERWARDS_S = 10.0
 LEVEL_M = 4.0
 """In the plane alone: where that is not enough, height does the rest."""
 
-ONCE_NEAR = (414, 609)
-"""Autopilots that hang in a turn, one as it begins: once 4.1 and 3.7 m."""
+ONCE_NEAR = (414, 609, 927)
+"""Two autopilots that hang in a turn, a leader handed back across a follower: once 4.1, 3.7 and 4.6 m."""
 
 CASES = {
     "the leader goes home, and a follower after it": (

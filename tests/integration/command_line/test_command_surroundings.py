@@ -193,7 +193,7 @@ def test_a_missing_signing_key_is_one_line_with_its_remedy(
     command: Make, alone_with: Make, tmp_path: Path
 ) -> None:
     key = tmp_path / "key"
-    link = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1")
+    link = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1", "--insecure")
     outcome = command(
         "companion", "one", "--mission", alone_with(), *link, "--signing-key-file", key
     )

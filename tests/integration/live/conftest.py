@@ -4,7 +4,8 @@ import asyncio
 import logging
 import re
 import socket
-from collections.abc import AsyncIterator, Callable
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from random import Random
@@ -14,8 +15,12 @@ import numpy as np
 import pytest
 
 from vfguide.elementwise import FloatArray
-from vfguide.link.address import parse_link
-from vfguide.link.mqtt import open_link
+from vfguide.link.keys import OPERATOR
+from vfguide.link.member import Member
+from vfguide.link.opening import open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.trust import Trust, new_session
+from vfguide.link.watch import Watched as WatchedFormation
 from vfguide.mission import Mission, load_mission
 from vfguide.rehearsal.live import LiveFlight, live_flight
 from vfguide.rehearsal.processes import Process, free_port
@@ -30,9 +35,6 @@ set_tcp_nodelay true
 persistence false
 user root
 """
-
-SPEEDUP = 3.0
-"""At which two flights beside each other take little more than one of two cores."""
 
 PATIENCE_S = 120.0
 """Real time; nothing that is waited for takes half of it, unless the machine is very busy."""
@@ -56,6 +58,19 @@ async def wait_until(condition: Callable[[], object]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not condition():
             await asyncio.sleep(0.02)
+
+
+def spectator(watched: WatchedFormation, receive: Callable[[bytes], None]) -> Member:
+    """A member that hears the leader's states."""
+    trust = Trust(
+        formation=watched.formation,
+        name=OPERATOR,
+        leader=watched.leader,
+        session=new_session(),
+        roster=watched.roster,
+        key=watched.key,
+    )
+    return Member(trust, clock=time.monotonic, receive=receive, peer_clock=PeerClock())
 
 
 class Broker:
@@ -133,6 +148,12 @@ class Watched:
         ends_s = self.flight.time_s + length_s
         await wait_until(lambda: self.flight.time_s >= ends_s)
 
+    async def start_again(self, vehicle: str) -> None:
+        """Start a companion again, until it steers: how long that takes is the machine's."""
+        steered = self.log(vehicle).count("-> joining")
+        await self.flight.companions[vehicle].start()
+        await wait_until(lambda: self.log(vehicle).count("-> joining") > steered)
+
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""
         judge = self.flight.judge
@@ -200,35 +221,42 @@ def broker_in(
 
 
 @pytest.fixture
+def speedup() -> float:
+    """Seconds of the simulation for each real one: at 2 a flight takes one of two cores."""
+    return 2.0
+
+
+@pytest.fixture
 def flown(
     mission: Mission,
     tmp_path: Path,
     broker_in: Callable[[Path], AbstractAsyncContextManager[Broker]],
+    speedup: float,
 ) -> Callable[..., AbstractAsyncContextManager[Watched]]:
     """Flies live, and sees that nobody came too near to another and that every program ended well."""
 
     @asynccontextmanager
-    async def fly(speedup: float = SPEEDUP) -> AsyncIterator[Watched]:
-        async with broker_in(tmp_path) as broker:
-            link = parse_link(broker.url, {})
-            async with (
-                live_flight(
-                    mission, directory=tmp_path, link=broker.url, speedup=speedup
-                ) as flight,
-                open_link(
-                    link,
-                    formation=mission.name,
-                    vehicle="spectator",
-                    listen_to=mission.leader.vehicle,
-                    receive=lambda _: watched.heard_s.append(flight.time_s),
-                    random=Random(1),
-                ),
-            ):
-                watched = Watched(flight, broker, tmp_path)
-                yield watched
-                flight.check()
-                assert all(companion.running for companion in flight.companions.values())
-                least_m = watched.least_separation_m()
+    async def fly(beside_broker: Sequence[str] = ()) -> AsyncIterator[Watched]:
+        async with (
+            broker_in(tmp_path) as broker,
+            live_flight(
+                mission,
+                directory=tmp_path,
+                links=[broker.url, *beside_broker],
+                speedup=speedup,
+            ) as flight,
+            open_link(
+                flight.watched.addresses,
+                formation=mission.name,
+                member=spectator(flight.watched, lambda _: watched.heard_s.append(flight.time_s)),
+                random=Random(1),
+            ),
+        ):
+            watched = Watched(flight, broker, tmp_path)
+            yield watched
+            flight.check()
+            assert all(companion.running for companion in flight.companions.values())
+            least_m = watched.least_separation_m()
         logs = {log.name: log.read_text() for log in tmp_path.glob("*.log")}
         assert not [name for name, text in logs.items() if "Traceback" in text]
         codes = {name: companion.exit_code for name, companion in flight.companions.items()}

@@ -6,6 +6,7 @@ and that every program survives and ends well is seen to by the fixture.
 
 import asyncio
 import signal
+import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,15 +17,16 @@ from pymavlink import mavutil
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import files_of, find_recordings, read_start
 from vfguide.rehearsal.live import RECORDINGS
+from vfguide.rehearsal.processes import free_port
 
 Flown = Callable[..., Any]
 
+FOLLOWERS = ("f1", "f2", "f3")
+
+IN_SLOT_M = 1.0
+
 RECOVERY_S = 30.0
 """From the end of a disturbance until everyone is within 1 m of the slot, and stays."""
-
-UNHURRIED = 2.0
-"""Speed-up where programs start again: what that takes is real time, in which nobody steers."""
-
 
 LOST_S = 3.0
 """Of a recording whose companion is killed, at most: it is written every second."""
@@ -46,9 +48,33 @@ def test_formation_outlives_a_broker_that_is_killed(flown: Flown) -> None:
     asyncio.run(fly())
 
 
-def test_companions_that_are_killed_take_their_places_again(flown: Flown) -> None:
+def test_with_a_second_link_a_broker_that_is_killed_costs_nothing(flown: Flown) -> None:
+    """A UDP group carries on: nobody predicts the leader, and the pilot is told."""
+    group = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
+
     async def fly() -> None:
-        async with flown(speedup=UNHURRIED) as watched:
+        async with flown(beside_broker=[group]) as watched:
+            await watched.settle()
+            before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
+            began_s = watched.flight.judge.time_s
+            await watched.broker.kill()
+            await watched.wait(15.0)
+            await watched.reach(began_s + 15.0)
+            for name in FOLLOWERS:
+                assert watched.log(name).count("-> predicting") == before[name]
+                assert "is lost: fly on by the other" in watched.log(name)
+            assert watched.errors(began_s)[1].max() < IN_SLOT_M
+            await watched.broker.start()
+            await watched.until(
+                lambda: all("is back: nothing to do" in watched.log(name) for name in FOLLOWERS)
+            )
+
+    asyncio.run(fly())
+
+
+def test_companions_that_are_killed_take_their_places_again(flown: Flown, speedup: float) -> None:
+    async def fly() -> None:
+        async with flown() as watched:
             await watched.settle()
             companions = watched.flight.companions
             # It flies straight on meanwhile: f1, outside of the turn, away from the others; f2, inside of it,
@@ -56,9 +82,9 @@ def test_companions_that_are_killed_take_their_places_again(flown: Flown) -> Non
             for name in ("f1", "f2"):
                 killed_s = time.time()
                 await companions[name].kill()
-                assert killed_s - recorded_until_s(watched.directory, name) < LOST_S
+                assert killed_s - recorded_until_s(watched.directory, name, speedup) < LOST_S
                 await watched.wait(3.0)
-                await companions[name].start()
+                await watched.start_again(name)
                 assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
 
             await companions["leader"].kill()
@@ -90,7 +116,7 @@ def test_formation_outlives_autopilots_that_hang_and_reboot(flown: Flown) -> Non
     asyncio.run(fly())
 
 
-def recorded_until_s(directory: Path, vehicle: str) -> float:
+def recorded_until_s(directory: Path, vehicle: str, speedup: float) -> float:
     """When the only recording of a vehicle ends, s since 1970: steps, and frames as pymavlink reads them."""
     starts = {one: read_start(one) for one in find_recordings([directory / RECORDINGS])}
     [(recording, start)] = [item for item in starts.items() if item[1].vehicle == vehicle]
@@ -103,4 +129,4 @@ def recorded_until_s(directory: Path, vehicle: str) -> float:
     assert frames > 0
     ends_s = min(start.to_unix(read_guidance(guidance).steps[-1].time_s), stamp_s)
     # Companions fly by a clock that runs faster.
-    return start.unix_s + (ends_s - start.unix_s) / UNHURRIED
+    return start.unix_s + (ends_s - start.unix_s) / speedup

@@ -38,7 +38,7 @@ def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
-                *("--speedup", "1.5", "--link", broker.url),
+                *("--speedup", "2", "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

@@ -67,11 +67,12 @@ def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
     until: Callable[..., Any],
     mission: Mission,
     tmp_path: Path,
+    speedup: float,
 ) -> None:
     async def fly() -> None:
         async with (
             broker_in(tmp_path) as broker,
-            live_flight(mission, directory=tmp_path, link=broker.url, speedup=3.0) as flight,
+            live_flight(mission, directory=tmp_path, links=[broker.url], speedup=speedup) as flight,
         ):
             await until(lambda: modes(flight) == ["GUIDED"] * 4)
             await flight.stop_companions()

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -18,12 +18,19 @@ import pytest
 
 from vfguide.link.address import LinkAddress, parse_link
 from vfguide.link.broker import embedded_broker
-from vfguide.link.mqtt import Link, open_link
+from vfguide.link.keys import KeyPlaces, key_places, make_keys, read_private_key, read_roster
+from vfguide.link.member import Member, ignore
+from vfguide.link.opening import Link, open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.trust import Trust, new_session
 
 Make = Callable[..., Any]
 
 PATIENCE_S = 60.0
 """Nothing here takes a tenth of this, unless the machine is very busy."""
+
+PROOF_S = 2.0
+"""For a leader's answer."""
 
 BASIS = """\
 allow_anonymous true
@@ -44,6 +51,12 @@ async def until(condition: Callable[[], object], patience_s: float = PATIENCE_S)
     async with asyncio.timeout(patience_s):
         while not condition():
             await asyncio.sleep(0.005)
+
+
+async def proof_of(member: Member) -> None:
+    """Wait until the leader has shown that it lives; where a test has none, not for long."""
+    with suppress(TimeoutError):
+        await until(lambda: member.trust.proven, PROOF_S)
 
 
 class Mosquitto:
@@ -156,7 +169,15 @@ def free_port_fixture() -> Callable[[], int]:
 
 
 @pytest.fixture(scope="session")
-def opened() -> Make:
+def formation_keys(tmp_path_factory: pytest.TempPathFactory) -> KeyPlaces:
+    """Keys of the formation that is tested."""
+    places = key_places(tmp_path_factory.mktemp("keys") / "test.yaml")
+    make_keys(places, "test", ["lead", "f0", "f1", "f2", "f3"])
+    return places
+
+
+@pytest.fixture(scope="session")
+def opened(formation_keys: KeyPlaces) -> Make:
     """Opens a link of a vehicle, with a list of what it receives, and sees that nothing is left of it."""
 
     open_now = 0
@@ -166,24 +187,36 @@ def opened() -> Make:
         where: int | str | LinkAddress,
         vehicle: str,
         listen_to: str | None = None,
-        **options: object,
+        *,
+        receive: Callable[[bytes], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        peer_clock: PeerClock | None = None,
+        signed: bool = True,
     ) -> AsyncIterator[tuple[Link, list[bytes]]]:
         nonlocal open_now
         received: list[bytes] = []
-        options.setdefault("receive", received.append)
         if isinstance(where, int):
             where = f"mqtt://127.0.0.1:{where}"
         if isinstance(where, str):
             where = parse_link(where, {})
-        open_now += 1
-        async with open_link(
-            where,
+        trust = Trust(
             formation="test",
-            vehicle=vehicle,
-            listen_to=listen_to,
-            random=Random(1),
-            **options,
-        ) as link:
+            name=vehicle,
+            leader="lead",
+            session=new_session(),
+            roster=read_roster(formation_keys.roster) if signed else None,
+            key=read_private_key(formation_keys.private(vehicle)) if signed else None,
+        )
+        member = Member(
+            trust,
+            clock=clock,
+            receive=ignore if listen_to is None else receive or received.append,
+            peer_clock=PeerClock() if listen_to is not None and peer_clock is None else peer_clock,
+        )
+        open_now += 1
+        async with open_link((where,), formation="test", member=member, random=Random(1)) as link:
+            if link.connected and member.peer_clock is not None:
+                await proof_of(member)
             try:
                 yield link, received
             finally:

@@ -11,7 +11,14 @@ from vfguide.bench.array_outcome import Watch
 from vfguide.bench.article import MISSIONS, article_mission
 from vfguide.bench.comparison import seeded, summed_up
 from vfguide.bench.flown import Figures
-from vfguide.bench.monte_carlo import batches, drawn_slots, sampled, summary_of
+from vfguide.bench.monte_carlo import (
+    Batch,
+    batches,
+    drawn_mission,
+    drawn_slots,
+    sampled,
+    summary_of,
+)
 from vfguide.bench.scale import crowd, growth_exponent
 from vfguide.bench.spread import dask_executor
 from vfguide.mission import load_mission
@@ -112,6 +119,35 @@ def test_drawn_slots_are_apart() -> None:
     for number, one in enumerate(slots):
         for other in slots[:number]:
             assert math.dist(one, other) >= 15.0
+
+
+@pytest.mark.parametrize(
+    ("law", "drawn"),
+    [
+        ("slot", {"k_x", "k_y", "kappa"}),
+        (
+            "pid",
+            {
+                "lateral_p_rad_m",
+                "lateral_i_rad_m_s",
+                "lateral_d_rad_s_m",
+                "longitudinal_p_1_s",
+                "longitudinal_i_1_s2",
+                "longitudinal_d",
+                "kappa",
+            },
+        ),
+    ],
+)
+def test_random_gains_are_those_of_the_law_that_flies(law: str, drawn: set[str]) -> None:
+    """They used to be those of the field, whatever flew."""
+    batch = Batch(law=law, count=1, seed=(1, 0))
+    first, gains = drawn_mission(batch, np.random.default_rng(1))
+    second, others = drawn_mission(batch, np.random.default_rng(2))
+    assert set(gains) == drawn
+    for name, value in gains.items():
+        assert getattr(first.controller, name) == value
+        assert getattr(second.controller, name) == others[name] != value
 
 
 def test_a_sample_of_formations_is_repeatable_by_its_seed() -> None:

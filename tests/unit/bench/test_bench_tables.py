@@ -10,7 +10,7 @@ import pytest
 from vfguide.bench.ablations import ABLATIONS, ablation_cases
 from vfguide.bench.article import MISSIONS
 from vfguide.bench.case_figure import draw_case, draw_laws
-from vfguide.bench.comparison import FULL, LAWS, QUICK, Row, cases, row_json, rows
+from vfguide.bench.comparison import FULL, QUICK, Row, cases, row_json, rows
 from vfguide.bench.comparison_table import long_table, metres, short_table
 from vfguide.bench.flown import Case, Figures, Tracks
 from vfguide.bench.map_figure import draw_maps
@@ -18,6 +18,7 @@ from vfguide.bench.robustness import SWEEPS, WRONG, Found, fly_point, points
 from vfguide.commands.bench_studies import maps, without_nan
 
 PNG = b"\x89PNG"
+LAWS = ("slot", "article", "pid", "mpc")
 
 
 def figures(mean_error_m: float) -> Figures:
@@ -78,16 +79,24 @@ def test_figures_go_into_json_without_what_it_does_not_know() -> None:
 
 def test_the_comparison_flies_every_mission_by_every_law_on_both_plants() -> None:
     for extent in (FULL, QUICK):
-        shipped = [case for case in cases(extent) if case.label == "shipped"]
+        shipped = [case for case in cases(extent, LAWS) if case.label == "shipped"]
         assert len({(one.mission, one.controller, one.plant) for one in shipped}) == 32
-    assert len(cases(FULL)) == 32 + 32 * 5
+    assert len(cases(FULL, LAWS)) == 32 + 32 * 5
 
 
 def test_every_ablation_is_a_mission_that_can_be_flown() -> None:
-    flown = ablation_cases(quick=True)
+    flown = ablation_cases("slot", quick=True)
     assert len(flown) == len(ABLATIONS) * len(MISSIONS)
     for case in flown:
         assert case.flown().controller.type == case.controller
+
+
+def test_only_what_a_law_has_is_switched_off() -> None:
+    flown = ablation_cases("pid", quick=True)
+    labels = {case.label for case in flown}
+    assert "no wind rate" in labels
+    assert {"no integral", "no slot motion"}.isdisjoint(labels)
+    assert all(case.flown().controller.type == "pid" for case in flown)
 
 
 def tracks() -> Tracks:
@@ -119,7 +128,7 @@ def found() -> list[Found]:
             settle_10m_s=None if point.value > 0.45 else 14.0,
             chatter_rad_s=0.0,
         )
-        for point in points(quick=False)
+        for point in points(("slot", "pid", "mpc"), quick=False)
     ]
 
 
@@ -134,7 +143,7 @@ def test_maps_show_what_never_settled(tmp_path: Path) -> None:
 def test_a_vehicle_slower_than_its_laws_believe_is_flown() -> None:
     wrong = next(
         one
-        for one in points(quick=True)
+        for one in points(("slot", "pid", "mpc"), quick=True)
         if one.sweep == WRONG[0] and one.value == 0.85 and one.law == "slot"
     )
     flown = fly_point(wrong)

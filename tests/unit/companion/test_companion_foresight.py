@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.companion.foresight import SLIPPING, Foresight, Memory, steps
+from vfguide.companion.foresight import SLIPPING, Foresight, Memory, memory_of, steps
 from vfguide.companion.plan import flight_plan
-from vfguide.guidance.pace import paced, without_own_speed, without_swing
 from vfguide.guidance.response import (
     Bias,
     Inner,
@@ -20,7 +19,7 @@ from vfguide.guidance.response import (
     moved,
     wanted_bank,
 )
-from vfguide.guidance.settings import GuidanceSettings
+from vfguide.laws.field import SlotField
 from vfguide.mission import load_mission
 from vfguide.state import Airframe, Setpoint, VehicleState
 
@@ -182,23 +181,33 @@ def test_steps_make_up_their_span() -> None:
     assert max(steps(0.52)) <= 0.05
 
 
-def settings() -> GuidanceSettings:
-    return flight_plan(load_mission(MISSIONS / "circle-wind.yaml"), "f1").settings
+def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> SlotField:
+    """The field of the mission circle-wind, but for what is given of gains and airframe."""
+    plan = flight_plan(load_mission(MISSIONS / "circle-wind.yaml"), "f1")
+    chosen = plan.gains.model_copy(update=gains)
+    return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
+
+
+def law_gain(field: SlotField) -> float:
+    """How fast the laws beneath a field answer, 1/s."""
+    return field.settings.sliding.kappa / field.settings.sliding.layer(0.04)
 
 
 def test_without_a_delay_nothing_is_slowed() -> None:
-    known = settings()
-    assert paced(known, 0.0, period=0.05, speed=20.0) is known
+    known = field_of()
+    assert known.for_late_course(slips=False, period=0.05) is known
+    assert known.for_late_speed(period=0.05) is known
 
 
 def test_each_field_is_slower_than_the_law_inside_it() -> None:
-    slowed = paced(settings(), 0.6, period=0.04, speed=20.0)
-    inside = slowed.sliding.kappa / slowed.sliding.layer(0.04)
+    known = field_of(course_dead_time=0.4, course_lag=0.2)
+    slowed = known.for_late_course(slips=False, period=0.04)
+    inside = law_gain(slowed)
     share = 2.0 / math.pi
-    lateral = 20.0 * share * slowed.field.chi_inf * slowed.field.k_y
+    lateral = 20.0 * share * slowed.gains.chi_inf * slowed.gains.k_y
     assert lateral <= inside / 2.0 + 1e-9
-    assert share * slowed.field.v_inf * slowed.field.k_x <= inside / 2.0 + 1e-9
-    assert inside < settings().sliding.kappa / settings().sliding.layer(0.04)
+    assert share * slowed.gains.v_inf_m_s * slowed.gains.k_x <= inside / 2.0 + 1e-9
+    assert inside < law_gain(known)
 
 
 def test_a_long_memory_hardly_answers_to_a_swing() -> None:
@@ -252,29 +261,33 @@ def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full() -> None:
 def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
     k_x: float, expected_k_x: float
 ) -> None:
-    known = settings()
-    slow = replace(
-        known,
-        field=replace(known.field, k_x=k_x, v_inf=6.0),
-        sliding=replace(known.sliding, loop_delay_s=0.5),
-    )
     beta = 1.2
-    sent = without_own_speed(slow, 0.8, beta, period=0.04, speed=20.0)
-    gain = sent.sliding.kappa / sent.sliding.layer(0.04)
-    slope = 2.0 / math.pi * sent.field.v_inf * sent.field.k_x
+    gains = {"k_x": k_x, "v_inf_m_s": 6.0}
+    known = field_of(gains, beta=beta, speed_dead_time=0.8, speed_hold="total-energy")
+    known.settings = replace(
+        known.settings, sliding=replace(known.settings.sliding, loop_delay_s=0.5)
+    )
+    sent = known.for_late_speed(period=0.04)
+    slope = 2.0 / math.pi * sent.gains.v_inf_m_s * sent.gains.k_x
     # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
-    assert 1.0 - (gain + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    assert 1.0 - (law_gain(sent) + slope) / beta == pytest.approx(0.0, abs=1e-9)
     # No more than a third of beta, half of what is left to the law inside.
-    assert sent.field.k_x == pytest.approx(expected_k_x)
+    assert sent.gains.k_x == pytest.approx(expected_k_x)
     assert not sent.answers_course_error
+
+
+def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips() -> None:
+    assert memory_of(slips=False, speed_hold="first-order") == Memory()
+    assert memory_of(slips=False, speed_hold="total-energy") == Memory(acceleration_s=10.0)
+    slipping = memory_of(slips=True, speed_hold="total-energy")
+    assert slipping == Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
 
 
 def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
     # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
-    slowed = without_swing(settings(), 0.5, period=0.04, speed=20.0)
-    gain = slowed.sliding.kappa / slowed.sliding.layer(0.04)
-    assert gain == pytest.approx(0.45)
-    assert 20.0 * 2.0 / math.pi * slowed.field.chi_inf * slowed.field.k_y <= 0.225 + 1e-9
+    slowed = field_of(course_dead_time=0.5).for_late_course(slips=True, period=0.04)
+    assert law_gain(slowed) == pytest.approx(0.45)
+    assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
 
 
 def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:

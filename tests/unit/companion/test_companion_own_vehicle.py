@@ -191,3 +191,35 @@ def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
     fix = own.take(replace(report(5.4, north=8.0), velocity_north=10.0, velocity_east=0.0), 42.4)
     assert fix is not None
     assert fix.state.wind_north == pytest.approx(wind_north, abs=1e-3)
+
+
+def drifting(own: OwnVehicle, plan: MakePlan, report: MakeReport) -> Fix:
+    """After 5 s of 22 m/s north and 2.7 m/s east by the positions; velocities have 3 m/s to the east."""
+    frame = plan().frame
+    for step in range(101):
+        time_s = 0.05 * step
+        latitude, longitude = frame.to_geodetic(22.0 * time_s, 2.7 * time_s)
+        moved = replace(report(5.0 + time_s), latitude_deg=latitude, longitude_deg=longitude)
+        fix = taken(own, moved, now=40.0 + time_s)
+    return fix
+
+
+REPORTED, TRUE = math.atan2(3.0, 22.0), math.atan2(2.7, 22.0)
+
+
+def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_told_its_own_course(
+    plan: MakePlan, report: MakeReport
+) -> None:
+    known = plan()
+    filters = replace(known.settings.filters, velocity_s=0.3, position_s=0.2)
+    own = OwnVehicle(replace(known, settings=replace(known.settings, filters=filters)))
+    assert drifting(own, plan, report).state.course == pytest.approx(TRUE, abs=0.001)
+    # 0.75 degrees: its course hold acts on the course that it reports.
+    assert own.course_offset == pytest.approx(REPORTED - TRUE, abs=0.001)
+
+
+def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(
+    own: OwnVehicle, plan: MakePlan, report: MakeReport
+) -> None:
+    assert drifting(own, plan, report).state.course == pytest.approx(REPORTED, abs=0.001)
+    assert own.course_offset == 0.0

@@ -8,6 +8,7 @@ from vfguide.companion.supervisor import Patience
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.path import Circle, Line, Racetrack
+from vfguide.laws.field import SlotGains
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
@@ -127,8 +128,10 @@ def test_limits_are_in_radians_and_metres_per_second(plan: MakePlan) -> None:
 
 def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) -> None:
     settings, chosen = plan().settings, mission("line-calm").controller
-    assert settings.field.chi_inf == pytest.approx(math.pi / 4)
-    assert (settings.field.k_x, settings.field.k_y, settings.field.v_inf) == (0.42, 0.28, 8.0)
+    gains = plan().gains
+    assert isinstance(gains, SlotGains)
+    assert gains.chi_inf == pytest.approx(math.pi / 4)
+    assert (gains.k_x, gains.k_y, gains.v_inf_m_s, gains.integral_s) == (0.42, 0.28, 8.0, 0.65)
     assert (settings.sliding.kappa, settings.sliding.epsilon) == (3.0, 0.01)
     assert (settings.sliding.rho, settings.observer.rho) == (chosen.rho, chosen.observer.rho)
     assert settings.filters.position_s == chosen.position_filter_s

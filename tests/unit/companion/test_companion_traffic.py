@@ -10,16 +10,10 @@ from hypothesis import strategies as st
 
 from vfguide.companion.hearing import Hearing
 from vfguide.companion.plan import FlightPlan, OtherVehicle
+from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, Viewpoint
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.traffic import (
-    BERTH_M,
-    DRIFT_M_S,
-    FORGET_S,
-    SILENT_S,
-    Traffic,
-    Viewpoint,
-    kept_distance,
-)
+from vfguide.companion.sightings import SILENT_S
+from vfguide.companion.traffic import FORGET_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.predicted_tracks import STEP_S

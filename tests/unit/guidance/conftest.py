@@ -7,10 +7,9 @@ from typing import TypedDict, Unpack
 
 import pytest
 
-from vfguide.guidance.formation import FieldGains, FieldType
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.settings import FollowerLaw, GuidanceSettings, SlidingGains, SpeedSource
+from vfguide.guidance.settings import GuidanceSettings, SlidingGains, SpeedSource
 from vfguide.state import LeaderState, VehicleState
 
 
@@ -39,14 +38,11 @@ class Plant:
 class Changes(TypedDict, total=False):
     """What tests change of the settings."""
 
-    field_type: FieldType
     filters: FilterTimes
     speed_source: SpeedSource
     predict_leader: bool
     wind_feedforward: bool
     give_way: bool
-    answers_course_error: bool
-    law: FollowerLaw
 
 
 @pytest.fixture(scope="session")
@@ -113,8 +109,6 @@ def leader() -> Callable[..., LeaderState[float]]:
 def choices() -> Callable[..., GuidanceSettings]:
     """What a mission file chooses by default, but for what is given."""
     usual = GuidanceSettings(
-        field_type="slot",
-        field=FieldGains(k_x=0.2, k_y=0.2, chi_inf=math.pi / 4.0, v_inf=8.0),
         sliding=SlidingGains(
             kappa=3.0, epsilon=0.01, boundary_layer_factor=3.5, loop_delay_s=0.0, rho=50.0
         ),

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.guidance.follower import FollowerGuidance, follower_step
+from tests.unit.guidance.following import follower_step
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
@@ -19,6 +19,7 @@ from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.path import Circle, Line, Path, Racetrack
 from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.laws.keeper import FollowerGuidance
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
@@ -99,11 +100,11 @@ def random_leaders(states: VehicleState[Any], seed: int) -> LeaderState[Any]:
 
 
 @pytest.mark.parametrize(
-    ("airframe", "field", "switch"),
-    list(product(AIRFRAMES, ["slot", "article"], [True, False])),
+    ("airframe", "law", "switch"),
+    list(product(AIRFRAMES, ["slot", "article", "pid"], [True, False])),
 )
 def test_followers_in_a_batch_are_followers_alone(
-    choices: Choices, airframe: Airframe, field: str, *, switch: bool
+    choices: Choices, airframe: Airframe, law: str, *, switch: bool
 ) -> None:
     random = np.random.default_rng(3)
     states = random_states(1)
@@ -111,8 +112,8 @@ def test_followers_in_a_batch_are_followers_alone(
     slots = Slot(
         forward=random.uniform(-60.0, 60.0, COUNT), right=random.uniform(-60.0, 60.0, COUNT)
     )
-    chosen = choices(field_type=field, predict_leader=switch, wind_feedforward=switch)
-    batch = follower_step(states, leaders, slots, chosen, airframe, period=PERIOD)
+    chosen = choices(predict_leader=switch, wind_feedforward=switch)
+    batch = follower_step(states, leaders, slots, chosen, airframe, period=PERIOD, law=law)
     for index in range(COUNT):
         single = follower_step(
             element(states, index),
@@ -121,6 +122,7 @@ def test_followers_in_a_batch_are_followers_alone(
             chosen,
             airframe,
             period=PERIOD,
+            law=law,
         )
         assert isinstance(single.setpoint.course, float)
         assert isinstance(single.setpoint.limited, bool)
@@ -236,7 +238,7 @@ def all_finite(guidance: FollowerGuidance[float] | LeaderGuidance[float]) -> boo
     state=anywhere(),
     leader=any_leader(),
     slot=st.builds(Slot, forward=st.floats(-1e4, 1e4), right=st.floats(-1e4, 1e4)),
-    field=st.sampled_from(["slot", "article"]),
+    law=st.sampled_from(["slot", "article", "pid"]),
 )
 def test_wherever_a_follower_is_its_guidance_is_finite(
     choices: Choices,
@@ -244,12 +246,10 @@ def test_wherever_a_follower_is_its_guidance_is_finite(
     state: VehicleState[float],
     leader: LeaderState[float],
     slot: Slot[float],
-    field: str,
+    law: str,
 ) -> None:
     for airframe in AIRFRAMES:
-        guidance = follower_step(
-            state, leader, slot, choices(field_type=field), airframe, period=PERIOD
-        )
+        guidance = follower_step(state, leader, slot, choices(), airframe, period=PERIOD, law=law)
         assert all_finite(guidance)
 
 

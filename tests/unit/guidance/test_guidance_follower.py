@@ -8,9 +8,11 @@ from typing import Protocol
 
 import pytest
 
-from vfguide.guidance.follower import follower_step
+from tests.unit.guidance.following import follower_step
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.settings import GuidanceSettings
+from vfguide.laws.field import SlotField, SlotGains
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Leaders = Callable[..., LeaderState[float]]
@@ -42,6 +44,7 @@ def fly_behind(vehicle: Vehicles, plant: Callable[..., Plant]) -> Callable[..., 
         settings: GuidanceSettings,
         *,
         period: float = 0.02,
+        law: str = "slot",
     ) -> float:
         start = slot_motion(motion(0.0), slot)
         flyer = plant(north=start.north - 10.0, east=start.east - 10.0, course=start.course)
@@ -50,7 +53,9 @@ def fly_behind(vehicle: Vehicles, plant: Callable[..., Plant]) -> Callable[..., 
             time = step * period
             state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time)
             ahead = motion(time)
-            guidance = follower_step(state, ahead, slot, settings, COURSE_HOLD, period=period)
+            guidance = follower_step(
+                state, ahead, slot, settings, COURSE_HOLD, period=period, law=law
+            )
             flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, period)
             if time > 40.0:
                 place = slot_motion(ahead, slot)
@@ -162,20 +167,20 @@ def circling(leader: Leaders, time: float) -> LeaderState[float]:
 
 
 @pytest.mark.parametrize(
-    ("field", "mean_error", "accuracy"), [("article", 3.14, 0.1), ("slot", 0.0, 0.01)]
+    ("law", "mean_error", "accuracy"), [("article", 3.14, 0.1), ("slot", 0.0, 0.01)]
 )
 def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
     leader: Leaders,
     fly_behind: Callable[..., float],
     choices: Choices,
     *,
-    field: str,
+    law: str,
     mean_error: float,
     accuracy: float,
 ) -> None:
     # The article's field rests where its correction is the slot's motion relative to the leader's: 40 m
     # behind at 0.1333 rad/s, 5.3 m/s sideways. Solved for the three slots: 3.23, 3.22 and 2.98 m.
-    settings = choices(field_type=field)
+    settings = choices()
     # 0.2 . 3 . 0.05 = 0.03: as thin as the fine loop of this test bears
     thin = replace(settings, sliding=replace(settings.sliding, boundary_layer_factor=0.2))
     slots = [
@@ -183,7 +188,9 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
         Slot(forward=-20.0, right=20.0),
         Slot(forward=-40.0, right=0.0),
     ]
-    errors = [fly_behind(lambda time: circling(leader, time), slot, thin) for slot in slots]
+    errors = [
+        fly_behind(lambda time: circling(leader, time), slot, thin, law=law) for slot in slots
+    ]
     assert sum(errors) / 3.0 == pytest.approx(mean_error, abs=accuracy)
 
 
@@ -258,16 +265,13 @@ def test_where_only_the_speed_counts_it_does_not_swing_with_the_course(
 ) -> None:
     """In a wind across, a turn toward the field would ask for another airspeed meanwhile."""
     airframe, ahead = Airframe(), leader(turn_rate=0.1)
-    speeds = [
-        follower_step(
-            vehicle(-20.0, 0.0, course=course, wind=(0.0, 4.0)),
-            ahead,
-            BEHIND,
-            choices(answers_course_error=answers, predict_leader=False),
-            airframe,
-            period=PERIOD,
-        ).setpoint.speed
-        for course in (-0.05, 0.05)
-        for answers in (True, False)
-    ]
+    settings = choices(predict_leader=False)
+    speeds = []
+    for course in (-0.05, 0.05):
+        for answers in (True, False):
+            law = SlotField(SlotGains(), settings, airframe)
+            law.answers_course_error = answers
+            state = vehicle(-20.0, 0.0, course=course, wind=(0.0, 4.0))
+            guidance = SlotKeeper(law, BEHIND).step(state, ahead, period=PERIOD)
+            speeds.append(guidance.setpoint.speed)
     assert abs(speeds[3] - speeds[1]) < 0.5 * abs(speeds[2] - speeds[0])

@@ -43,14 +43,17 @@ def heard(
     )
 
 
-def after(until_s: float, course: Course, speed: Course = lambda _: 20.0) -> IntendedMotion:
+def after(
+    until_s: float, course: Course, speed: Course = lambda _: 20.0, *, as_planned: bool = False
+) -> IntendedMotion:
     """What is made of a leader that flies north along its path, with this course (rad) and speed (m/s)."""
     first = heard(0.0, course(0.0), speed=speed(0.0))
     known = intended_at_first(first, planned_motion(first, NORTHBOUND, CALM))
     for step in range(1, round(until_s / PERIOD_S) + 1):
         time_s = step * PERIOD_S
         state = heard(time_s, course(time_s), speed=speed(time_s))
-        known = intended_motion(known, state, planned_motion(state, NORTHBOUND, CALM))
+        planned = planned_motion(state, NORTHBOUND, CALM)
+        known = intended_motion(known, state, planned, as_planned=as_planned)
     return known
 
 
@@ -130,3 +133,20 @@ def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not() -> None:
     assert slope == pytest.approx((step - course) / 0.001, rel=1e-3)
     far, _ = bent_course(PathPoint(0.0, 1000.0, 0.0), GAINS)
     assert far == pytest.approx(-math.atan(10.0), rel=0.07)
+
+
+def test_slots_of_a_planned_leader_turn_with_the_path_alone() -> None:
+    # A course that is off by 1 degree for good, such as an estimator's, and one that wobbles slowly.
+    for course in (lambda _: 0.0175, lambda t: 0.02 * math.sin(2.0 * math.pi * t / 8.0)):
+        known = after(60.0, course, as_planned=True)
+        assert abs(known.motion.course) < 1e-6
+        assert abs(known.motion.turn_rate) < 1e-6
+        # Its place moves as it is measured to move.
+        velocity = known.motion.ground_speed * math.sin(known.motion.course)
+        assert velocity + known.motion.drift_east == pytest.approx(20.0 * math.sin(course(60.0)))
+
+
+def test_a_planned_leader_that_leaves_its_path_is_followed_as_it_flies() -> None:
+    turned = after(60.0, lambda t: 0.0 if t < 45.0 else 0.5, as_planned=True)
+    # 15 s after the turn e^(-15/2) of the trust is left.
+    assert turned.motion.course == pytest.approx(0.5, abs=0.5 * math.exp(-7.0))

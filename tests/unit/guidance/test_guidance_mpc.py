@@ -3,17 +3,18 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.guidance.controller import MpcController
+from tests.unit.guidance.following import keeper
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.mpc import Programme, predicted_slot, regulator
-from vfguide.guidance.settings import GuidanceSettings, MpcWeights
+from vfguide.guidance.settings import GuidanceSettings
+from vfguide.laws.mpc import MpcGains, Programme, predicted_slot, regulator
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Leader = Callable[..., LeaderState[float]]
@@ -21,9 +22,14 @@ Vehicle = Callable[..., VehicleState[float]]
 Choices = Callable[..., GuidanceSettings]
 
 PERIOD = 0.05
-WEIGHTS = MpcWeights(
-    horizon_s=3.0, intervals=20, velocity=1.0, acceleration=0.1, max_course=math.pi / 4.0
-)
+CHOSEN: dict[str, Any] = {
+    "horizon_s": 3.0,
+    "intervals": 20,
+    "velocity_weight_s2": 1.0,
+    "acceleration_weight_s4": 0.1,
+    "integral_s": 0.0,
+}
+WEIGHTS = MpcGains(**CHOSEN)
 SLOT = Slot(forward=-40.0, right=10.0)
 
 
@@ -39,7 +45,9 @@ def test_without_bounds_it_is_the_linear_quadratic_regulator(
     error: complex, velocity: complex
 ) -> None:
     programme = Programme(WEIGHTS, beta=0.8)
-    _, gain = regulator(programme.interval, WEIGHTS.velocity, WEIGHTS.acceleration)
+    _, gain = regulator(
+        programme.interval, WEIGHTS.velocity_weight_s2, WEIGHTS.acceleration_weight_s4
+    )
     straight = np.zeros(WEIGHTS.intervals + 1)
     found = programme.solve(error, velocity, straight, unbounded(WEIGHTS.intervals))
     wanted = -(gain[0] * error + gain[1] * velocity)
@@ -73,7 +81,7 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
     state = vehicle(
         north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
     )
-    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
     setpoint = controller.step(state, leading, period=PERIOD).setpoint
     lead = motion.turn_rate * (1.0 / 1.2 + 0.025)
     assert setpoint.course == pytest.approx(motion.course + lead, abs=1e-4)
@@ -84,7 +92,7 @@ def test_a_distant_slot_is_flown_to_within_bank_and_airspeed(
     leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
     airframe = Airframe()
-    controller = MpcController(choices(), SLOT, airframe, WEIGHTS)
+    controller = keeper("mpc", choices(), SLOT, airframe, **CHOSEN)
     fastest = GRAVITY * math.tan(airframe.max_bank) / 20.0
     steepest = fastest * (1.0 / airframe.alpha + PERIOD / 2.0)
     for east in (-300.0, 300.0):
@@ -98,7 +106,7 @@ def test_a_distant_slot_is_flown_to_within_bank_and_airspeed(
 def test_a_vehicle_outside_its_bounds_is_led_back_in(
     leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
-    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
     too_fast = vehicle(north=-40.0, east=10.0, ground_speed=40.0)
     assert controller.step(too_fast, leader(), period=PERIOD).setpoint.speed < 40.0
     backwards = vehicle(north=-40.0, east=10.0, course=3.0)
@@ -111,8 +119,8 @@ def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot(
     behind = vehicle(north=-40.5, east=10.0)
 
     def asked(integral_s: float) -> list[float]:
-        weights = replace(WEIGHTS, integral_s=integral_s)
-        controller = MpcController(choices(), SLOT, Airframe(), weights)
+        chosen = CHOSEN | {"integral_s": integral_s}
+        controller = keeper("mpc", choices(), SLOT, Airframe(), **chosen)
         speeds = [controller.step(behind, leader(), period=PERIOD).setpoint.speed for _ in range(5)]
         controller.reset()
         again = controller.step(behind, leader(), period=PERIOD).setpoint.speed
@@ -123,7 +131,9 @@ def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot(
     assert alone == pytest.approx([alone[0]] * 5, abs=1e-3)
     # Each step moves the target by 0.5 m * 0.05 s / 1 s, less 1 / 256 for the nearness.
     _, gain = regulator(
-        WEIGHTS.horizon_s / WEIGHTS.intervals, WEIGHTS.velocity, WEIGHTS.acceleration
+        WEIGHTS.horizon_s / WEIGHTS.intervals,
+        WEIGHTS.velocity_weight_s2,
+        WEIGHTS.acceleration_weight_s4,
     )
     share = -gain[0] * (1.0 / 0.8 + PERIOD / 2.0)
     wanted = [learning[0] + share * step * 0.025 * (256.0 / 257.0) for step in range(5)]
@@ -134,7 +144,7 @@ def test_the_same_states_give_the_same_setpoints(
     leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
     def flown() -> list[float]:
-        controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+        controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
         states = [vehicle(north=-40.0 + 0.3 * step, east=8.0) for step in range(20)]
         return [controller.step(state, leader(), period=PERIOD).setpoint.speed for state in states]
 
@@ -162,7 +172,7 @@ def test_wherever_a_follower_is_its_guidance_is_finite(
     turn_rate: float,
     wind: float,
 ) -> None:
-    controller = MpcController(choices(), SLOT, Airframe(), WEIGHTS)
+    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
     state = vehicle(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
     # Nobody who stands still in the air is guided: a companion takes its airspeed for 1 m/s at least.
     state = replace(state, airspeed=max(state.airspeed, 1.0))

@@ -1,14 +1,15 @@
 """The PID baseline: what it answers to an error, and when its integrals stand still."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from vfguide.guidance.controller import FieldController, PidController, formation_controller
-from vfguide.guidance.formation import Slot, formation_error, slot_motion
-from vfguide.guidance.pid import AxisMemory, axis_step, first_memory, pid_step
-from vfguide.guidance.settings import AxisGains, GuidanceSettings, PidGains
+from tests.unit.guidance.following import follower_step, keeper
+from vfguide.guidance.formation import Slot, slot_motion
+from vfguide.guidance.settings import GuidanceSettings
+from vfguide.laws.pid import AxisMemory, axis_step
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Leader = Callable[..., LeaderState[float]]
@@ -16,28 +17,26 @@ Vehicle = Callable[..., VehicleState[float]]
 Choices = Callable[..., GuidanceSettings]
 
 PERIOD = 0.05
-GAINS = AxisGains(
-    proportional=0.1, integral=0.02, derivative=0.5, derivative_filter_s=0.0, greatest=2.0
-)
-BOTH = PidGains(lateral=GAINS, longitudinal=GAINS)
-GENTLE = AxisGains(
-    proportional=0.01, integral=0.02, derivative=0.0, derivative_filter_s=0.0, greatest=2.0
-)
+GAINS: dict[str, Any] = {
+    "proportional": 0.1,
+    "integral": 0.02,
+    "derivative": 0.5,
+    "filter_s": 0.0,
+    "greatest": 2.0,
+}
 EMPTY = AxisMemory(integral=0.0, rate=0.0)
 
 
 def test_the_correction_is_the_sum_of_three_parts() -> None:
-    correction, memory = axis_step(3.0, -0.4, EMPTY, GAINS, period=PERIOD, share=1.0, held=False)
+    correction, memory = axis_step(3.0, -0.4, EMPTY, **GAINS, period=PERIOD, share=1.0, held=False)
     # 0.1 * 3 + 0.02 * 3 * 0.05 - 0.5 * 0.4
     assert correction == pytest.approx(0.103)
     assert memory.integral == pytest.approx(0.003)
 
 
 def test_the_rate_is_low_passed() -> None:
-    slow = AxisGains(
-        proportional=0.0, integral=0.0, derivative=1.0, derivative_filter_s=0.15, greatest=2.0
-    )
-    correction, memory = axis_step(0.0, 1.0, EMPTY, slow, period=PERIOD, share=1.0, held=False)
+    slow = GAINS | {"proportional": 0.0, "integral": 0.0, "derivative": 1.0, "filter_s": 0.15}
+    correction, memory = axis_step(0.0, 1.0, EMPTY, **slow, period=PERIOD, share=1.0, held=False)
     # Backward Euler: 0.05 / (0.15 + 0.05).
     assert correction == memory.rate == pytest.approx(0.25)
 
@@ -46,33 +45,31 @@ def test_an_integral_stands_still_while_its_correction_is_at_the_limit() -> None
     memory = EMPTY
     for _ in range(100):
         correction, memory = axis_step(
-            80.0, 0.0, memory, GAINS, period=PERIOD, share=1.0, held=False
+            80.0, 0.0, memory, **GAINS, period=PERIOD, share=1.0, held=False
         )
         assert correction == 2.0
     assert memory.integral == 0.0
 
 
 def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
-    leader: Leader, vehicle: Vehicle
+    leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
-    leading, slot = leader(), Slot(forward=-20.0, right=0.0)
-    motion = slot_motion(leading, slot)
+    slot = Slot(forward=-20.0, right=0.0)
 
     def learned_at(east: float) -> float:
-        state = vehicle(north=-20.0, east=east, course=0.0, ground_speed=motion.speed)
-        error = formation_error(motion, state)
-        _, memory = pid_step(
-            state,
-            motion,
-            error,
-            first_memory(error),
-            gains=PidGains(lateral=GENTLE, longitudinal=GENTLE),
-            airframe=Airframe(),
-            period=PERIOD,
-            wind_feedforward=True,
-            rho=50.0,
+        """What the second step asks for more than the first, rad of course."""
+        gentle = keeper(
+            "pid",
+            choices(),
+            slot,
+            Airframe(),
+            lateral_p_rad_m=0.01,
+            lateral_i_rad_m_s=0.02,
+            lateral_d_rad_s_m=0.0,
         )
-        return float(memory.lateral.integral)
+        state = vehicle(north=-20.0, east=east, course=0.0)
+        errors = [gentle.step(state, leader(), period=PERIOD).course_error for _ in range(2)]
+        return float(errors[0] - errors[1])
 
     # Half of it 2 m away, 1 / (1 + 5^4) of it 10 m away.
     assert learned_at(-2.0) == pytest.approx(0.02 * 2.0 * 0.05 / 2.0)
@@ -81,35 +78,24 @@ def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
 
 def test_an_integral_at_the_limit_still_shrinks() -> None:
     wound_up = AxisMemory(integral=2.0, rate=0.0)
-    _, memory = axis_step(-1.0, 0.0, wound_up, GAINS, period=PERIOD, share=1.0, held=False)
+    _, memory = axis_step(-1.0, 0.0, wound_up, **GAINS, period=PERIOD, share=1.0, held=False)
     assert memory.integral == pytest.approx(2.0 - 0.02 * 0.05)
 
 
 def test_an_integral_stands_still_while_the_vehicle_is_at_a_limit() -> None:
-    _, memory = axis_step(3.0, 0.0, EMPTY, GAINS, period=PERIOD, share=1.0, held=True)
+    _, memory = axis_step(3.0, 0.0, EMPTY, **GAINS, period=PERIOD, share=1.0, held=True)
     assert memory.integral == 0.0
 
 
 def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
-    leader: Leader, vehicle: Vehicle
+    leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
     leading, slot = leader(turn_rate=0.1), Slot(forward=-40.0, right=0.0)
     motion = slot_motion(leading, slot)
     state = vehicle(
         north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
     )
-    error = formation_error(motion, state)
-    guidance, _ = pid_step(
-        state,
-        motion,
-        error,
-        first_memory(error),
-        gains=BOTH,
-        airframe=Airframe(),
-        period=PERIOD,
-        wind_feedforward=True,
-        rho=50.0,
-    )
+    guidance = follower_step(state, leading, slot, choices(), Airframe(), period=PERIOD, law="pid")
     assert guidance.setpoint.course == pytest.approx(motion.course + 0.1 * (1.0 / 1.2 + 0.025))
     assert guidance.setpoint.speed == pytest.approx(motion.speed)
 
@@ -119,29 +105,17 @@ def test_on_arrays_it_is_what_it_is_on_floats() -> None:
     rates = np.array([1.0, -0.2, 0.0, 3.0, -20.0])
     memory = AxisMemory(integral=np.array([0.1, 0.0, -0.2, 2.0, 0.3]), rate=rates * 0.5)
     columns = np.ones(5)
-    gains = AxisGains(
-        proportional=0.1 * columns,
-        integral=0.02 * columns,
-        derivative=0.5 * columns,
-        derivative_filter_s=0.2,
-        greatest=2.0 * columns,
-    )
+    gains = GAINS | {"filter_s": 0.2}
     held = np.array([False, True, False, True, False])
     many, remembered = axis_step(
-        errors, rates, memory, gains, period=PERIOD, share=columns, held=held
+        errors, rates, memory, **gains, period=PERIOD, share=columns, held=held
     )
     for index in range(5):
         one, kept = axis_step(
             float(errors[index]),
             float(rates[index]),
             AxisMemory(integral=float(memory.integral[index]), rate=float(memory.rate[index])),
-            AxisGains(
-                proportional=0.1,
-                integral=0.02,
-                derivative=0.5,
-                derivative_filter_s=0.2,
-                greatest=2.0,
-            ),
+            **gains,
             period=PERIOD,
             share=1.0,
             held=bool(held[index]),
@@ -153,17 +127,11 @@ def test_on_arrays_it_is_what_it_is_on_floats() -> None:
 def test_a_controller_that_is_reset_has_learnt_nothing(
     leader: Leader, vehicle: Vehicle, choices: Choices
 ) -> None:
-    slot, state = Slot(forward=-20.0, right=0.0), vehicle(north=-25.0, east=1.0)
-    controller = PidController(choices(), slot, Airframe(), BOTH)
+    slot, state = Slot(forward=-20.0, right=0.0), vehicle(north=-20.5, east=0.1)
+    gentle = {"lateral_p_rad_m": 0.01, "longitudinal_p_1_s": 0.01}
+    controller = keeper("pid", choices(), slot, Airframe(), **gentle)
     first = controller.step(state, leader(), period=PERIOD).setpoint
     later = controller.step(state, leader(), period=PERIOD).setpoint
     assert later.course < first.course
     controller.reset()
     assert controller.step(state, leader(), period=PERIOD).setpoint == first
-
-
-def test_a_law_without_gains_is_refused(choices: Choices) -> None:
-    slot = Slot(forward=-20.0, right=0.0)
-    assert isinstance(formation_controller(choices(), slot, Airframe()), FieldController)
-    with pytest.raises(ValueError, match="pid has no gains"):
-        formation_controller(choices(law="pid"), slot, Airframe())

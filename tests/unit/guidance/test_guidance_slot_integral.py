@@ -1,16 +1,13 @@
 """The slot's field learns what keeps pushing a follower off its slot, and nothing else."""
 
-import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from vfguide.guidance.controller import FieldController, formation_controller
-from vfguide.guidance.follower import follower_step, learning_step
-from vfguide.guidance.formation import FieldGains, FormationError, Slot
+from tests.unit.guidance.following import follower_step, keeper
+from vfguide.guidance.formation import FormationError, Slot
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.slot_integral import (
     GREATEST_M,
@@ -25,7 +22,8 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 PERIOD = 0.05
 COURSE_HOLD = Airframe(hold="course-hold")
 BEHIND = Slot(forward=-20.0, right=0.0)
-LEARNS = FieldGains(k_x=0.2, k_y=0.2, chi_inf=math.pi / 4.0, v_inf=8.0, integral_s=1.5)
+LEARNS = 1.5
+"""s, of the integral."""
 Choices = Callable[..., GuidanceSettings]
 Leaders = Callable[..., LeaderState[float]]
 Vehicles = Callable[..., VehicleState[float]]
@@ -65,7 +63,7 @@ def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound() ->
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in() -> None:
     before = Offset(ahead=0.2, right=0.1)
     assert learned(before, off(0.5, 0.5), LEARNS, period=0.5, held=True) == before
-    never = replace(LEARNS, integral_s=0.0)
+    never = 0.0
     assert learned(before, off(0.5, 0.5), never, period=0.5, held=False) == before
     assert aimed_error(off(0.5, 0.5), no_offset(0.0), never) == off(0.5, 0.5)
 
@@ -88,11 +86,15 @@ def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
 
 
 def error_with_biased_holds(
-    settings: GuidanceSettings, leader: Leaders, vehicle: Vehicles, plant: Callable[..., Any]
+    settings: GuidanceSettings,
+    leader: Leaders,
+    vehicle: Vehicles,
+    plant: Callable[..., Any],
+    **gains: float,
 ) -> tuple[float, float]:
     """(along, across) error after a minute with holds that are 0.05 rad and 0.5 m/s off."""
     flyer = plant(north=-20.0)
-    controller = FieldController(settings, BEHIND, COURSE_HOLD)
+    controller = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
     for step in range(1200):
         state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
         ahead = leader(time_s=step * PERIOD, north=20.0 * step * PERIOD)
@@ -115,8 +117,7 @@ def test_without_an_integral_biased_holds_leave_a_lasting_error(
 def test_with_an_integral_biased_holds_leave_no_error(
     leader: Leaders, vehicle: Vehicles, choices: Choices, plant: Callable[..., Any]
 ) -> None:
-    learns = replace(choices(), field=LEARNS)
-    along, across = error_with_biased_holds(learns, leader, vehicle, plant)
+    along, across = error_with_biased_holds(choices(), leader, vehicle, plant, integral_s=LEARNS)
     assert abs(along) < 1e-4
     assert abs(across) < 1e-4
 
@@ -124,47 +125,28 @@ def test_with_an_integral_biased_holds_leave_no_error(
 def test_a_follower_that_flies_something_else_learns_nothing(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
-    learns = replace(choices(), field=LEARNS)
-    before = Offset(ahead=0.03, right=0.02)
     state = vehicle(-20.05, 0.05)
 
-    def step(*, held: bool) -> Offset[float]:
-        _, after = learning_step(
-            state,
-            leader(),
-            BEHIND,
-            learns,
-            COURSE_HOLD,
-            period=PERIOD,
-            offset=before,
-            held=held,
-        )
-        return after
+    def second_speed(*, held: bool) -> float:
+        learns = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=LEARNS)
+        learns.step(state, leader(), period=PERIOD, held=held)
+        return float(learns.step(state, leader(), period=PERIOD).setpoint.speed)
 
-    assert step(held=True) == before
-    after = step(held=False)
-    assert after.ahead > before.ahead
-    assert after.right < before.right
+    fresh = follower_step(
+        state, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=LEARNS
+    )
+    assert second_speed(held=True) == fresh.setpoint.speed
+    assert second_speed(held=False) > fresh.setpoint.speed
 
 
-def test_a_controller_that_is_reset_is_as_on_its_first_step(
+def test_a_law_that_is_reset_is_as_on_its_first_step(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
-    learns = replace(choices(), field=LEARNS)
-    controller = formation_controller(learns, BEHIND, COURSE_HOLD)
+    learns = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=LEARNS)
     state = vehicle(-20.4, 0.3)
-    first = controller.step(state, leader(), period=PERIOD)
+    first = learns.step(state, leader(), period=PERIOD)
     for _ in range(20):
-        later = controller.step(state, leader(), period=PERIOD)
+        later = learns.step(state, leader(), period=PERIOD)
     assert later.setpoint.speed > first.setpoint.speed
-    controller.reset()
-    assert controller.step(state, leader(), period=PERIOD) == first
-    assert first == follower_step(
-        state,
-        leader(),
-        BEHIND,
-        learns,
-        COURSE_HOLD,
-        period=PERIOD,
-        offset=no_offset(0.0),
-    )
+    learns.reset()
+    assert learns.step(state, leader(), period=PERIOD) == first

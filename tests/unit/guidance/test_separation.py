@@ -23,7 +23,6 @@ from vfguide.guidance.separation import (
     Others,
     closest_approaches,
     keep_clear,
-    manoeuvres_of,
 )
 
 AGILITY = Agility(
@@ -59,7 +58,7 @@ def flying(place: complex, velocity: complex, turn_rate: float = 0.0) -> Complex
 
 
 def cleared(found: Others, wanted: WantedMotion = STRAIGHT_ON) -> Clearance:
-    return keep_clear(HERE, wanted, found, AGILITY, manoeuvres_of(AGILITY))
+    return keep_clear(HERE, wanted, found, AGILITY)
 
 
 def test_an_arc_is_a_part_of_a_circle() -> None:
@@ -144,7 +143,5 @@ def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others(
 
 def test_a_side_that_was_chosen_is_kept() -> None:
     meeting = others(flying(120.0 + 0j, -NORTH))
-    held = keep_clear(
-        HERE, STRAIGHT_ON, meeting, AGILITY, manoeuvres_of(AGILITY), side=-math.radians(20.0)
-    )
+    held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
     assert held.turn < 0.0

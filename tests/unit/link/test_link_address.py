@@ -1,3 +1,4 @@
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -5,13 +6,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress, parse_link
+from vfguide.link.address import MqttAddress, UdpAddress, parse_link, parse_links
 
 HIDDEN = "hunter2"
 AWKWARD = "p/w:@"
 
 
-def outcome(text: str) -> LinkAddress | str:
+def outcome(text: str) -> MqttAddress | str:
     """The address, or what is said against it."""
     try:
         return parse_link(text, {})
@@ -22,18 +23,18 @@ def outcome(text: str) -> LinkAddress | str:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("mqtt://broker", LinkAddress(host="broker", port=1883)),
-        ("mqtts://broker", LinkAddress(host="broker", port=8883, secure=True)),
-        ("MQTT://10.0.0.1:1884/", LinkAddress(host="10.0.0.1", port=1884)),
-        ("mqtt://[fd00::10]:1883/a/b", LinkAddress(host="fd00::10", port=1883, prefix="a/b")),
-        ("mqtt://crew@broker", LinkAddress(host="broker", port=1883, user="crew")),
+        ("mqtt://broker", MqttAddress(host="broker", port=1883)),
+        ("mqtts://broker", MqttAddress(host="broker", port=8883, secure=True)),
+        ("MQTT://10.0.0.1:1884/", MqttAddress(host="10.0.0.1", port=1884)),
+        ("mqtt://[fd00::10]:1883/a/b", MqttAddress(host="fd00::10", port=1883, prefix="a/b")),
+        ("mqtt://crew@broker", MqttAddress(host="broker", port=1883, user="crew")),
         (
             "mqtt://crew%40north:p%2Fw%3A%40@broker:1883",
-            LinkAddress(host="broker", port=1883, user="crew@north", password=AWKWARD),
+            MqttAddress(host="broker", port=1883, user="crew@north", password=AWKWARD),
         ),
         (
             "mqtts://crew:hunter2@broker/team?ca=/etc/ca.pem&cert=c.pem&key=k.pem",
-            LinkAddress(
+            MqttAddress(
                 host="broker",
                 port=8883,
                 prefix="team",
@@ -47,7 +48,7 @@ def outcome(text: str) -> LinkAddress | str:
         ),
     ],
 )
-def test_addresses(text: str, expected: LinkAddress) -> None:
+def test_addresses(text: str, expected: MqttAddress) -> None:
     assert parse_link(text, {}) == expected
 
 
@@ -57,7 +58,18 @@ def test_addresses(text: str, expected: LinkAddress) -> None:
         ("", "mqtt://HOST:1883/PREFIX"),
         ("broker:1883", "mqtt://HOST:1883/PREFIX"),
         ("mqtt:broker", "mqtt://HOST:1883/PREFIX"),
-        ("http://broker", "begin with mqtt:// or mqtts://"),
+        ("http://broker", "begin with mqtt://, mqtts:// or udp://"),
+        ("udp://239.0.0.1", "IPv4 addresses and ports"),
+        ("udp://[ff02::1]:14700", "IPv4 addresses and ports"),
+        ("udp://host:14700", "IPv4 addresses and ports"),
+        ("udp://239.0.0.1:0", "within 1 to 65535"),
+        ("udp://239.0.0.1:14700/a", "has no path"),
+        ("udp://239.0.0.1:14700?ttl=3", "come interface= and port="),
+        ("udp://239.0.0.1:14700,10.0.0.1:14700", "reaches everybody by itself"),
+        ("udp://10.0.0.1:14700?interface=eth0", "goes with a multicast group"),
+        ("udp://239.0.0.1:14700?interface=a b", "blanks"),
+        ("udp://239.0.0.1:14700?interface=a/b", "is no interface"),
+        ("udp://10.0.0.1:1?port=99999", "within 1 to 65535"),
         ("mqtt://", "the host is missing"),
         ("mqtt://bro ker", "blanks"),
         ("mqtt://broker\n", "blanks or control"),
@@ -139,3 +151,33 @@ def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
     else:
         assert 1 <= found.port <= 65_535
         assert not set("+#") & set(found.prefix)
+
+
+def test_a_group_a_broadcast_address_and_peers_are_told_apart() -> None:
+    group = parse_link("udp://239.255.42.1:14700?interface=wlan0", {})
+    assert isinstance(group, UdpAddress)
+    assert (group.group, group.port, group.interface) == ("239.255.42.1", 14700, "wlan0")
+    assert group.shared
+    broadcast = parse_link("udp://10.0.0.255:14700", {})
+    assert isinstance(broadcast, UdpAddress)
+    assert (broadcast.group, broadcast.shared) == (None, True)
+    peers = parse_link("udp://10.0.0.2:1400,10.0.0.3:1500?port=1600", {})
+    assert isinstance(peers, UdpAddress)
+    assert peers.destinations == (("10.0.0.2", 1400), ("10.0.0.3", 1500))
+    assert (peers.group, peers.shared, peers.port) == (None, False, 1600)
+    assert str(peers) == "udp://10.0.0.2:1400,10.0.0.3:1500"
+
+
+def test_a_link_that_is_named_twice_is_opened_once() -> None:
+    text = "udp://239.255.42.1:14700"
+    assert len(parse_links([text, "mqtt://broker", text])) == 2
+    with pytest.raises(InputError, match="there is none"):
+        parse_links([])
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(text=st.text(max_size=60) | st.text("udp:/,?=.0123456789 port interface", max_size=60))
+def test_no_text_is_a_traceback(text: str) -> None:
+    for start in ("", "udp://", "udp://10.0.0.1:", "mqtt://"):
+        with suppress(InputError):
+            parse_link(start + text, {})

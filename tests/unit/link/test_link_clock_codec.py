@@ -12,7 +12,7 @@ from vfguide.link.codec import LinkDataError
 
 ASK = Ask(number=7, originate_s=1.5)
 TELL = Tell(number=7, originate_s=1.5, receive_s=3.5, transmit_s=3.75)
-NUMBERS = st.integers(0, 2**32 - 1)
+NUMBERS = st.integers(0, 2**64 - 1)
 TIMES = st.floats(-1e10, 1e10)
 DECODERS: list[Callable[[bytes], object]] = [decode_ask, decode_tell]
 
@@ -33,10 +33,10 @@ def test_what_goes_in_comes_out(
 
 
 def test_the_layout_is_as_documented() -> None:
-    head = b"\x01\x00\x00\x00\x07\x00\x00\x00"
+    head = b"\x02\x00\x00\x00" + struct.pack("<Q", 7)
     assert encode_ask(ASK) == sealed(b"VFCA" + head + struct.pack("<d", 1.5))
     assert encode_tell(TELL) == sealed(b"VFCT" + head + struct.pack("<3d", 1.5, 3.5, 3.75))
-    assert (len(encode_ask(ASK)), len(encode_tell(TELL))) == (24, 40)
+    assert (len(encode_ask(ASK)), len(encode_tell(TELL))) == (28, 44)
 
 
 @pytest.mark.parametrize(
@@ -54,12 +54,12 @@ def test_a_question_is_no_answer_and_an_answer_no_question() -> None:
     with pytest.raises(LinkDataError, match="bytes"):
         decode_tell(encode_ask(ASK))
     with pytest.raises(LinkDataError, match="not about clocks"):
-        decode_ask(sealed(b"VFCT" + encode_ask(ASK)[4:20]))
+        decode_ask(sealed(b"VFCT" + encode_ask(ASK)[4:24]))
 
 
 def test_another_version_is_refused_by_its_number() -> None:
-    with pytest.raises(LinkDataError, match=r"version 2 .* speaks 1"):
-        decode_ask(sealed(b"VFCA\x02" + encode_ask(ASK)[5:20]))
+    with pytest.raises(LinkDataError, match=r"version 3 .* speaks 2"):
+        decode_ask(sealed(b"VFCA\x03" + encode_ask(ASK)[5:24]))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1.1e10])

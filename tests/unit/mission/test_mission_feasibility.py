@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from vfguide.guidance.formation import Slot
+from vfguide.laws.field_precision import error_for_correction, predicted_mean_error
 from vfguide.mission import Finding, Mission, check_mission, parse_mission, read_mission, report_on
-from vfguide.mission.conditions import conditions_of, wind_samples
+from vfguide.mission.conditions import Conditions, conditions_of, wind_samples
+from vfguide.mission.controller import gains_of
 from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
-from vfguide.mission.predicted_error import error_for_correction, predicted_mean_error
 from vfguide.mission.rehearsal import ArticleWind
 from vfguide.mission.separation_limits import least_guarantee
 from vfguide.mission.slot_limits import giving_way
@@ -22,6 +23,11 @@ MISSIONS = sorted(FOLDER.glob("*.yaml"))
 
 
 CONTROLLER = "controller: {type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2, epsilon: 0.01}"
+
+
+def error_of(mission: Mission, conditions: Conditions) -> float:
+    """What is predicted with the mission's own gains, m."""
+    return predicted_mean_error(mission, conditions, gains_of(mission.controller))
 
 
 def mission(name: str, *changes: tuple[str, str]) -> Mission:
@@ -163,10 +169,10 @@ def test_the_field_of_the_article_is_metres_off_on_the_circle_and_not_on_the_lin
     article = ("type: slot", "type: article")
     circle, line = mission("circle-calm", article), mission("line-calm", article)
     # What 3.1 m are for gains of 0.2: tan(...)/k is 0.2/0.25 of it.
-    assert predicted_mean_error(circle, conditions_of(circle.path, circle.wind)) == pytest.approx(
+    assert error_of(circle, conditions_of(circle.path, circle.wind)) == pytest.approx(
         2.49, abs=0.04
     )
-    assert predicted_mean_error(line, conditions_of(line.path, line.wind)) == 0.0
+    assert error_of(line, conditions_of(line.path, line.wind)) == 0.0
     assert found("circle-calm", article) == [("warning", "acceptance.mean_error_m")]
     assert found("line-calm", article) == []
 
@@ -175,11 +181,7 @@ def test_wind_that_is_not_fed_forward_costs_precision() -> None:
     with_it = mission("line-wind")
     without = mission("line-wind", ("epsilon: 0.01", "epsilon: 0.01, wind_feedforward: false"))
     conditions = conditions_of(with_it.path, with_it.wind)
-    assert (
-        predicted_mean_error(without, conditions)
-        > 2.0 * predicted_mean_error(with_it, conditions)
-        > 0.0
-    )
+    assert error_of(without, conditions) > 2.0 * error_of(with_it, conditions) > 0.0
 
 
 def test_a_correction_beyond_the_reach_of_the_field_has_no_error_that_gives_it() -> None:

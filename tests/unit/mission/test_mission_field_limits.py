@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from vfguide.guidance.formation import field_slope
+from vfguide.laws.field_findings import course_field_turn_rate
 from vfguide.mission import Finding, check_mission, parse_mission, report_on
-from vfguide.mission.turn_limits import course_field_turn_rate
 
 FOLDER = Path(__file__).parents[3] / "missions"
 

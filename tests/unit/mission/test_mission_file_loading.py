@@ -55,8 +55,9 @@ def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
     assert load_mission(file).name == file.stem
 
 
-def test_eight_missions_are_shipped() -> None:
+def test_nine_missions_are_shipped() -> None:
     assert [file.stem for file in MISSIONS] == [
+        "aerosonde-gusts",
         "ardupilot-sitl",
         "circle-calm",
         "circle-wind",
@@ -172,3 +173,19 @@ def test_a_mission_cannot_be_changed_after_it_is_read() -> None:
 
 def test_a_faulty_mission_is_an_input_error() -> None:
     assert issubclass(MissionError, InputError)
+
+
+@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_mission(Path(file.stem)) == load_mission(file)
+
+
+def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "circle-wind").write_bytes(LEAST)
+    assert load_mission(Path("circle-wind")).name == "alone"

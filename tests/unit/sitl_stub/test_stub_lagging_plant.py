@@ -219,3 +219,38 @@ def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_roll() -> None:
     lag_s /= math.radians(6.0)
     # 1 / 0.9 for the loop and 0.3 for the dead time; the roll is still in a steady turn.
     assert lag_s == pytest.approx(1.0 / 0.9 + 0.3, abs=0.05)
+
+
+PX4 = PlantParameters(kind="npfg", speed_response="px4")
+
+
+def test_px4s_airspeed_setpoint_slews_with_1_m_s2() -> None:
+    states = flown(PX4, targets(speed_m_s=24.0), 3.0)
+    references = [one.speed_reference_m_s or 20.0 for one in states]
+    assert references[200] == pytest.approx(21.0, abs=0.02)
+    assert references[-1] == pytest.approx(23.0, abs=0.02)
+
+
+def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz() -> None:
+    """As measured: 1.04 times as large in 12 s, and 1.8 times in 3 s."""
+
+    def gain(period_s: float, size_m_s: float) -> float:
+        turning = math.tau / period_s
+        states = flown(
+            PX4,
+            lambda t: targets(speed_m_s=20.0 + size_m_s * math.sin(turning * t)),
+            6.0 * period_s,
+            step_s=0.01,
+        )
+        late = [one.speed_m_s for one in states[len(states) // 2 :]]
+        return (max(late) - min(late)) / (2.0 * size_m_s)
+
+    assert gain(12.0, 1.0) == pytest.approx(1.05, abs=0.06)
+    assert gain(3.0, 0.25) == pytest.approx(1.8, abs=0.25)
+
+
+def test_px4s_airspeed_rests_where_it_is_commanded() -> None:
+    states = flown(PX4, targets(speed_m_s=22.0), 15.0)
+    assert states[-1].speed_m_s == pytest.approx(22.0, abs=0.01)
+    # 0.4 of overshoot e^(-pi D / sqrt(1 - D²)) of what the lead and the slewing leave.
+    assert max(one.speed_m_s for one in states) < 22.5

@@ -7,6 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
+from tests.autopilots.px4_manners import MANNERS, PARAMETERS
 
 Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
@@ -313,7 +314,7 @@ def test_guided_course_keeps_the_course_of_its_entry_until_it_is_told_another(
     ("kind", "degrees", "answer"),
     [
         (0.0, 90.0, "ACCEPTED"),
-        (math.nan, 90.0, "ACCEPTED"),
+        (math.nan, 90.0, "DENIED"),
         (0.0, -270.0, "ACCEPTED"),
         (0.0, 450.0, "ACCEPTED"),
         (1.0, 90.0, "DENIED"),
@@ -473,3 +474,20 @@ def test_position_control_is_left_to_the_pilot(station: Station) -> None:
 def test_wind_is_not_among_its_messages(station: Station) -> None:
     vehicle = station(autopilot="px4")
     assert vehicle.interval(168, 100_000) == "DENIED"
+
+
+def test_it_answers_as_the_real_program_does(station: Station) -> None:
+    """The table that tests/autopilots ask a real PX4."""
+    vehicle = station(autopilot="px4")
+    names = ("ACCEPTED", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED")
+    for manner in MANNERS:
+        result = vehicle.result(vehicle.command_long(manner.command, *manner.parameters))
+        assert result == names[manner.result], manner.what
+
+
+def test_its_fail_safes_are_set_as_the_real_program_has_them(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    for name, value in PARAMETERS.items():
+        message = mavlink.MAVLink_param_request_read_message(7, 1, name.encode(), -1)
+        (told,) = vehicle.send(message)
+        assert struct.unpack("<i", struct.pack("<f", told.param_value))[0] == value

@@ -18,21 +18,21 @@ each time from the solution before: Stellato et al., Mathematical Programming Co
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
-import osqp
 from numpy.typing import NDArray
-from scipy import sparse
+from pydantic import Field
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import FloatArray
-from vfguide.guidance.follower import FollowerGuidance
-from vfguide.guidance.formation import FormationError, Slot, SlotMotion, lyapunov, slot_motion
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.limits import GRAVITY, ground_speed_range
-from vfguide.guidance.setpoint import setpoint_for
-from vfguide.guidance.settings import MpcWeights
+from vfguide.guidance.slot_integral import Offset, aimed_error, learned, no_offset
 from vfguide.guidance.wind_triangle import resolve
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.laws.base import DesiredMotion, Law, View, law
+from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section
+from vfguide.state import LeaderState, VehicleState
 
 ComplexArray = NDArray[np.complex128]
 
@@ -47,6 +47,31 @@ MOST_ITERATIONS = 400
 
 RHO_INTERVAL = 25
 """Iterations between adaptations of the solver's step: counted, not timed, or no flight could be repeated."""
+
+
+class MpcGains(Section):
+    """The baseline `mpc`: a quadratic programme over the next seconds; a metre of error weighs 1.
+
+    The defaults are what `tests/benchmarks/tune_mpc.py` finds on the calm missions.
+    """
+
+    horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 4.0
+    """How far it looks, s."""
+
+    intervals: Annotated[int, Field(strict=True, ge=2, le=100)] = 28
+    """Into how many intervals of constant acceleration the horizon is cut."""
+
+    velocity_weight_s2: Annotated[NotNegative, Field(le=1e4)] = 0.01
+    """Weight of the velocity relative to the slot, s²."""
+
+    acceleration_weight_s4: Annotated[Gain, Field(le=1e4)] = 0.0016
+    """Weight of the acceleration relative to the slot, s⁴."""
+
+    max_course_deg: Annotated[Number, Field(ge=1.0, le=90.0)] = 45.0
+    """Largest course relative to the slot's that is planned, degrees."""
+
+    integral_s: Duration = 0.75
+    """Time in which it learns what keeps a follower off its slot, s; 0: never."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,27 +139,35 @@ def regulator(
 class Programme:
     """The quadratic programme: what does not change, and the solver that remembers its solution."""
 
-    def __init__(self, weights: MpcWeights, beta: float) -> None:
+    def __init__(self, weights: MpcGains, beta: float) -> None:
         """Set the solver up.
 
         Args:
             weights: of the cost.
             beta: response of the speed hold, 1/s.
         """
+        # Here, because the solver brings 40 MB of libraries, and who flies another law has no use for them.
+        import osqp
+        from scipy import sparse
+
         self.count = weights.intervals
         """N, of intervals."""
         self.interval = weights.horizon_s / weights.intervals
         """h, s."""
         count, step = self.count, self.interval
         self._weights = weights
-        self._end, self._gain = regulator(step, weights.velocity, weights.acceleration)
+        self._end, self._gain = regulator(
+            step, weights.velocity_weight_s2, weights.acceleration_weight_s4
+        )
         lower = np.tril(np.ones((count, count)))
         # Velocities at the middle of each interval and at its end, by the accelerations up to there.
         self._middle_velocity = step * (lower - 0.5 * np.eye(count))
         self._end_velocity = step * lower
         self._begun_velocity = step * (lower - np.eye(count))
         velocities = self._end_velocity.T @ self._end_velocity
-        self._effort = weights.velocity * velocities + weights.acceleration * np.eye(count)
+        self._effort = (
+            weights.velocity_weight_s2 * velocities + weights.acceleration_weight_s4 * np.eye(count)
+        )
         self._order = np.tril_indices(2 * count)
         self._lower = lower.astype(bool)
         told = self._begun_velocity + np.eye(count) / beta
@@ -185,9 +218,9 @@ class Programme:
         carried = self._carried(turned) @ np.ones(count)
         free_error = spin * error - self.interval * carried * velocity
         pull = driven.conj().T @ free_error
-        pull += (weights.velocity * velocity) * self._end_velocity.sum(axis=0)
+        pull += (weights.velocity_weight_s2 * velocity) * self._end_velocity.sum(axis=0)
         last_driven, last_velocity = driven[-1].conj(), self._end_velocity[-1]
-        rest = end - np.diag([1.0, weights.velocity])
+        rest = end - np.diag([1.0, weights.velocity_weight_s2])
         pull += last_driven * (rest[0, 0] * free_error[-1] + rest[0, 1] * velocity)
         pull += last_velocity * (rest[1, 0] * free_error[-1] + rest[1, 1] * velocity)
         self._solver.update(
@@ -211,7 +244,7 @@ class Programme:
     def _quadratic(self, turned: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """(P, G): the programme's matrix, and p at the knots for each acceleration, p = free + G a."""
         driven = -self.interval * (self._carried(turned) @ self._middle_velocity)
-        rest = self._end - np.diag([1.0, self._weights.velocity])
+        rest = self._end - np.diag([1.0, self._weights.velocity_weight_s2])
         last, speed = driven[-1:], self._end_velocity[-1:]
         cross = rest[0, 1] * (last.conj().T @ speed)
         hermitian = driven.conj().T @ driven + self._effort
@@ -222,81 +255,73 @@ class Programme:
         ), driven
 
 
-class Predictive:
-    """Model predictive control of one follower."""
+@law("mpc")
+class Mpc(Law):
+    """Model predictive control; its target lies beyond the slot by what an integral has learned.
 
-    def __init__(self, weights: MpcWeights, airframe: Airframe) -> None:
-        self.programme = Programme(weights, airframe.beta)
-        """What it solves."""
-        self._weights = weights
-        self._airframe = airframe
+    Without a model of what disturbs it a predictive law keeps an offset, as any law without an integral. The
+    solver starts from the solution before, which is kept here: any solution is as good to start from.
+    """
+
+    Gains = MpcGains
+    arrays = False
+    drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
+    _programme: Programme | None = None
+
+    def start(self, view: View[Any]) -> Offset[float]:
+        """Nothing was learned of what keeps the follower off its slot."""
+        del view
+        return no_offset(0.0)
 
     def step(
-        self,
-        state: VehicleState[float],
-        leader: LeaderState[float],
-        slot: Slot[float],
-        motion: SlotMotion[float],
-        error: FormationError[float],
-        *,
-        aimed: FormationError[float],
-        wind_feedforward: bool,
-        rho: float,
-        period: float,
-    ) -> FollowerGuidance[float]:
-        """Setpoint of the follower.
-
-        Args:
-            state: its navigated state.
-            leader: at the same time.
-            slot: in the formation.
-            motion: of the slot, at the same time.
-            error: where the slot is, at the same time.
-            aimed: where the target is: beyond the slot by what was learned.
-            wind_feedforward: whether the wind's rate of change is taken off.
-            rho: weight of the Lyapunov function that is reported, s².
-            period: until the next step, s.
-        """
-        programme = self.programme
+        self, view: View[Any], memory: Offset[float]
+    ) -> tuple[DesiredMotion[Any], Offset[float]]:
+        """The first acceleration of the best plan."""
+        if self._programme is None:
+            self._programme = Programme(self.gains, self.airframe.beta)
+        programme = self._programme
+        state, motion = view.state, view.motion
+        aimed = aimed_error(view.error, memory, self.gains.integral_s)
         relative_course = wrap_angle(state.course - motion.course)
         ahead, aside = math.cos(relative_course), math.sin(relative_course)
         velocity = complex(state.ground_speed * ahead - motion.speed, state.ground_speed * aside)
-        horizon = predicted_slot(leader, slot, interval=programme.interval, count=programme.count)
+        horizon = predicted_slot(
+            view.leader, view.slot, interval=programme.interval, count=programme.count
+        )
         wanted = programme.solve(
             complex(aimed.along_track, aimed.cross_track),
             velocity,
             horizon.turned,
-            self._bounds(state, velocity, motion, horizon),
+            self._bounds(programme, state, velocity, motion, horizon),
         )
         # From the slot's axes to the follower's own: along its course, and right of it.
         along, right = wanted.real + motion.acceleration, wanted.imag
         acceleration = along * ahead + right * aside
         turning = (right * ahead - along * aside) / max(state.ground_speed, 1.0)
-        speed_error = state.ground_speed - motion.speed
-        return FollowerGuidance(
-            setpoint=setpoint_for(
-                state,
-                acceleration,
-                motion.turn_rate + turning,
-                self._airframe,
-                wind_feedforward=wind_feedforward,
-                hold=period,
-            ),
-            error=error,
-            course_error=relative_course,
-            speed_error=speed_error,
-            lyapunov=lyapunov(error, relative_course, speed_error, rho),
+        desired = DesiredMotion(
+            course=motion.course,
+            speed=motion.speed,
+            course_rate=motion.turn_rate + turning,
+            acceleration=acceleration,
         )
+        return desired, memory
+
+    def learn(
+        self, view: View[Any], memory: Offset[float], *, limited: bool | BoolArray
+    ) -> Offset[float]:
+        """The offset a step later."""
+        return learned(memory, view.error, self.gains.integral_s, period=view.period, held=limited)
 
     def _bounds(
         self,
+        programme: Programme,
         state: VehicleState[float],
         velocity: complex,
         motion: SlotMotion[float],
         horizon: Horizon,
     ) -> tuple[FloatArray, FloatArray]:
         """Bounds of the programme's rows, each widened to what can be reached from here: never empty."""
-        airframe, interval = self._airframe, self.programme.interval
+        airframe, interval = self.airframe, programme.interval
         wind_along, wind_right = resolve(state.wind_rate_north, state.wind_rate_east, motion.course)
         # What the vehicle can do is an acceleration through the air; the wind's own comes on top.
         engine = airframe.max_acceleration
@@ -316,7 +341,7 @@ class Predictive:
         most = _summed(lowest_along, interval) + lowest_along / airframe.beta
         low_told = np.minimum(slowest - known, least)
         high_told = np.maximum(fastest - known, most)
-        across = horizon.speed * math.sin(self._weights.max_course)
+        across = horizon.speed * math.sin(math.radians(self.gains.max_course_deg))
         low_across = np.minimum(-across - velocity.imag, np.cumsum(highest_right) * interval)
         high_across = np.maximum(across - velocity.imag, np.cumsum(lowest_right) * interval)
         return (

@@ -1,6 +1,7 @@
-"""Before take-off: how precise will the formation be?
+"""Before take-off: how precise will a formation be that the field keeps?
 
-Estimates for steady flight, without measurement noise, saturation and the model errors of real aircraft.
+Estimates for steady flight of vehicles that answer as the article's do, in wind without turbulence, with
+white noise on their positions. What a mission has beyond that makes it worse, and is named.
 """
 
 import math
@@ -10,8 +11,8 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.formation import Slot, field_slope
+from vfguide.laws.field import FieldGains, SlotGains
 from vfguide.mission.conditions import ARTICLE_WIND_PERIOD_S, Conditions, article_wind
-from vfguide.mission.controller import Controller
 from vfguide.mission.finding import Finding
 from vfguide.mission.loop_limits import effective_layer, mean_leader_age
 from vfguide.mission.model import Mission
@@ -33,7 +34,9 @@ def error_for_correction(correction: FloatArray, greatest: float, gain: float) -
     return np.where(share < 1.0, np.tan(math.pi / 2.0 * inside) / gain, np.inf)
 
 
-def article_turn_error(mission: Mission, conditions: Conditions, slot: Slot[float]) -> float:
+def article_turn_error(
+    mission: Mission, conditions: Conditions, gains: FieldGains, slot: Slot[float]
+) -> float:
     """Mean steady error (m) of the article's field on the turns of the path; 0 on a line.
 
     A rigid slot moves with (V_l - omega g_y, omega g_x), the field aims at (V_l, 0): the difference in
@@ -42,13 +45,10 @@ def article_turn_error(mission: Mission, conditions: Conditions, slot: Slot[floa
     turning = conditions.curvature != 0.0
     if not turning.any():
         return 0.0
-    controller = mission.controller
     along, right = conditions.slot_velocity(mission.leader.airspeed_m_s, slot)
     extra_speed = np.hypot(along, right) - conditions.ground_speed(mission.leader.airspeed_m_s)
-    lateral = error_for_correction(
-        np.arctan2(right, along), math.radians(controller.chi_inf_deg), controller.k_y
-    )
-    ahead = error_for_correction(extra_speed, controller.v_inf_m_s, controller.k_x)
+    lateral = error_for_correction(np.arctan2(right, along), gains.chi_inf, gains.k_y)
+    ahead = error_for_correction(extra_speed, gains.v_inf_m_s, gains.k_x)
     return float(np.hypot(lateral, ahead)[turning].mean())
 
 
@@ -83,6 +83,18 @@ def frame_error(mission: Mission, slot: Slot[float]) -> float:
     return wrong / mission.leader.airspeed_m_s * math.hypot(slot.forward, slot.right)
 
 
+def noise_error(mission: Mission) -> float:
+    """Mean distance (m) from the slot by white noise of reported positions, the follower's and the leader's.
+
+    The position filter leans on each report with g = dt / (tau + dt) and so passes g / (2 - g) of the
+    variance; of two equal normal errors on each axis the mean distance is sqrt(pi / 2) deviations.
+    """
+    period = 1.0 / mission.rehearsal.rate_hz
+    lean = period / (mission.controller.position_filter_s + period)
+    deviation = mission.rehearsal.position_noise_m * math.sqrt(2.0 * lean / (2.0 - lean))
+    return deviation * math.sqrt(math.pi / 2.0)
+
+
 def article_wind_rates() -> tuple[float, float, float]:
     """Means of |dw/dt| (m/s²), |d²w/dt²| (m/s³), |d³w/dt³| (m/s⁴) of the article's wind over its period."""
     time = np.linspace(0.0, ARTICLE_WIND_PERIOD_S, 1000)
@@ -109,7 +121,9 @@ def integral_share(slope: float, integral_s: float, frequency: float) -> float:
     return min(left / math.hypot(slope / integral_s - frequency**2, slope * frequency), 1.0)
 
 
-def wind_error(controller: Controller, acceleration: float, *, speed: float, layer: float) -> float:
+def wind_error(
+    gains: FieldGains, acceleration: float, *, speed: float, layer: float, kappa: float
+) -> float:
     """Formation error (m) under an acceleration that nothing compensates.
 
     Inside the boundary layer the laws answer an error chi~ or V~ with kappa / epsilon of it, so the
@@ -119,27 +133,26 @@ def wind_error(controller: Controller, acceleration: float, *, speed: float, lay
     wind's rate changes.
 
     Args:
-        controller: the gains.
+        gains: of the field.
         acceleration: a, m/s².
         speed: of the vehicle, m/s.
         layer: effective boundary layer epsilon.
+        kappa: of the sliding-mode laws.
     """
     share = acceleration / math.sqrt(2.0)
-    speed_error = np.asarray(share * layer / controller.kappa)
-    lateral = error_for_correction(
-        speed_error / speed, math.radians(controller.chi_inf_deg), controller.k_y
-    )
-    ahead = error_for_correction(speed_error, controller.v_inf_m_s, controller.k_x)
-    if controller.type == "slot":
+    speed_error = np.asarray(share * layer / kappa)
+    lateral = error_for_correction(speed_error / speed, gains.chi_inf, gains.k_y)
+    ahead = error_for_correction(speed_error, gains.v_inf_m_s, gains.k_x)
+    if isinstance(gains, SlotGains):
         rate, jerk, _ = article_wind_rates()
-        across = field_slope(controller.k_y, math.radians(controller.chi_inf_deg)) * speed
-        along = field_slope(controller.k_x, controller.v_inf_m_s)
-        lateral = lateral * integral_share(across, controller.integral_s, jerk / rate)
-        ahead = ahead * integral_share(along, controller.integral_s, jerk / rate)
+        across = field_slope(gains.k_y, gains.chi_inf) * speed
+        along = field_slope(gains.k_x, gains.v_inf_m_s)
+        lateral = lateral * integral_share(across, gains.integral_s, jerk / rate)
+        ahead = ahead * integral_share(along, gains.integral_s, jerk / rate)
     return float(np.hypot(lateral, ahead))
 
 
-def predicted_mean_error(mission: Mission, conditions: Conditions) -> float:
+def predicted_mean_error(mission: Mission, conditions: Conditions, gains: FieldGains) -> float:
     """Estimate of the mean formation error (m) over all followers in steady flight."""
     controller = mission.controller
     layer = effective_layer(controller, 1.0 / mission.rehearsal.rate_hz)
@@ -147,31 +160,60 @@ def predicted_mean_error(mission: Mission, conditions: Conditions) -> float:
     errors = []
     for follower in mission.followers:
         acceleration = wind_left_over(mission, follower.vehicle)
-        error = wind_error(controller, acceleration, speed=airspeed, layer=layer)
+        error = wind_error(gains, acceleration, speed=airspeed, layer=layer, kappa=controller.kappa)
         slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
-        error += frame_error(mission, slot)
-        if controller.type == "article":
-            error += article_turn_error(mission, conditions, slot)
+        error += frame_error(mission, slot) + noise_error(mission)
+        if not isinstance(gains, SlotGains):
+            error += article_turn_error(mission, conditions, gains, slot)
         if not controller.predict_leader:
             error += airspeed * mean_leader_age(mission)
         errors.append(error)
     return sum(errors) / len(errors) if errors else 0.0
 
 
-def precision(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+def beyond_the_estimate(mission: Mission) -> list[str]:
+    """What a mission declares that the estimate does not include, in words."""
+    rehearsal, wind = mission.rehearsal, mission.wind
+    vehicles, emulator = mission.vehicles.values(), rehearsal.emulator
+    delays = ("course_dead_time_s", "course_lag_s", "speed_dead_time_s", "speed_lag_s")
+    answers_late = any(
+        one.slips or one.speed_hold != "first-order" or any(getattr(one, name) for name in delays)
+        for one in vehicles
+    )
+    plain = {"plant": None, "speed_response": "first-order", "course_dead_time_s": 0.0}
+    another = any(getattr(emulator, name) != usual for name, usual in plain.items())
+    named = {
+        "vehicles that answer late or slip": answers_late,
+        "responses measured in flight": any(one.response == "auto" for one in vehicles),
+        "emulated autopilots that answer in another way than declared": another,
+        f"{wind.turbulence} turbulence": wind.turbulence != "none",
+        "gusts": bool(wind.gusts),
+        f"sensors of grade {rehearsal.sensors}": rehearsal.sensors != "ideal",
+        "losses or jitter on the link": rehearsal.link_loss > 0.0 or rehearsal.link_jitter_s > 0.0,
+    }
+    return [words for words, present in named.items() if present]
+
+
+def precision(mission: Mission, conditions: Conditions, gains: FieldGains) -> Iterator[Finding]:
     """What precision to expect, against what the mission asks for."""
-    if not mission.followers:
-        return
-    expected = predicted_mean_error(mission, conditions)
+    expected = predicted_mean_error(mission, conditions, gains)
     asked = mission.acceptance.mean_error_m
     if math.isinf(expected):
         message = "on the turn the field cannot correct as much as the slots' own motion takes"
         yield Finding("warning", ("controller",), message, _remedy(mission))
         return
-    amount = "under 0.01" if expected < 0.01 else f"about {expected:.2f}"
-    message = (
-        f"expect {amount} m of mean formation error in steady flight, before noise and model errors"
-    )
+    amount = "0.01 m or less" if expected < 0.01 else f"about {expected:.2f} m"
+    beyond = beyond_the_estimate(mission)
+    if beyond:
+        message = (
+            f"mean formation error in steady flight: {amount} if there were no {', no '.join(beyond)}; "
+            "how much more it is with that, `vfguide fly` shows"
+        )
+    else:
+        message = (
+            f"expect {amount} of mean formation error in steady flight, in the declared wind and with "
+            "vehicles that answer as declared; a real aircraft, its sensors and gusts add to it"
+        )
     if asked is not None and expected > asked:
         message += f"; acceptance.mean_error_m is {asked:g}"
         yield Finding("warning", ("acceptance", "mean_error_m"), message, _remedy(mission))

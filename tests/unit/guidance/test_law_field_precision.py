@@ -6,15 +6,17 @@ from pathlib import Path
 import pytest
 
 from vfguide.guidance.formation import Slot
-from vfguide.mission import Mission, parse_mission
-from vfguide.mission.conditions import conditions_of
-from vfguide.mission.predicted_error import (
+from vfguide.laws.field_precision import (
     article_wind_rates,
     frame_error,
     integral_share,
+    noise_error,
     predicted_mean_error,
     wind_left_over,
 )
+from vfguide.mission import Mission, parse_mission
+from vfguide.mission.conditions import conditions_of
+from vfguide.mission.controller import gains_of
 from vfguide.mission.rehearsal import CalmWind
 
 WINDY = (Path(__file__).parents[3] / "missions" / "line-wind.yaml").read_text()
@@ -69,7 +71,9 @@ def test_what_is_left_of_the_wind_becomes_an_error_by_way_of_layer_and_field() -
     # 0.010237 m; hypot 0.011489 m. And the slots, 28.284, 28.284 and 40 m from the leader:
     # 32.189 . 0.00015642 = 0.0050351 m.
     windy = mission("integral_s: 0")
-    found = predicted_mean_error(windy, conditions_of(windy.path, windy.wind))
+    found = predicted_mean_error(
+        windy, conditions_of(windy.path, windy.wind), gains_of(windy.controller)
+    )
     assert found == pytest.approx(0.016524, rel=5e-3)
 
 
@@ -79,7 +83,9 @@ def test_the_integral_learns_two_thirds_of_an_error_that_swings_slowly() -> None
     # along, s = 1.27324, s/T = 1.06103: 0.37667 over hypot(0.97779, 0.36736) = 1.04452 is 0.36061.
     # hypot(0.0052139 . 0.34150, 0.010237 . 0.36061) + 0.0050351
     windy = mission("integral_s: 1.2")
-    found = predicted_mean_error(windy, conditions_of(windy.path, windy.wind))
+    found = predicted_mean_error(
+        windy, conditions_of(windy.path, windy.wind), gains_of(windy.controller)
+    )
     assert found == pytest.approx(0.0091337, rel=1e-2)
     assert integral_share(2.5, 1.2, 0.28852) == pytest.approx(0.34150, rel=1e-3)
 
@@ -88,3 +94,12 @@ def test_an_integral_never_predicts_more_than_there_is_without_it() -> None:
     # near sqrt(s/T) = 1 rad/s it would be 1.4 times as much
     assert integral_share(1.0, 1.0, 1.0) == 1.0
     assert integral_share(1.0, 0.0, 1.0) == 1.0
+
+
+def test_noise_of_positions_is_filtered_and_counts_twice() -> None:
+    # g = 0.05/2.05, 0.3 sqrt(2 g/(2 - g)) = 0.047140 m on each axis, times sqrt(pi/2): 0.059082 m.
+    # Flights of a minute on line-calm and circle-wind: 0.075 and 0.073 m.
+    content = mission().model_dump(exclude_unset=True)
+    content["rehearsal"]["position_noise_m"] = 0.3
+    assert noise_error(Mission.model_validate(content)) == pytest.approx(0.059082, rel=1e-3)
+    assert noise_error(mission()) == 0.0

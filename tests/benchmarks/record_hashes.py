@@ -1,0 +1,65 @@
+"""A hash for every shipped mission flown by every law in lockstep: what is moved must leave them as they are.
+
+Run with `.venv/bin/python tests/benchmarks/record_hashes.py [SECONDS] [LAW ...]`, before and after; minutes.
+"""
+
+import hashlib
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vfguide.commands.overrides import Overrides, apply_overrides
+from vfguide.mission import load_mission
+from vfguide.rehearsal.lockstep import fly_lockstep
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+LAWS = ("slot", "article", "pid", "mpc")
+DURATION_S = 30.0
+
+OF_THE_COMPUTER = {"wall_s", "latency"}
+"""Fields of a record that differ from one flight to the next."""
+
+
+def add(content: object, digest: "hashlib._Hash") -> None:
+    """Add a value and all that is in it to a digest, arrays by their bytes."""
+    if is_dataclass(content):
+        for field in fields(content):
+            if field.name not in OF_THE_COMPUTER:
+                digest.update(field.name.encode())
+                add(getattr(content, field.name), digest)
+    elif isinstance(content, np.ndarray):
+        digest.update(content.tobytes())
+    elif isinstance(content, list | tuple):
+        for one in content:
+            add(one, digest)
+    else:
+        digest.update(repr(content).encode())
+
+
+def record_hash(file: Path, law: str, duration_s: float) -> str:
+    """Sixteen digits of the hash of a mission's record."""
+    overrides = Overrides(controller=law, duration_s=duration_s)
+    mission = apply_overrides(load_mission(file), overrides)
+    digest = hashlib.sha256()
+    add(fly_lockstep(mission).record, digest)
+    return digest.hexdigest()[:16]
+
+
+def main() -> None:
+    """Fly and print, a line for each mission."""
+    arguments = sys.argv[1:]
+    duration_s = float(arguments.pop(0)) if arguments else DURATION_S
+    laws = arguments or LAWS
+    sys.stdout.write(f"{f'{duration_s:g} s':20}" + "".join(f"{law:18}" for law in laws) + "\n")
+    for file in sorted(MISSIONS.glob("*.yaml")):
+        sys.stdout.write(f"{file.stem:20}")
+        for law in laws:
+            sys.stdout.write(f"{record_hash(file, law, duration_s):18}")
+            sys.stdout.flush()
+        sys.stdout.write("\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""`vfguide keys` makes, shows and rotates keys, and refuses private files that other users can read."""
+
+import json
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cryptography.hazmat.primitives.asymmetric.rsa import generate_private_key
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+
+from tests.integration.command_line.conftest import PAIR
+from vfguide.errors import InputError
+from vfguide.link.keys import key_places, public_bytes, read_private_key, read_roster
+
+Make = Callable[..., Any]
+
+COMPANION = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1")
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    """A leader and a follower."""
+    file = tmp_path / "pair.yaml"
+    file.write_text(PAIR)
+    return file
+
+
+@pytest.fixture
+def keyed(command: Make, mission: Path) -> Path:
+    """The same with keys."""
+    assert command("keys", "make", mission).status == 0
+    return mission
+
+
+def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(
+    command: Make, mission: Path
+) -> None:
+    outcome = command("keys", "make", mission)
+    assert outcome.status == 0
+    assert outcome.out.count("new private key") == 3
+    places = key_places(mission)
+    roster = read_roster(places.roster)
+    assert roster.formation == "pair"
+    assert list(roster.vehicles) == ["lead", "wing"]
+    assert list(roster.operators) == ["operator"]
+    for name in ("lead", "wing", "operator"):
+        path = places.private(name)
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert public_bytes(read_private_key(path)) == roster.public(name)
+    assert stat.S_IMODE(places.directory.stat().st_mode) == 0o700
+
+
+def test_to_make_keys_again_changes_nothing_and_a_new_vehicle_gets_one(
+    command: Make, keyed: Path
+) -> None:
+    before = key_places(keyed).roster.read_text()
+    assert "nothing was changed" in command("keys", "make", keyed).out
+    assert key_places(keyed).roster.read_text() == before
+    tail = "  - {vehicle: tail, slot: {forward_m: -40, right_m: 0}}\n"
+    text = keyed.read_text().replace("vehicles:\n", f"{tail}vehicles:\n", 1)
+    keyed.write_text(text.replace("rehearsal:\n", "  tail: {system_id: 3}\nrehearsal:\n"))
+    outcome = command("keys", "make", keyed)
+    assert outcome.out.count("new private key") == 1
+    assert "for tail alone" in outcome.out
+
+
+def test_a_key_that_is_rotated_replaces_one_and_no_other(command: Make, keyed: Path) -> None:
+    before = read_roster(key_places(keyed).roster)
+    outcome = command("keys", "rotate", keyed, "wing")
+    assert outcome.status == 0
+    after = read_roster(key_places(keyed).roster)
+    assert after.vehicles["wing"] != before.vehicles["wing"]
+    assert after.vehicles["lead"] == before.vehicles["lead"]
+    assert after.operators == before.operators
+    assert command("keys", "rotate", keyed).out.count("new private key") == 3
+    outcome = command("keys", "rotate", keyed, "nobody")
+    assert outcome.status == 2
+    assert outcome.lines == ["nobody is not a member of pair; its members are lead, wing, operator"]
+
+
+def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command: Make, keyed: Path) -> None:
+    places = key_places(keyed)
+    places.private("wing").chmod(0o644)
+    places.private("operator").unlink()
+    outcome = command("keys", "show", keyed, "--json")
+    assert outcome.status == 0
+    shown = json.loads(outcome.out)
+    assert [shown[name]["role"] for name in shown] == ["leader", "follower", "operator"]
+    assert shown["lead"]["private"] == "yes"
+    assert shown["wing"]["private"].startswith("others may read this private key")
+    assert shown["operator"]["private"] == "no"
+    assert len(shown["lead"]["fingerprint"]) == 19
+    assert command("keys", "show", keyed).status == 0
+
+
+def test_a_companion_without_a_key_says_how_to_make_one(command: Make, mission: Path) -> None:
+    outcome = command("companion", "wing", "--mission", mission, *COMPANION)
+    assert outcome.status == 2
+    assert outcome.lines == [
+        (
+            f"{mission.with_suffix('.keys')}/wing.key: there is no private key of 'wing'; make keys with"
+            " `vfguide keys make MISSION`, or type --insecure to believe anybody"
+        )
+    ]
+
+
+def test_a_private_key_that_others_may_read_is_refused(command: Make, keyed: Path) -> None:
+    path = key_places(keyed).private("wing")
+    path.chmod(0o640)
+    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
+    assert outcome.status == 2
+    assert outcome.lines == [f"{path}: others may read this private key; run: chmod 600 {path}"]
+
+
+def test_what_systemd_hands_over_counts_as_kept(keyed: Path) -> None:
+    """Its access list shows as permissions of the group."""
+    path = key_places(keyed).private("wing")
+    path.chmod(0o440)
+    read_private_key(path, {"CREDENTIALS_DIRECTORY": str(path.parent)})
+    with pytest.raises(InputError, match="others may read"):
+        read_private_key(path, {"CREDENTIALS_DIRECTORY": "/run/credentials"})
+
+
+def test_a_roster_that_does_not_name_the_own_key_is_one_line(command: Make, keyed: Path) -> None:
+    own = key_places(keyed).private("wing").read_bytes()
+    assert command("keys", "rotate", keyed, "wing").status == 0
+    key_places(keyed).private("wing").write_bytes(own)
+    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith("the private key of 'wing' is not the one that the roster names")
+
+
+@pytest.mark.parametrize("option", ["--key", "--roster"])
+def test_insecure_goes_with_no_key(command: Make, keyed: Path, option: str) -> None:
+    outcome = command(
+        "companion", "wing", "--mission", keyed, *COMPANION, "--insecure", option, keyed
+    )
+    assert outcome.status == 2
+    assert outcome.lines == ["--insecure: nothing is signed; leave it out, or --key and --roster"]
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (b"", "formation: is missing"),
+        (b"- a", "formation: is missing"),
+        (b"{", "is no YAML"),
+        (b"\xff\xfe\x00", "is no YAML"),
+        (b"formation: pair\nvehicles: [lead]", "vehicles: holds no names"),
+        (b"formation: pair\nvehicles: {lead: abc}", "vehicles: lead: is no public key"),
+        (b"formation: pair\nvehicles: {lead: 12}", "vehicles: lead: is no public key"),
+        (b"formation: pair\npassword: x", "password: is not known"),
+        (
+            b"formation: pair\nvehicles: {a: '" + b"00" * 32 + b"', b: '" + b"00" * 32 + b"'}",
+            "same",
+        ),
+        (b"x" * 300_000, "too long"),
+    ],
+)
+def test_a_roster_that_is_none_is_one_line(
+    command: Make, keyed: Path, content: bytes, fault: str
+) -> None:
+    roster = key_places(keyed).roster
+    roster.write_bytes(content)
+    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    assert line.startswith(f"{roster}: ")
+    assert fault in line
+
+
+def test_a_key_of_another_kind_is_refused(command: Make, keyed: Path) -> None:
+    path = key_places(keyed).private("wing")
+    other = generate_private_key(65537, 2048)
+    for content in (
+        other.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()),
+        b"not a key",
+        b"",
+    ):
+        path.write_bytes(content)
+        outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
+        assert outcome.status == 2
+        assert outcome.lines == [
+            f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`"
+        ]
+
+
+def test_a_status_without_a_roster_says_how_to_make_one(command: Make, mission: Path) -> None:
+    outcome = command("status", mission, "--link=mqtt://127.0.0.1:1")
+    assert outcome.status == 2
+    assert "there is no roster; make keys with `vfguide keys make MISSION`" in outcome.err
+
+
+def test_the_name_of_an_operator_is_a_name_and_no_vehicles(command: Make, mission: Path) -> None:
+    for name in ("../x", "wing", ""):
+        outcome = command("keys", "make", mission, "--operator", name)
+        assert outcome.status == 2
+        assert outcome.lines[0].startswith(f"--operator {name}: write a letter")

@@ -1,0 +1,94 @@
+"""The example of a law of one's own, as its author uses it: by command line, from a directory of theirs."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+MISSION = ROOT / "missions" / "line-calm.yaml"
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Runs vfguide in a directory that holds nothing but the law."""
+    shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
+
+    def start(
+        *arguments: str | Path, plugin: str | None = "own_law.py"
+    ) -> subprocess.CompletedProcess[str]:
+        chosen = [] if plugin is None else ["--plugin", plugin]
+        environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
+        return subprocess.run(
+            [sys.executable, "-m", "vfguide", *map(str, arguments), *chosen],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+
+    return start
+
+
+PURSUIT = ("--controller", "pursuit", "--set", "controller.lookahead_m=25")
+
+
+def test_it_is_flown_and_reported_under_its_name(run: Run, tmp_path: Path) -> None:
+    flown = run("fly", MISSION, *PURSUIT, "--duration", "40", "--out", "flight")
+    assert flown.returncode == 0, flown.stderr
+    summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
+    assert summary["controller"] == "pursuit"
+    assert summary["formation"]["mean_error_m"] < 0.5
+    assert "pursuit" in (tmp_path / "flight" / "report.html").read_text()
+
+
+def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
+    own = "controller: {type: pursuit, lookahead_m: 25}"
+    text = re.sub(r"controller: \{[^}]*\}", own, MISSION.read_text())
+    assert own in text
+    (tmp_path / "own.yaml").write_text(text)
+    checked = run("check", "own.yaml")
+    assert checked.returncode == 0, checked.stderr
+    assert "no error is predicted of the law pursuit" in checked.stdout
+    # By the name in the mission alone nothing is loaded.
+    unknown = run("check", "own.yaml", plugin=None)
+    assert unknown.returncode == 2
+    assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
+
+
+def test_studies_fly_it_and_no_other_in_its_place(run: Run) -> None:
+    study = ("bench", "monte-carlo", "--formations", "8", "--processes", "1", "--seed", "3")
+    pursuit, field = run(*study, "--law", "pursuit"), run(*study)
+    assert pursuit.returncode == 0, pursuit.stderr
+    assert pursuit.stdout.startswith("pursuit, slot_frame leader: 8 formations")
+    assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "plugin", "said"),
+    [
+        (["--set", "controller.lookahead_m=-3"], "own_law.py", "-3 is too small; choose above 0"),
+        (["--set", "controller.lokahead_m=3"], "own_law.py", "did you mean 'lookahead_m'?"),
+        ([], None, "pursuit: there is no such law; known are slot, article, pid, mpc"),
+        ([], "absent.py", "absent.py: there is no such file of Python"),
+        ([], "broken.py", "broken.py:2: NameError"),
+    ],
+)
+def test_what_is_wrong_is_one_line(
+    run: Run, tmp_path: Path, arguments: list[str], plugin: str | None, said: str
+) -> None:
+    (tmp_path / "broken.py").write_text("import math\nmath.pi + tau\n")
+    refused = run("check", MISSION, "--controller", "pursuit", *arguments, plugin=plugin)
+    assert refused.returncode == 2
+    assert said in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1

@@ -1,0 +1,297 @@
+"""Formations without a broker, and over several links at once, on real sockets."""
+
+import asyncio
+import socket
+import struct
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from itertools import count
+from random import Random
+
+import pytest
+
+from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
+from vfguide.link.address import parse_links
+from vfguide.link.envelope import Kind
+from vfguide.link.member import Member, ignore
+from vfguide.link.opening import Link, open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence
+from vfguide.link.trust import new_session
+from vfguide.link.watch import Watched, presences
+
+PATIENCE_S = 60.0
+
+GROUPS = count(1)
+
+
+class Crew:
+    """One member on its links, and what it has heard."""
+
+    def __init__(self, name: str, *, signed: bool = True) -> None:
+        self.heard: list[bytes] = []
+        self.neighbours: list[tuple[str, bytes]] = []
+        leads = name == LEADER
+        self.member = Member(
+            trust_of(name, new_session(), signed=signed),
+            clock=time.monotonic,
+            receive=ignore if leads else self.heard.append,
+            neighbours=[one for one in ("f1", "f2") if one != name],
+            receive_neighbour=lambda vehicle, data: self.neighbours.append((vehicle, data)),
+            peer_clock=None if leads else PeerClock(),
+        )
+        self.link: Link
+
+    @property
+    def counters(self) -> Counter[str]:
+        return self.link.counters
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def speak(crew: Crew, until_heard: Callable[[], object]) -> None:
+    """Publish a state after the other until something is heard."""
+    number = 0
+    async with asyncio.timeout(PATIENCE_S):
+        while not until_heard():
+            number += 1
+            crew.link.publish(b"%d" % number)
+            await asyncio.sleep(0.02)
+
+
+@asynccontextmanager
+async def crew_of(*names: str, **links: tuple[str, ...]) -> AsyncIterator[list[Crew]]:
+    """Members on their links."""
+    async with AsyncExitStack() as stack:
+        crews = []
+        for name in names:
+            crew = Crew(name)
+            crew.link = await stack.enter_async_context(
+                open_link(
+                    parse_links(links[name]),
+                    formation=FORMATION,
+                    member=crew.member,
+                    random=Random(name),
+                )
+            )
+            crews.append(crew)
+        yield crews
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def group() -> tuple[str, ...]:
+    """A multicast group of one's own, on the loopback interface."""
+    return (f"udp://239.255.77.{next(GROUPS)}:{free_port()}?interface=127.0.0.1",)
+
+
+def peers(*names: str) -> dict[str, tuple[str, ...]]:
+    """Addresses of members that know each other's."""
+    ports = {name: free_port() for name in names}
+    return {
+        own: (
+            "udp://"
+            + ",".join(f"127.0.0.1:{port}" for name, port in ports.items() if name != own)
+            + f"?port={ports[own]}",
+        )
+        for own in names
+    }
+
+
+@pytest.mark.parametrize("way", ["group", "broadcast", "peers"])
+def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
+    names = (LEADER, "f1", "f2")
+    if way == "peers":
+        links = peers(*names)
+    elif way == "group":
+        links = dict.fromkeys(names, group())
+    else:
+        links = dict.fromkeys(names, (f"udp://127.255.255.255:{free_port()}",))
+
+    async def scenario() -> None:
+        async with crew_of(*names, **links) as (leader, one, other):
+            await speak(leader, lambda: one.heard and other.heard)
+            await speak(one, lambda: leader.neighbours and other.neighbours)
+            assert one.member.peer_clock is not None
+            assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s
+            assert leader.link.connected
+            assert one.link.connected
+            assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
+
+    asyncio.run(scenario())
+
+
+def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
+    links = group()
+    watched = Watched(
+        addresses=parse_links(links),
+        formation=FORMATION,
+        leader=LEADER,
+        roster=ROSTER,
+    )
+
+    async def scenario() -> None:
+        found: dict[str, Presence] = {}
+        async with crew_of(LEADER, "f1", lead=links, f1=links) as (_, one):
+            one.link.announce(Presence(status="online", mode="tracking", time_s=1.0, version="1"))
+            async with asyncio.timeout(PATIENCE_S):
+                while "f1" not in found or found["f1"].mode != "tracking":
+                    found = await presences(watched, seconds=1.5, random=Random(1))
+            assert found["f1"].status == found[LEADER].status == "online"
+            listening = asyncio.create_task(presences(watched, seconds=4.0, random=Random(1)))
+            await asyncio.sleep(1.5)
+        found = await listening
+        assert found["f1"].status == found[LEADER].status == "offline"
+
+    asyncio.run(scenario())
+
+
+def test_two_formations_on_one_wire_never_hear_each_other() -> None:
+    links = group()
+
+    async def scenario() -> None:
+        stranger = Crew(LEADER, signed=False)
+        async with (
+            crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one),
+            open_link(
+                parse_links(links), formation="line", member=stranger.member, random=Random(3)
+            ) as stranger.link,
+        ):
+            await speak(leader, lambda: one.heard)
+            one.heard.clear()
+            for number in range(50):
+                stranger.link.publish(b"stranger %d" % number)
+            await speak(leader, lambda: one.heard)
+            assert not [data for data in one.heard if data.startswith(b"stranger")]
+            assert one.counters["refused: not signed"] > 0
+
+    asyncio.run(scenario())
+
+
+def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Two groups; one of them falls silent for one member, as when a cable is pulled."""
+    first, second = group(), group()
+    both = (*first, *second)
+
+    async def scenario() -> None:
+        async with crew_of(LEADER, "f1", lead=both, f1=both) as (leader, one):
+            await speak(leader, lambda: one.heard)
+            for carrier in (0, 1):
+                one.heard.clear()
+                lost = leader.link.carriers[carrier]
+                sending, lost.send = lost.send, lambda _: None  # type: ignore[method-assign]
+                for number in range(50):
+                    leader.link.publish(b"%d: %d" % (carrier, number))
+                    await until(lambda c=carrier, n=number: one.heard[-1:] == [b"%d: %d" % (c, n)])
+                assert one.heard == [b"%d: %d" % (carrier, number) for number in range(50)]
+                lost.send = sending  # type: ignore[method-assign]
+            one.heard.clear()
+            before = one.counters["copies"]
+            for number in range(50):
+                leader.link.publish(b"both %d" % number)
+                await asyncio.sleep(0.002)
+            await until(lambda: len(one.heard) == 50)
+            await until(lambda: one.counters["copies"] >= before + 50)
+            assert one.heard == [b"both %d" % number for number in range(50)]
+        async with crew_of(LEADER, "f1", lead=first, f1=both) as (leader, one):
+            await until(lambda: "nobody is heard" in one.link.detail)
+            await speak(leader, lambda: one.heard)
+            assert one.link.connected
+
+    asyncio.run(scenario())
+    assert "nobody is heard" in caplog.text
+
+
+def test_a_network_that_goes_away_is_told_and_found_again(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    links = group()
+
+    async def scenario() -> None:
+        async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
+            await speak(leader, lambda: one.heard)
+            opened = one.link.carriers[0].socket
+            assert opened is not None
+            # Its interface is gone: the membership is lost without a word.
+            kind = socket.IPPROTO_IP, socket.IP_DROP_MEMBERSHIP
+            address = one.link.carriers[0].address
+            opened.setsockopt(
+                *kind,
+                socket.inet_aton(address.group)
+                + struct.pack("=4si", socket.inet_aton("127.0.0.1"), 0),
+            )
+            one.heard.clear()
+            began = time.monotonic()
+            await speak(leader, lambda: not one.link.connected)
+            await speak(leader, lambda: one.heard)
+            assert time.monotonic() - began < 10.0
+            assert one.counters["disconnected"] == 1
+
+    asyncio.run(scenario())
+    assert "not connected" in caplog.text
+
+
+def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def scenario() -> None:
+        links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
+        async with crew_of("f1", f1=links) as (one,):
+            assert not one.link.connected
+            assert "No such device" in one.link.detail or "no interface" in one.link.detail
+            await until(lambda: one.counters["failed to connect"] >= 3)
+            one.link.publish(b"into the void")
+
+    asyncio.run(scenario())
+    assert caplog.text.count("not connected") == 1
+
+
+def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
+    """Noise, cut and changed messages, and forgeries, between the true ones."""
+    links = group()
+    (address,) = parse_links(links)
+    random = Random(5)
+
+    async def scenario() -> None:
+        async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
+            await speak(leader, lambda: one.heard)
+            good = leader.member.trust.seal(Kind.STATE, b"good", time_s=1.0)
+            forger = trust_of(LEADER, 5, signed=False)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hostile:
+                hostile.setsockopt(
+                    socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1")
+                )
+                for number in range(2000):
+                    changed = bytearray(good)
+                    changed[random.randrange(len(good))] ^= 1 + random.randrange(255)
+                    data = random.choice(
+                        [
+                            random.randbytes(random.randrange(300)),
+                            good[: random.randrange(len(good))],
+                            bytes(changed),
+                            forger.seal(Kind.STATE, b"forged", time_s=1.0),
+                        ]
+                    )
+                    with suppress(BlockingIOError):
+                        hostile.sendto(data, address.destinations[0])
+                    if number % 50 == 0:
+                        await asyncio.sleep(0.01)
+            one.heard.clear()
+            await speak(leader, lambda: one.heard)
+            assert not {b"forged", b"good"} & set(one.heard)
+            assert one.counters["refused: malformed"] > 500
+            assert one.counters["failed to use"] == 0
+
+    asyncio.run(scenario())

@@ -1,0 +1,226 @@
+"""What autopilots' own logs tell of a flight: places, wind and slot errors, on one clock."""
+
+import importlib.util
+import math
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.debrief.autopilot_log import AutopilotLog
+from vfguide.debrief.dataflash import read_dataflash
+from vfguide.debrief.logged_flight import logged_flight, read_log
+from vfguide.debrief.ulog import read_ulog, roll_of
+from vfguide.errors import InputError
+from vfguide.mission.model import Mission
+from vfguide.record.flight import FlightRecord
+from vfguide.record.tlog import TelemetryLog
+from vfguide.report.geometry import slot_error
+
+Reader = Callable[[Path], AutopilotLog]
+
+
+def helper(name: str) -> ModuleType:
+    """A module beside this test."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules.setdefault(name, importlib.util.module_from_spec(spec))
+    spec.loader.exec_module(module)
+    return module
+
+
+foreign = helper("foreign_logs")
+
+
+@pytest.fixture
+def mission() -> Mission:
+    """A leader due north and a follower whose slot is 30 m behind and 10 m right of it."""
+    vehicle = {"alpha_1_s": 1.2, "beta_1_s": 0.8, "airspeed_range_m_s": [12.0, 32.0]}
+    return Mission.model_validate(
+        {
+            "name": "north",
+            "origin": {"latitude_deg": 0.0, "longitude_deg": 8.0, "altitude_amsl_m": 0.0},
+            "path": {
+                "type": "line",
+                "point": {"north_m": 0.0, "east_m": 0.0},
+                "course_deg": 0.0,
+                "gain": 0.02,
+            },
+            "leader": {"vehicle": "lead", "airspeed_m_s": 20.0},
+            "followers": [{"vehicle": "f1", "slot": {"forward_m": -30.0, "right_m": 10.0}}],
+            "vehicles": {"lead": {"system_id": 1, **vehicle}, "f1": {"system_id": 2, **vehicle}},
+        }
+    )
+
+
+def flight_in(mission: Mission, paths: list[Path]) -> FlightRecord:
+    return logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
+
+
+@pytest.mark.parametrize("names", [("a.BIN", "b.BIN"), ("a.ulg", "b.ulg"), ("a.BIN", "b.ulg")])
+def test_slot_errors_are_found_although_the_clocks_are_apart(
+    mission: Mission, tmp_path: Path, names: tuple[str, str]
+) -> None:
+    record = flight_in(mission, foreign.write_all(tmp_path, names))
+    error = slot_error(record.leader, record.followers[0])
+    # 27 m behind and 6 m right of the leader, where 30 and 10 m are its slot: 3 m ahead of it, 4 m left.
+    assert np.nanmean(error.along_track_m) == pytest.approx(-3.0, abs=0.02)
+    assert np.nanmean(error.cross_track_m) == pytest.approx(4.0, abs=0.02)
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+
+
+@pytest.mark.parametrize("ending", [".BIN", ".ulg"])
+def test_the_flight_is_the_guided_part_of_the_log(
+    mission: Mission, tmp_path: Path, ending: str
+) -> None:
+    record = flight_in(mission, foreign.write_all(tmp_path, ("a" + ending, "b" + ending)))
+    # Guided from 5 to 15 s, 2 s for which the last setpoint holds, and 5 s of margin.
+    assert record.duration_s == pytest.approx(20.0, abs=0.1)
+    assert record.begin_unix_s == pytest.approx(foreign.BEGIN_UNIX_S, abs=0.05)
+    middle = record.time_s.size // 2
+    assert record.mode_names[record.leader.mode[middle]] == "guided"
+    assert record.mode_names[record.leader.mode[0]] == "not guided"
+    assert record.leader.course_setpoint_rad[middle] == pytest.approx(0.1)
+    # 22 m/s of equivalent airspeed where the true one is 1.05 times as much.
+    assert record.leader.airspeed_setpoint_m_s[middle] == pytest.approx(23.1, abs=0.01)
+
+
+@pytest.mark.parametrize("ending", [".BIN", ".ulg"])
+def test_wind_is_what_airspeed_and_heading_leave_of_the_ground_velocity(
+    mission: Mission, tmp_path: Path, ending: str
+) -> None:
+    record = flight_in(mission, foreign.write_all(tmp_path, ("a" + ending, "b" + ending)))
+    leader = record.leader
+    # North at 20 m/s over the ground; 21 m/s of true airspeed on a heading of 350°.
+    north = 20.0 - 21.0 * math.cos(math.radians(10.0))
+    east = 21.0 * math.sin(math.radians(10.0))
+    assert np.nanmean(leader.wind_north_m_s) == pytest.approx(north, abs=1e-3)
+    assert np.nanmean(leader.wind_east_m_s) == pytest.approx(east, abs=1e-3)
+    assert np.nanmean(leader.bank_rad) == pytest.approx(math.radians(10.0), abs=1e-5)
+
+
+def write_tlog(path: Path) -> None:
+    """Both vehicles' telemetry as one ground station writes it: 5 positions a second."""
+    log = TelemetryLog(foreign.BEGIN_UNIX_S)
+    for sample in range(101):
+        time_s = sample / 5.0
+        for system_id, north_m, east_m in ((1, 0.0, 0.0), (2, -27.0, 6.0)):
+            latitude, longitude = foreign.place(time_s, north_m, east_m)
+            position = mavlink.MAVLink_global_position_int_message(
+                round(1e3 * time_s),
+                round(latitude * 1e7),
+                round(longitude * 1e7),
+                100_000,
+                100_000,
+                2000,
+                0,
+                0,
+                0,
+            )
+            sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
+            log.add(time_s, position.pack(sender))
+    log.write(path)
+
+
+def test_a_ground_stations_log_tells_of_all_vehicles(mission: Mission, tmp_path: Path) -> None:
+    write_tlog(tmp_path / "a.tlog")
+    record = flight_in(mission, [tmp_path / "a.tlog"])
+    error = slot_error(record.leader, record.followers[0])
+    # Positions are told to 1.1 cm.
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+    assert any("the clock of the computer" in note for note in record.notes)
+
+
+def test_the_roll_of_an_attitude_is_the_right_wing_down() -> None:
+    half = math.radians(15.0)
+    assert roll_of(np.array([[math.cos(half), math.sin(half), 0.0, 0.0]]))[0] == pytest.approx(
+        math.radians(30.0)
+    )
+
+
+def test_a_log_without_satellite_time_stands_alone_only(mission: Mission, tmp_path: Path) -> None:
+    leader, follower = foreign.write_all(tmp_path, ("a.ulg", "b.ulg"))
+    foreign.write_ulog(leader, 1, boot_s=3.0, north_m=0.0, east_m=0.0, satellites=False)
+    assert flight_in(mission, [leader]).begin_unix_s is None
+    with pytest.raises(InputError, match=r"a\.ulg: tells no satellite time"):
+        flight_in(mission, [leader, follower])
+
+
+def test_a_log_of_somebody_else_is_refused(mission: Mission, tmp_path: Path) -> None:
+    path = tmp_path / "a.BIN"
+    foreign.write_dataflash(path, 77, boot_s=0.0, north_m=0.0, east_m=0.0)
+    with pytest.raises(InputError, match="system 77, which no vehicle of the mission 'north' has"):
+        read_log(path, mission)
+
+
+def test_two_logs_of_one_vehicle_are_refused(mission: Mission, tmp_path: Path) -> None:
+    path, _ = foreign.write_all(tmp_path, ("a.BIN", "b.BIN"))
+    with pytest.raises(InputError, match="one log for each vehicle"):
+        flight_in(mission, [path, path])
+
+
+def test_the_leaders_log_is_needed(mission: Mission, tmp_path: Path) -> None:
+    _, follower = foreign.write_all(tmp_path, ("a.BIN", "b.BIN"))
+    with pytest.raises(InputError, match="leader 'lead'"):
+        flight_in(mission, [follower])
+
+
+@pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 this is a zip", b"\xa3\x95\x80" * 100])
+def test_something_else_is_one_line(
+    mission: Mission, tmp_path: Path, name: str, content: bytes
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_log(path, mission)
+    assert "\n" not in str(caught.value)
+    assert name in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
+def test_a_log_that_is_too_large_is_not_read(mission: Mission, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.touch()
+    os.truncate(path, 3 * 1024**3)
+    with pytest.raises(InputError, match=r"GB|MB"):
+        read_log(path, mission)
+
+
+@pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
+def test_a_pipe_is_not_waited_for(mission: Mission, tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match="pipe"):
+        read_log(tmp_path / name, mission)
+
+
+def test_another_ending_is_refused(mission: Mission, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.bin, \.ulg, \.tlog"):
+        read_log(tmp_path / "a.log", mission)
+
+
+@pytest.mark.parametrize(("ending", "read"), [(".BIN", read_dataflash), (".ulg", read_ulog)])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(damage=st.lists(st.tuples(st.integers(0, 20_000), st.binary(max_size=8)), max_size=8))
+def test_damage_is_one_line_or_is_skipped(
+    tmp_path: Path, ending: str, read: Reader, damage: list[tuple[int, bytes]]
+) -> None:
+    path, _ = foreign.write_all(tmp_path, ("a" + ending, "b" + ending))
+    content = bytearray(path.read_bytes()[:20_000])
+    for where, what in damage:
+        content[where : where + len(what)] = what
+    path.write_bytes(content)
+    with suppress(InputError):
+        log = read(path)
+        assert np.all(np.diff(log.telemetry.positions[:, 0]) >= 0.0)

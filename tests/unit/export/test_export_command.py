@@ -1,0 +1,116 @@
+"""`vfguide export` writes one file, whole, where it is told, and nothing else."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vfguide.commands.export import ENDINGS, export_flight
+from vfguide.errors import InputError
+from vfguide.mission import load_mission
+from vfguide.record.flight import FlightRecord, Origin
+
+MakeFlight = Callable[..., FlightRecord]
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+
+@pytest.fixture
+def flown(make_flight: MakeFlight, tmp_path: Path) -> Path:
+    """The directory of a flight."""
+    directory = tmp_path / "flown"
+    directory.mkdir()
+    make_flight().save(directory / "flight.npz")
+    return directory
+
+
+def export(flown: Path, out: Path, *, force: bool = False) -> None:
+    export_flight([flown], out, mission=None, force=force)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_each_ending_is_a_format(flown: Path, tmp_path: Path, ending: str) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    export(flown, out / f"flight{ending}")
+    assert [one.name for one in out.iterdir()] == [f"flight{ending}"]
+    assert [one.name for one in flown.iterdir()] == ["flight.npz"]
+
+
+def test_another_ending_is_refused(flown: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="the ending is the format"):
+        export(flown, tmp_path / "flight.xlsx")
+
+
+def test_a_file_that_is_there_stays_without_force(flown: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.csv"
+    out.write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="--force"):
+        export(flown, out)
+    assert out.read_text(encoding="utf-8") == "mine"
+    export(flown, out, force=True)
+    assert out.read_text(encoding="utf-8").startswith("time_s,")
+
+
+def test_no_link_is_written_through(flown: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere.csv"
+    elsewhere.write_text("mine", encoding="utf-8")
+    (tmp_path / "a.csv").symlink_to(elsewhere)
+    with pytest.raises(InputError, match="symbolic link"):
+        export(flown, tmp_path / "a.csv", force=True)
+    assert elsewhere.read_text(encoding="utf-8") == "mine"
+
+
+def test_an_export_that_fails_leaves_nothing(
+    make_flight: MakeFlight, tmp_path: Path, flown: Path
+) -> None:
+    (flown / "flight.npz").unlink()
+    make_flight(begin_unix_s=-5.0).save(flown / "flight.npz")
+    out = tmp_path / "out"
+    out.mkdir()
+    with pytest.raises(InputError, match="damaged"):
+        export(flown, out / "a.mcap")
+    assert list(out.iterdir()) == []
+
+
+def test_a_directory_that_is_not_there_is_one_line(flown: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such directory"):
+        export(flown, tmp_path / "absent" / "a.csv")
+
+
+def test_a_mission_says_where_an_old_record_was_flown(
+    make_flight: MakeFlight, tmp_path: Path, flown: Path
+) -> None:
+    (flown / "flight.npz").unlink()
+    make_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
+    mission = load_mission(MISSIONS / "line-calm.yaml")
+    export_flight([flown], tmp_path / "a.csv", mission=mission, force=False)
+    latitude = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[1].split(",")[3]
+    assert float(latitude) == pytest.approx(mission.origin.latitude_deg)
+
+
+def test_the_mission_of_another_flight_is_refused(
+    make_flight: MakeFlight, tmp_path: Path, flown: Path
+) -> None:
+    (flown / "flight.npz").unlink()
+    make_flight(origin=None).save(flown / "flight.npz")
+    mission = load_mission(MISSIONS / "line-calm.yaml")
+    with pytest.raises(InputError, match="not 'line-calm'"):
+        export_flight([flown], tmp_path / "a.csv", mission=mission, force=False)
+
+
+def test_place_and_time_are_kept_in_the_record(make_flight: MakeFlight, tmp_path: Path) -> None:
+    make_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
+    record = FlightRecord.load(tmp_path / "flight.npz")
+    assert record.begin_unix_s == 1.79e9
+    assert record.origin == Origin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
+
+
+@pytest.mark.parametrize("latitude", [91.0, -1e300])
+def test_a_record_of_nowhere_on_the_earth_is_damaged(
+    make_flight: MakeFlight, tmp_path: Path, latitude: float
+) -> None:
+    origin = Origin(latitude_deg=latitude, longitude_deg=0.0, altitude_amsl_m=0.0)
+    path = tmp_path / "flight.npz"
+    make_flight(origin=origin).save(path)
+    with pytest.raises(InputError, match="nowhere on the earth"):
+        FlightRecord.load(path)

@@ -1,0 +1,210 @@
+"""Every format is read again by a program that is not ours, and says what was flown."""
+
+import csv
+import json
+import math
+import zipfile
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import jsonschema
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from pyarrow import parquet
+
+from vfguide.errors import InputError
+from vfguide.export.columns import UNITS, begin_of, geodetic
+from vfguide.export.comma_separated import write_csv
+from vfguide.export.earth import write_earth
+from vfguide.export.foxglove import attitude, write_mcap
+from vfguide.export.parquet import write_parquet
+from vfguide.frames import LocalFrame
+from vfguide.record.flight import FlightRecord, Origin
+
+MakeFlight = Callable[..., FlightRecord]
+KML = "{http://www.opengis.net/kml/2.2}"
+GX = "{http://www.google.com/kml/ext/2.2}"
+
+
+def test_places_on_the_earth_are_those_of_the_companions_frame() -> None:
+    frame = LocalFrame(47.0, 8.0, 488.0)
+    origin = Origin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
+    latitude, longitude = geodetic(origin, np.array([3000.0]), np.array([-2000.0]))
+    assert frame.to_local(latitude[0], longitude[0]) == pytest.approx((3000.0, -2000.0), abs=1e-3)
+
+
+def test_a_csv_has_a_row_for_each_vehicle_at_each_sample(
+    make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    write_csv(make_flight(), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 42
+    assert set(UNITS) < set(rows[0])
+    last = [row for row in rows if row["vehicle"] == "f1"][-1]
+    assert last["time_s"] == "2.000"
+    assert last["time_utc"] == "2026-01-01T00:00:02.000Z"
+    assert float(last["north_m"]) == pytest.approx(13.0)
+    # The leader flies north: ahead is north, right is east.
+    assert float(last["slot_ahead_m"]) == pytest.approx(-3.0)
+    assert float(last["slot_right_m"]) == pytest.approx(4.0)
+    assert float(last["slot_distance_m"]) == pytest.approx(5.0)
+    assert last["mode"] == "tracking"
+    # A degree of latitude is 111 km: 13 m are 0.000117°.
+    assert float(last["latitude_deg"]) == pytest.approx(47.000117, abs=2e-6)
+    assert rows[0]["slot_ahead_m"] == ""
+
+
+@pytest.mark.parametrize("name", ['=HYPERLINK("x")', "+1", "@a", "-2"])
+def test_names_are_no_formulas_for_a_spreadsheet(
+    make_flight: MakeFlight, tmp_path: Path, name: str
+) -> None:
+    write_csv(make_flight(name=name), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        assert {row["vehicle"] for row in csv.DictReader(file)} == {"lead", f"'{name}"}
+
+
+def test_parquet_keeps_types_and_units(make_flight: MakeFlight, tmp_path: Path) -> None:
+    record = make_flight()
+    lost = replace(record.followers[0], airspeed_m_s=np.full_like(record.time_s, math.nan))
+    write_parquet(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.parquet")
+    table = parquet.read_table(tmp_path / "a.parquet")
+    assert table.num_rows == 42
+    assert table.schema.field("bank_deg").metadata == {
+        b"unit": b"degrees, right wing down positive"
+    }
+    rows = table.to_pylist()
+    assert rows[-1]["vehicle"] == "f1"
+    assert rows[-1]["slot_distance_m"] == pytest.approx(5.0)
+    assert rows[-1]["airspeed_m_s"] is None
+    assert rows[-1]["time_utc"] == datetime(2026, 1, 1, 0, 0, 2, tzinfo=UTC)
+
+
+def test_kml_has_a_track_with_time_for_each_vehicle(
+    make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    write_earth(make_flight(name="<b>&\x00"), tmp_path / "a.kml", compressed=False)
+    root = ET.parse(tmp_path / "a.kml").getroot()  # noqa: S314
+    names = [one.text for one in root.iter(f"{KML}name")]
+    assert names == ["line", "path", "lead", "<b>& "]
+    tracks = list(root.iter(f"{GX}Track"))
+    # 10 samples a second, at most 5 of them shown.
+    assert [len(list(track.iter(f"{GX}coord"))) for track in tracks] == [11, 11]
+    assert [len(list(track.iter(f"{KML}when"))) for track in tracks] == [11, 11]
+    first = [float(one) for one in str(next(tracks[0].iter(f"{GX}coord")).text).split()]
+    assert first == pytest.approx([8.0, 47.0, 588.0]), "longitude first"
+    assert "href" not in (tmp_path / "a.kml").read_text(encoding="utf-8")
+
+
+def test_kmz_is_the_same_packed(make_flight: MakeFlight, tmp_path: Path) -> None:
+    write_earth(make_flight(), tmp_path / "a.kmz", compressed=True)
+    with zipfile.ZipFile(tmp_path / "a.kmz") as archive:
+        assert archive.namelist() == ["doc.kml"]
+        ET.fromstring(archive.read("doc.kml"))  # noqa: S314
+
+
+def test_every_message_of_the_mcap_is_what_its_schema_says(
+    make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    write_mcap(make_flight(), tmp_path / "a.mcap")
+    counts: Counter[str] = Counter()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            strict = closed(json.loads(schema.data))
+            jsonschema.validate(json.loads(message.data), strict)
+            counts[channel.topic] += 1
+        summary = reader.get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == counts.total()
+    assert counts == {
+        "/lead/state": 21,
+        "/f1/state": 21,
+        "/lead/location": 11,
+        "/f1/location": 11,
+        "/tf": 22,
+        "/scene/lead": 11,
+        "/scene/f1": 11,
+        "/scene/path": 1,
+        # Joining at first and tracking after a second, each of two vehicles.
+        "/log": 4,
+    }
+
+
+def closed(schema: object) -> object:
+    """The schema with every field required and no other allowed: a misspelt one would be skipped."""
+    if isinstance(schema, list):
+        return [closed(one) for one in schema]
+    if not isinstance(schema, dict):
+        return schema
+    made = {name: closed(one) for name, one in schema.items()}
+    if "properties" in made:
+        known = schema["properties"]
+        optional = schema["title"] == "vfguide.VehicleState"
+        made |= {"additionalProperties": False, "required": [] if optional else list(known)}
+    return made
+
+
+def test_the_mcap_says_where_and_when(make_flight: MakeFlight, tmp_path: Path) -> None:
+    write_mcap(make_flight(begin_unix_s=1_790_000_000.5), tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = list(make_reader(file).iter_messages(topics=["/f1/location"]))
+    _, _, last = found[-1]
+    assert last.log_time == 1_790_000_002_500_000_000
+    fix = json.loads(last.data)
+    assert fix["timestamp"] == {"sec": 1_790_000_002, "nsec": 500_000_000}
+    assert (fix["latitude"], fix["altitude"]) == pytest.approx((47.000117, 588.0), abs=2e-6)
+
+
+def test_what_is_not_known_is_in_no_message(make_flight: MakeFlight, tmp_path: Path) -> None:
+    record = make_flight()
+    unknown = np.full_like(record.time_s, math.nan)
+    lost = replace(record.followers[0], north_m=unknown, heading_rad=unknown)
+    write_mcap(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    assert "/f1/state" in topics
+    assert not {"/f1/location", "/scene/f1"} & topics
+
+
+@pytest.mark.parametrize(
+    ("heading", "ahead"),
+    [(0.0, (0.0, 1.0, 0.0)), (90.0, (1.0, 0.0, 0.0)), (225.0, (-0.7071, -0.7071, 0.0))],
+)
+def test_the_nose_points_along_the_heading(
+    heading: float, ahead: tuple[float, float, float]
+) -> None:
+    assert turned((1.0, 0.0, 0.0), attitude(heading, 0.0)) == pytest.approx(ahead, abs=1e-4)
+
+
+def test_a_bank_lowers_the_right_wing() -> None:
+    """Heading north, right is east; y of a body is its left."""
+    east, north, up = turned((0.0, -1.0, 0.0), attitude(0.0, 30.0))
+    assert (east, north, up) == pytest.approx((math.cos(math.radians(30.0)), 0.0, -0.5), abs=1e-9)
+
+
+def turned(
+    vector: tuple[float, float, float], quaternion: tuple[float, float, float, float]
+) -> tuple[float, ...]:
+    """A vector turned by a unit quaternion (x, y, z, w): v + 2 u x (u x v + w v)."""
+    axis, w, v = np.array(quaternion[:3]), quaternion[3], np.array(vector)
+    return tuple((v + 2.0 * np.cross(axis, np.cross(axis, v) + w * v)).tolist())
+
+
+@pytest.mark.parametrize("begin", [-1.0, math.nan, math.inf, 1e30])
+def test_a_record_of_no_possible_time_is_refused(make_flight: MakeFlight, begin: float) -> None:
+    with pytest.raises(InputError, match="damaged"):
+        begin_of(make_flight(begin_unix_s=begin))
+
+
+def test_a_record_without_a_place_says_what_to_do(make_flight: MakeFlight, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--mission"):
+        write_csv(make_flight(origin=None), tmp_path / "a.csv")

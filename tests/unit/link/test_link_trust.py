@@ -1,0 +1,419 @@
+import math
+from collections import Counter
+from dataclasses import replace
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.link.wire import (
+    FORMATION,
+    KEYS,
+    LEADER,
+    ROSTER,
+    Carried,
+    Station,
+    Wire,
+    straight,
+    trust_of,
+)
+from vfguide.errors import InputError
+from vfguide.link.envelope import (
+    LARGEST,
+    Kind,
+    Scheme,
+    checksum,
+    decode_envelope,
+    encode_signed,
+    formation_number,
+)
+from vfguide.link.keys import Roster
+from vfguide.link.member import Parcel
+from vfguide.link.trust import RefusedError, Trust
+
+ANSWERS = frozenset({Kind.ANSWER})
+
+
+def formation(wire: Wire, first_session: int = 1) -> tuple[Station, Station, Station]:
+    """A leader and two followers, whose clocks are apart."""
+    leader = wire.station(LEADER, session=first_session)
+    one = wire.station("f1", session=first_session + 1, skew_s=100.0)
+    other = wire.station("f2", session=first_session + 2, skew_s=-7.0)
+    return leader, one, other
+
+
+def refused(trust: Trust, data: bytes, now: float = 0.0) -> str:
+    """Why a message is refused; empty if it is believed."""
+    try:
+        trust.believe(trust.read(data), now)
+    except RefusedError as refusal:
+        return str(refusal)
+    return ""
+
+
+def flown(carry: object = straight, seconds: float = 5.0) -> tuple[Station, Station, Station]:
+    """A formation after some seconds on a wire."""
+    wire = Wire(carry)  # type: ignore[arg-type]
+    stations = formation(wire)
+    wire.fly(stations[0], seconds, *stations[1:])
+    wire.run(2.0)
+    return stations
+
+
+def test_everybody_hears_everybody_once_the_leader_has_shown_that_it_lives() -> None:
+    leader, one, other = flown()
+    # Question and answer take 20 ms: the first state of the leader comes too early to be believed.
+    assert [data for _, data in one.heard] == [b"lead %d" % step for step in range(1, 100)]
+    assert leader.neighbours[-2:] == [("f1", b"f1 96"), ("f2", b"f2 96")]
+    assert one.neighbours[-1] == ("f2", b"f2 96")
+    assert one.clock is not None
+    assert one.clock.offset_s == pytest.approx(-100.0)
+    assert set(other.counters) <= {
+        "refused: another session of the leader",
+        "refused: another flight",
+    }
+
+
+def forge(parcel: Parcel) -> Carried:
+    """Whatever is said is also said by somebody who has no key, in every way that he can think of."""
+    yield 0.01, parcel.data
+    real = decode_envelope(parcel.data)
+    for sequence in (real.sequence, real.sequence + 1, 2**32 - 1):
+        signed = encode_signed(
+            Scheme.ED25519,
+            real.kind,
+            formation=real.formation,
+            sender=real.sender,
+            session=real.session,
+            epoch=real.epoch,
+            sequence=sequence,
+            time_s=real.time_s,
+            body=b"forged",
+        )
+        yield 0.001, signed + bytes(64)
+        yield 0.001, signed + real.tag
+        yield 0.001, signed + KEYS["eye"].sign(signed)
+    plain = encode_signed(
+        Scheme.UNSIGNED,
+        real.kind,
+        formation=real.formation,
+        sender=real.sender,
+        session=real.session,
+        epoch=real.epoch,
+        sequence=real.sequence + 1,
+        time_s=real.time_s,
+        body=b"forged",
+    )
+    yield 0.001, plain + checksum(plain)
+
+
+def repeat(parcel: Parcel) -> Carried:
+    """Everything comes again and again."""
+    for number in range(5):
+        yield 0.01 + 0.3 * number, parcel.data
+
+
+def bend(parcel: Parcel) -> Carried:
+    """Every message is also there with a bit of it turned over."""
+    yield 0.01, parcel.data
+    for bit in range(0, 8 * len(parcel.data), 97):
+        data = bytearray(parcel.data)
+        data[bit // 8] ^= 1 << bit % 8
+        yield 0.001, bytes(data)
+
+
+@pytest.mark.parametrize("attack", [forge, repeat, bend])
+def test_forged_repeated_and_changed_messages_change_nothing_but_counters(attack: object) -> None:
+    calm, beset = flown(), flown(attack)
+    for before, now in zip(calm, beset, strict=True):
+        assert now.heard == before.heard
+        assert now.neighbours == before.neighbours
+        assert sum(now.counters.values()) > 100
+    for number in (1, 2):
+        clock, same = calm[number].clock, beset[number].clock
+        assert clock is not None
+        assert same is not None
+        assert same.offset_s == clock.offset_s
+
+
+def test_delayed_messages_are_heard_late_and_the_clock_stays_right() -> None:
+    """Half a second each way: the exchange takes one second and its middle is where it was."""
+
+    def delay(parcel: Parcel) -> Carried:
+        yield 0.5, parcel.data
+
+    _, calm, _ = flown(seconds=5.0)
+    _, late, _ = flown(delay, seconds=5.0)
+    known = dict(map(reversed, calm.heard))  # type: ignore[arg-type]
+    assert len(late.heard) > 70
+    assert all(when == pytest.approx(known[data] + 0.49) for when, data in late.heard)  # type: ignore[index]
+    assert late.clock is not None
+    assert late.clock.offset_s == pytest.approx(-100.0, abs=1e-9)
+
+
+def test_an_answer_that_is_held_back_moves_the_clock_by_half_of_that_and_says_so() -> None:
+    def hold(parcel: Parcel) -> Carried:
+        yield (0.41 if parcel.kind in ANSWERS else 0.01), parcel.data
+
+    _, one, _ = flown(hold)
+    assert one.clock is not None
+    assert one.clock.offset_s == pytest.approx(-100.0 - 0.2)
+    assert one.clock.bound_s >= 0.2
+
+
+def test_reflected_messages_are_ones_own_and_not_believed() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 2.0, one, other)
+    before = len(one.heard), len(one.neighbours), len(leader.neighbours)
+    for parcel in list(wire.sent):
+        for station in (leader, one, other):
+            station.member.take(parcel.data)
+    assert (len(one.heard), len(one.neighbours), len(leader.neighbours)) == before
+    assert leader.counters["refused: one's own"] == 40
+    assert one.counters["refused: one's own"] == 10
+
+
+def test_a_recording_of_yesterday_is_believed_by_nobody() -> None:
+    yesterday = Wire()
+    leader, *followers = formation(yesterday, first_session=1)
+    yesterday.fly(leader, 5.0, *followers)
+    today = Wire()
+    leader, one, other = formation(today, first_session=11)
+    # Before anybody has spoken, and again while they fly.
+    for parcel in yesterday.sent:
+        today.inject(parcel.data)
+    today.run(0.0)
+    assert not one.heard
+    assert not one.neighbours
+    assert not leader.neighbours
+    assert one.clock is not None
+    assert not one.clock.ready
+    today.fly(leader, 1.0, one, other)
+    heard, neighbours = len(one.heard), len(one.neighbours)
+    for parcel in yesterday.sent:
+        today.inject(parcel.data)
+    today.run(0.0)
+    assert (len(one.heard), len(one.neighbours)) == (heard, neighbours)
+    assert one.counters["refused: another session of the leader"] >= 200
+    assert one.counters["refused: another flight"] >= 25
+
+
+def test_a_leader_that_starts_anew_is_heard_again_and_its_last_session_no_more() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 2.0, one, other)
+    old = [parcel.data for parcel in wire.sent if parcel.kind is Kind.STATE]
+    wire.stations.remove(leader)
+    wire.run(1.5)
+    again = wire.station(LEADER, session=50)
+    one.heard.clear()
+    again.member.publish(b"too early")
+    wire.run(0.05)
+    assert one.heard == []
+    # It asks for that, and does not wait for its turn.
+    assert one.member.hurry.is_set()
+    wire.fly(again, 2.0, one, other)
+    assert one.heard[-1][1] == b"lead 39"
+    heard = len(one.heard)
+    for data in old:
+        wire.inject(data)
+    wire.run(1.0)
+    assert len(one.heard) == heard
+
+
+def test_a_follower_that_starts_anew_is_heard_again_and_its_last_session_no_more() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 2.0, one, other)
+    old = [p.data for p in wire.sent if decode_envelope(p.data).sender == "f1"]
+    wire.stations.remove(one)
+    again = wire.station("f1", session=60, skew_s=3.0)
+    wire.fly(leader, 2.0, again, other)
+    assert ("f1", b"f1 36") in leader.neighbours[-4:]
+    heard = len(leader.neighbours), len(other.neighbours)
+    for data in old:
+        wire.inject(data)
+    wire.fly(leader, 1.0)
+    assert (len(leader.neighbours), len(other.neighbours)) == heard
+    assert leader.counters["refused: an earlier session"] >= 9
+
+
+def test_a_second_leader_is_found_out_and_not_followed() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 2.0, one, other)
+    rival = wire.station(LEADER, session=70)
+    # The one that is asked first answers first.
+    wire.stations.insert(0, wire.stations.pop())
+    for step in range(40):
+        leader.member.publish(b"lead %d" % step)
+        rival.member.publish(b"rival %d" % step)
+        one.member.ask()
+        wire.run(0.05)
+    assert not [data for _, data in one.heard if data.startswith(b"rival")]
+    assert one.counters["refused: a second leader"] >= 1
+    assert leader.counters["refused: another companion of this name"] == 40
+
+
+def test_a_sender_may_only_say_what_its_part_may_say() -> None:
+    """Each of these is signed by a true key of the formation."""
+    leader = trust_of(LEADER, 1)
+    follower = trust_of("f2", 2)
+    follower.prove(1, 0.0)
+    for name, kind in (("f1", Kind.ANSWER), ("f1", Kind.ORDER), ("eye", Kind.STATE)):
+        sender = trust_of(name, 3)
+        sender.prove(1, 0.0)
+        data = sender.seal(kind, b"", time_s=1.0)
+        assert refused(follower, data) == "not for its sender to say"
+        assert refused(leader, data) == "not for its sender to say"
+    assert refused(follower, leader.seal(Kind.QUESTION, b"", time_s=1.0)) != ""
+    order = trust_of("eye", 4)
+    order.prove(1, 0.0)
+    assert refused(follower, order.seal(Kind.ORDER, b"", time_s=1.0)) == ""
+
+
+def test_two_formations_on_one_wire_do_not_hear_each_other() -> None:
+    own, other = trust_of("f1", 1), trust_of(LEADER, 2)
+    elsewhere = Trust(
+        formation="line",
+        name=LEADER,
+        leader=LEADER,
+        session=2,
+        roster=replace(ROSTER, formation="line"),
+        key=KEYS[LEADER],
+    )
+    own.prove(2, 0.0)
+    assert refused(own, elsewhere.seal(Kind.STATE, b"", time_s=0.0)) == "another formation"
+    assert refused(own, other.seal(Kind.STATE, b"", time_s=0.0)) == ""
+    assert formation_number("line") != formation_number(FORMATION)
+
+
+def test_who_signs_and_who_does_not_do_not_hear_each_other() -> None:
+    signed, insecure = trust_of(LEADER, 1), trust_of(LEADER, 1, signed=False)
+    careful, careless = trust_of("f1", 2), trust_of("f1", 2, signed=False)
+    for one in (careful, careless):
+        one.prove(1, 0.0)
+    assert refused(careful, insecure.seal(Kind.STATE, b"", time_s=0.0)) == "not signed"
+    assert (
+        refused(careless, signed.seal(Kind.STATE, b"", time_s=0.0))
+        == "signed, where --insecure was typed"
+    )
+    assert refused(careless, insecure.seal(Kind.STATE, b"", time_s=0.0)) == ""
+
+
+def test_a_watcher_without_a_key_believes_what_is_signed_and_with_one_what_is_of_today() -> None:
+    old, new = trust_of(LEADER, 1), trust_of(LEADER, 2)
+    keyless = Trust(
+        formation=FORMATION, name="-", leader=LEADER, session=9, roster=ROSTER, watches=True
+    )
+    for trust in (old, new):
+        assert refused(keyless, trust.seal(Kind.PRESENCE, b"", time_s=1.0)) == ""
+    watcher = trust_of("eye", 9, watches=True)
+    watcher.prove(2, 0.0)
+    assert refused(watcher, old.seal(Kind.PRESENCE, b"", time_s=1.0)) != ""
+    assert refused(watcher, new.seal(Kind.PRESENCE, b"", time_s=1.0)) == ""
+    # A vehicle that has not found its leader says so under no session at all.
+    assert refused(watcher, trust_of("f1", 5).seal(Kind.PRESENCE, b"", time_s=1.0)) == ""
+
+
+def test_a_will_is_believed_as_late_as_the_broker_says_it_and_a_later_presence_too() -> None:
+    vehicle, watcher = trust_of("f1", 1), trust_of("eye", 2, watches=True)
+    will = vehicle.seal(Kind.WILL, b"", time_s=1.0)
+    for _ in range(3):
+        assert refused(watcher, vehicle.seal(Kind.PRESENCE, b"", time_s=2.0)) == ""
+    assert refused(watcher, will) == ""
+    assert refused(watcher, vehicle.seal(Kind.PRESENCE, b"", time_s=3.0)) == ""
+
+
+@pytest.mark.parametrize(
+    ("roster", "text"),
+    [
+        (replace(ROSTER, formation="line"), "of the formation 'line', the mission's is 'circle'"),
+        (Roster(formation=FORMATION), "no key of the leader 'lead'"),
+        (
+            replace(ROSTER, vehicles={**ROSTER.vehicles, "f1": ROSTER.vehicles["f2"]}),
+            "the private key of 'f1' is not the one that the roster names",
+        ),
+    ],
+)
+def test_a_roster_that_does_not_fit_is_one_clear_line(roster: Roster, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        Trust(
+            formation=FORMATION,
+            name="f1",
+            leader=LEADER,
+            session=1,
+            roster=roster,
+            key=KEYS["f1"],
+        )
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(
+    kind=st.sampled_from(Kind),
+    body=st.binary(max_size=200),
+    sequence=st.integers(0, 2**32 - 1),
+    session=st.integers(0, 2**64 - 1),
+    sender=st.text(min_size=1, max_size=40),
+    time_s=st.floats(-1e10, 1e10) | st.just(float("nan")),
+)
+def test_what_goes_into_an_envelope_comes_out(
+    *, kind: Kind, body: bytes, sequence: int, session: int, sender: str, time_s: float
+) -> None:
+    signed = encode_signed(
+        Scheme.UNSIGNED,
+        kind,
+        formation=7,
+        sender=sender,
+        session=session,
+        epoch=session ^ 1,
+        sequence=sequence,
+        time_s=time_s,
+        body=body,
+    )
+    found = decode_envelope(signed + checksum(signed))
+    assert (found.kind, found.body, found.sequence) == (kind, body, sequence)
+    assert (found.session, found.epoch, found.sender) == (session, session ^ 1, sender)
+    assert found.time_s == time_s or (math.isnan(found.time_s) and math.isnan(time_s))
+    assert found.tag == checksum(found.signed)
+
+
+STATE = trust_of(LEADER, 1).seal(Kind.STATE, b"a state", time_s=1.0)
+
+
+@settings(deadline=None, derandomize=True, max_examples=500)
+@given(data=st.binary(max_size=300) | st.binary(max_size=200).map(lambda end: STATE[:40] + end))
+def test_random_bytes_are_counted_and_nothing_else(data: bytes) -> None:
+    wire = Wire()
+    _, one, _ = formation(wire)
+    one.member.take(data)
+    assert one.heard == []
+    assert sum(one.counters.values()) <= 1
+    assert "failed to use" not in one.counters
+
+
+def test_what_is_too_long_is_refused_on_both_sides() -> None:
+    trust = trust_of("f1", 1)
+    with pytest.raises(ValueError, match="too long"):
+        trust.seal(Kind.PRESENCE, bytes(LARGEST), time_s=0.0)
+    with pytest.raises(RefusedError, match="malformed"):
+        trust.read(STATE + bytes(LARGEST))
+
+
+def test_a_flood_of_made_up_names_does_not_grow_memory_where_nothing_is_signed() -> None:
+    trust, random = trust_of("f1", 1, signed=False), Random(1)
+    trust.prove(5, 0.0)
+    reasons: Counter[str] = Counter()
+    for number in range(2000):
+        stranger = Trust(
+            formation=FORMATION,
+            name=f"n{number}",
+            leader=LEADER,
+            session=random.getrandbits(64),
+            roster=None,
+        )
+        stranger.prove(5, 0.0)
+        reasons[refused(trust, stranger.seal(Kind.STATE, b"", time_s=1.0))] += 1
+    assert reasons == {"": 256, "too many senders": 1744}

@@ -1,0 +1,118 @@
+"""The section `controller:` of a mission: what every law shares, and the gains of the one that flies."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from vfguide.errors import InputError
+from vfguide.laws.field_findings import told_apart
+from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
+from vfguide.mission.controller import controller_of, gains_of, with_law
+
+CIRCLE = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+
+
+def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field() -> None:
+    controller = controller_of({})
+    assert controller.type == "slot"
+    assert gains_of(controller).model_dump() == {
+        "k_x": 0.2,
+        "k_y": 0.2,
+        "chi_inf_deg": 45.0,
+        "v_inf_m_s": 8.0,
+        "rate_feedforward": True,
+        "integral_s": 0.0,
+    }
+
+
+def test_gains_of_a_law_stand_beside_what_all_laws_share() -> None:
+    controller = controller_of({"type": "pid", "lateral_p_rad_m": 0.3, "kappa": 2.0})
+    assert controller.kappa == 2.0
+    assert gains_of(controller).lateral_p_rad_m == 0.3
+    assert gains_of(controller).longitudinal_d == 5.79
+
+
+def test_a_group_of_its_name_holds_a_laws_gains_too() -> None:
+    groups = {"pid": {"lateral_p_rad_m": 0.3}, "mpc": {"integral_s": 2.0}}
+    assert gains_of(controller_of({"type": "pid", **groups})).lateral_p_rad_m == 0.3
+    assert gains_of(controller_of({"type": "mpc", **groups})).integral_s == 2.0
+
+
+def test_gains_of_another_law_are_passed_over() -> None:
+    assert not hasattr(controller_of({"type": "pid", "k_x": 0.3, "mpc": {}}), "k_x")
+
+
+def test_for_another_law_a_gain_of_the_same_name_does_not_count() -> None:
+    field = {"type": "slot", "k_x": 0.4, "integral_s": 0.65, "kappa": 2.0}
+    # The article's field has the gains of the slot's, but learns nothing.
+    assert with_law(field, "article") == {"type": "article", "k_x": 0.4, "kappa": 2.0}
+    # The integral of `mpc` is not that of the field.
+    assert with_law(field, "mpc") == {"type": "mpc", "kappa": 2.0}
+    with pytest.raises(InputError, match="no such law; known are slot, article, pid, mpc"):
+        with_law(field, "pursuit")
+
+
+def test_a_mission_is_the_same_in_another_process() -> None:
+    mission = load_mission(CIRCLE)
+    there = pickle.loads(pickle.dumps(mission))  # noqa: S301 - of this test's own making
+    assert there == mission
+    assert type(there.controller) is type(mission.controller)
+    assert Mission.model_validate(mission.model_dump()) == mission
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        ("k_x: 0.42", "controller.k_x: 20 is too large; choose 10 or less"),
+        ("k_z: 1", "controller.k_z: unknown field 'k_z'; did you mean"),
+    ],
+)
+def test_a_wrong_gain_is_a_fault_at_its_line(gain: str, said: str) -> None:
+    text = CIRCLE.read_text()
+    assert "k_x: 0.42" in text
+    wrong = text.replace("k_x: 0.42", "k_x: 20" if gain.startswith("k_x") else gain)
+    with pytest.raises(MissionError) as caught:
+        parse_mission(wrong.encode(), file="m.yaml")
+    (fault,) = caught.value.faults
+    line = wrong[: wrong.index("controller:")].count("\n") + 1
+    assert fault.line is not None
+    assert fault.line >= line
+    assert (
+        said.removeprefix("controller.") in f"{fault.location[-1]}: {fault.message}; {fault.remedy}"
+    )
+
+
+def findings(**controller: object) -> list[str]:
+    content = load_mission(CIRCLE).model_dump(exclude_unset=True)
+    content["controller"] |= controller
+    return [str(one) for one in check_mission(Mission.model_validate(content))]
+
+
+@pytest.mark.parametrize("law", ["pid", "mpc"])
+def test_a_law_that_is_no_field_is_not_judged_as_one(law: str) -> None:
+    """`type: pid` with k_x 5 used to be told to lower k_x."""
+    content = with_law(load_mission(CIRCLE).controller.model_dump(exclude_unset=True), law)
+    found = findings(**content, k_x=5.0)
+    assert not any("k_x" in one or "swings" in one or "expect" in one for one in found)
+    assert any(f"no error is predicted of the law {law}" in one for one in found)
+
+
+def test_two_numbers_of_a_message_differ_in_it() -> None:
+    assert told_apart(2.14, 2.12) == ("2.14", "2.12")
+    assert told_apart(70.0, 5.7) == ("70.0", "5.7")
+
+
+def test_what_is_predicted_says_for_which_conditions_it_holds() -> None:
+    (calm,) = [one for one in findings() if "mean formation error" in one]
+    assert (
+        "with vehicles that answer as declared; a real aircraft, its sensors and gusts add" in calm
+    )
+    content = load_mission(CIRCLE).model_dump(exclude_unset=True)
+    content["wind"]["turbulence"] = "moderate"
+    content["rehearsal"]["sensors"] = "sbas"
+    content["vehicles"]["f1"]["speed_lag_s"] = 0.5
+    rough = [str(one) for one in check_mission(Mission.model_validate(content))]
+    (found,) = [one for one in rough if "mean formation error" in one]
+    named = "no vehicles that answer late or slip, no moderate turbulence, no sensors of grade sbas"
+    assert f"if there were {named}; how much more" in found

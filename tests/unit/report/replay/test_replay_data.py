@@ -1,0 +1,131 @@
+"""What the report tells the replay: small, exact to what is seen, and no way out of the page."""
+
+import json
+import math
+from base64 import b64decode, b64encode
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.report.replay.data import (
+    ANGLE,
+    MILLIMETRES,
+    NUMBER,
+    choose_stride,
+    describe_flight,
+    encode,
+    replay_json,
+    series_of,
+)
+from vfguide.report.replay.page_part import NOTHING, hash_source, program, replay_of
+
+MakeVehicle = Callable[..., VehicleRecord]
+MakeFlight = Callable[..., FlightRecord]
+
+
+def numbers(series: dict[str, object], kind: str) -> list[int]:
+    return np.frombuffer(b64decode(str(series["data"])), dtype=kind).tolist()
+
+
+def test_places_are_whole_millimetres_in_four_bytes() -> None:
+    series = encode(np.array([1.2344, -0.0006, 2000.0]), MILLIMETRES)
+    assert numbers(series, "<i4") == [1234, -1, 2_000_000]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e9])
+def test_what_no_number_can_hold_is_not_known(value: float) -> None:
+    assert numbers(encode(np.array([value]), MILLIMETRES), "<i4") == [-(2**31)]
+    assert numbers(encode(np.array([value]), NUMBER), "u1") == [255]
+
+
+def test_angles_are_within_half_a_turn(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> None:
+    time_s = np.arange(3.0)
+    leader = make_vehicle("leader", "leader", time_s, course_rad=np.radians([359.0, 180.5, 725.0]))
+    course = series_of(make_flight(time_s, leader), leader)["course_deg"]
+    assert numbers(encode(course, ANGLE), "<i2") == [-100, -17950, 500]
+
+
+def test_slot_errors_are_those_of_the_figures(circle_flight: FlightRecord) -> None:
+    follower = circle_flight.followers[0]
+    series = series_of(circle_flight, follower)
+    # 60 m behind and 30 m left of the slot's place at the start, by the flight's own formula.
+    assert series["along_m"][0] == pytest.approx(40.0, abs=0.2)
+    assert series["across_m"][0] == pytest.approx(30.0, abs=0.2)
+
+
+def still(
+    time_s: np.ndarray, vehicles: int, make_vehicle: MakeVehicle, make: MakeFlight
+) -> FlightRecord:
+    others = [make_vehicle(f"f{n}", "follower", time_s) for n in range(1, vehicles)]
+    return make(time_s, make_vehicle("leader", "leader", time_s), *others)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "vehicles", "stride"),
+    [
+        # 20 samples a second: 0.2 s between two are every 4th.
+        (300.0, 4, 4),
+        # 42 bytes of each of 4 vehicles: 600 kB are 3571 samples, 1.008 s of an hour, more than the coarsest.
+        (3600.0, 4, 20),
+        (1.0, 1, 4),
+    ],
+)
+def test_long_flights_are_shown_in_coarser_steps(
+    seconds: float, vehicles: int, stride: int, make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    time_s = np.arange(0.0, seconds + 0.01, 0.05)
+    assert choose_stride(still(time_s, vehicles, make_vehicle, make_flight)) == stride
+
+
+def test_a_day_of_many_aircraft_stays_below_what_a_page_may_hold(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    time_s = np.arange(0.0, 86_400.0, 1.0)
+    record = still(time_s, 12, make_vehicle, make_flight)
+    samples = time_s.size / choose_stride(record)
+    assert samples * 12 * 42 <= 12_000_000
+
+
+def test_names_cannot_end_the_data(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> None:
+    name = '</script><script>alert(1)</script><!--\u2028&"'
+    time_s = np.arange(3.0)
+    text = replay_json(make_flight(time_s, make_vehicle(name, "leader", time_s)))
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text)["vehicles"][0]["name"] == name
+
+
+def test_a_path_that_is_not_known_everywhere_keeps_its_points_together(
+    make_flight: MakeFlight,
+) -> None:
+    record = make_flight(
+        np.arange(3.0),
+        path_north_m=np.array([0.0, math.nan, 2.0]),
+        path_east_m=np.array([1.0, 5.0, 3.0]),
+    )
+    assert describe_flight(record)["path"] == {"north_m": [0.0, 2.0], "east_m": [1.0, 3.0]}
+
+
+def test_a_flight_that_broke_at_once_has_no_replay(make_flight: MakeFlight) -> None:
+    assert replay_of(make_flight(np.array([]))) == NOTHING
+
+
+def test_the_program_cannot_end_its_own_element() -> None:
+    assert "</script" not in program()
+    assert "<!--" not in program()
+
+
+def test_a_script_is_called_by_the_hash_of_its_bytes() -> None:
+    expected = b64encode(sha256("höhe".encode()).digest()).decode()
+    assert hash_source("höhe") == f"'sha256-{expected}'"
+
+
+def test_heights_of_slots_are_told(circle_flight: FlightRecord) -> None:
+    follower = replace(circle_flight.followers[0], slot_up_m=5.0)
+    record = replace(circle_flight, vehicles=(circle_flight.leader, follower))
+    vehicles = describe_flight(record)["vehicles"]
+    assert isinstance(vehicles, list)
+    assert vehicles[1]["slot"] == [-20.0, -20.0, 5.0]

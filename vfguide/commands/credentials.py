@@ -1,0 +1,76 @@
+"""Which keys a command uses: those beside the mission, those that options name, or none with --insecure."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from vfguide.errors import InputError
+from vfguide.link.keys import OPERATOR, Roster, key_places, read_private_key, read_roster
+
+REMEDY = "make keys with `vfguide keys make MISSION`, or type --insecure to believe anybody"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Credentials:
+    """What a member signs with, and whom it believes."""
+
+    roster: Roster | None
+    """Everybody's public keys; None to believe anybody."""
+    key: Ed25519PrivateKey | None
+    """The own private key; None to sign nothing."""
+
+
+ANYBODY = Credentials(roster=None, key=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyFiles:
+    """What the command line says about keys."""
+
+    mission: Path
+    """The mission's file, beside which keys are looked for."""
+    key: Path | None = None
+    """The private key, if an option names it."""
+    roster: Path | None = None
+    """The roster, if an option names it."""
+    insecure: bool = False
+    """Whether nothing is to be signed."""
+
+    def of_vehicle(self, name: str) -> Credentials:
+        """What a vehicle signs with, and whom it believes.
+
+        Raises:
+            InputError: a file is missing or cannot be used.
+        """
+        if self._believes_anybody():
+            return ANYBODY
+        path = self.key or key_places(self.mission).private(name)
+        if not path.exists():
+            raise InputError(f"{path}: there is no private key of {name!r}; {REMEDY}")
+        return Credentials(roster=self._read_roster(), key=read_private_key(path))
+
+    def of_operator(self) -> Credentials:
+        """The same for those who watch. Without a private key nothing shows that what they hear is new.
+
+        Raises:
+            InputError: a file is missing or cannot be used.
+        """
+        if self._believes_anybody():
+            return ANYBODY
+        path = self.key or key_places(self.mission).private(OPERATOR)
+        has_key = self.key is not None or path.exists()
+        return Credentials(
+            roster=self._read_roster(), key=read_private_key(path) if has_key else None
+        )
+
+    def _read_roster(self) -> Roster:
+        path = self.roster or key_places(self.mission).roster
+        if not path.exists():
+            raise InputError(f"{path}: there is no roster; {REMEDY}")
+        return read_roster(path)
+
+    def _believes_anybody(self) -> bool:
+        if self.insecure and (self.key or self.roster):
+            raise InputError("--insecure: nothing is signed; leave it out, or --key and --roster")
+        return self.insecure

@@ -1,0 +1,197 @@
+"""What each of the other vehicles may do next: the tracks that it is kept clear of.
+
+One that is steered flies with the formation. One that is heard and not steered may do anything that a plane
+can: fly on along its arc, level out, turn either way at its bank limit. One that is silent flies on with
+the formation, where only the link is lost, holds its last course, where its companion has died, or turns
+on, where its autopilot hangs.
+"""
+
+import cmath
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vfguide.companion.sightings import LAST_TURN_S, SILENT_S
+from vfguide.elementwise import BoolArray, FloatArray, clip
+from vfguide.guidance.predicted_tracks import (
+    HORIZON_S,
+    TIMES,
+    ComplexArray,
+    arc,
+    formation_tracks,
+    place_of,
+    velocity_of,
+)
+from vfguide.guidance.separation import FLOOR_M, Others
+from vfguide.state import LeaderState
+
+IntArray = NDArray[np.intp]
+
+SPACING_SHARE = 0.65
+"""Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
+
+BERTH_M = 15.0
+"""Distance that is kept from the predicted arc of one that is not under guidance."""
+
+DRIFT_M_S = 1.0
+"""How fast a silent vehicle may leave the places where it is believed to be, m/s."""
+
+LEVEL_S = 4.0
+"""How far ahead a vehicle that is not under guidance is thought to level out."""
+
+TURNS_OFF_M_S = 3.0
+"""A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
+
+ALONG_S = 4.0
+"""How far ahead steered vehicles are looked at: they keep clear themselves, and go for their slots."""
+
+ARC_S = 2.0
+"""How far ahead it may."""
+
+HOLDS_S = 3.0
+"""How far ahead a silent vehicle may hold its last course: most silences are those of the link."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewpoint:
+    """The vehicle that looks around."""
+
+    time_s: float
+    """On its own clock."""
+    place: complex
+    """m."""
+    velocity: complex
+    """Over the ground, m/s."""
+    wanted: complex
+    """Velocity that guidance wants, m/s."""
+    altitude_amsl: float
+    """m."""
+    wind: complex
+    """As the vehicle knows it, toward, m/s."""
+    astray: float
+    """Distance from its slot, m; of a leader how far it is from flying along its path."""
+    reaction_s: float
+    """Until it answers to something new: the age of what it hears, its dead time and lag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """Those who may come near, one element for each."""
+
+    row: IntArray
+    age: FloatArray
+    silent: BoolArray
+    stopped: BoolArray
+    """Whether they may stand where they were last heard."""
+    heard_at: ComplexArray
+    """There, m."""
+    believed: BoolArray
+    """Whether they said last that they were steered."""
+    place: ComplexArray
+    velocity: ComplexArray
+    offset: ComplexArray
+    """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
+    turn_rate: FloatArray
+    hardest: FloatArray
+    """Turn rate at the bank limit, rad/s."""
+    keep: FloatArray
+    spacing: FloatArray
+    slot: ComplexArray
+    """Forward + j right of the leader, m."""
+    drift: FloatArray
+    """Speed relative to the formation, of those who are silent as it was when they were heard, m/s."""
+    weight: FloatArray
+    linked: BoolArray
+    """Whether the link has worked all the time since they were heard."""
+
+
+def possibilities_of(
+    seen: Seen, here: Viewpoint, leader: LeaderState[float] | None
+) -> tuple[Others, IntArray] | None:
+    """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
+    found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
+    grown = DRIFT_M_S * np.maximum(seen.age - SILENT_S, 0.0)
+    floor = np.minimum(FLOOR_M, seen.keep)
+    # However uncertain the places are, slots are flown: the mission put them this near.
+    keep = np.maximum(np.minimum(seen.keep + grown, SPACING_SHARE * seen.spacing), seen.keep)
+    berth = grown + np.clip(SPACING_SHARE * seen.spacing, FLOOR_M, BERTH_M)
+
+    def arcs(which: BoolArray, turn_rate: FloatArray, horizon_s: float, keep: FloatArray) -> None:
+        tracks = arc(seen.place[which, None], seen.velocity[which, None], turn_rate[which, None])
+        found.append((np.flatnonzero(which), tracks, horizon_s, keep))
+
+    straight = np.zeros(len(seen.row))
+    steered = seen.believed & ~seen.silent
+    if leader is None and steered.any():
+        arcs(steered, seen.turn_rate, ARC_S, floor)
+    if leader is not None and seen.believed.any():
+        along = seen.believed
+        place, velocity = with_formation(seen, leader)
+        left = np.abs(seen.slot - seen.offset)[along]
+        settle = clip(left / (seen.drift[along] + 1e-3), 1.0, HORIZON_S)
+        tracks = formation_tracks(place[along], velocity[along], seen.slot[along], settle, leader)
+        found.append((np.flatnonzero(along), tracks, ALONG_S, keep))
+        # Also one that is silent: an autopilot that hangs in a turn turns on.
+        off = along & (~seen.silent | seen.linked) & (seen.drift > TURNS_OFF_M_S)
+        if off.any():
+            arcs(off, seen.turn_rate, ARC_S, keep)
+        hangs = off & seen.silent
+        if hangs.any():
+            found.append((np.flatnonzero(hangs), tightened(seen)[hangs], ARC_S, floor + grown))
+    holds = seen.believed & seen.silent & seen.linked
+    if holds.any():
+        place, velocity = course_held(seen)
+        tracks = arc(place[holds, None], velocity[holds, None], 0.0)
+        found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
+    if seen.stopped.any():
+        tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
+        found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, floor))
+    free = ~seen.believed
+    if free.any():
+        arcs(free, seen.turn_rate, HORIZON_S, berth)
+        arcs(free, straight, LEVEL_S, berth)
+        arcs(free, seen.hardest, here.reaction_s, floor)
+        arcs(free, -seen.hardest, here.reaction_s, floor)
+    if not found:
+        return None
+    rows = np.concatenate([which for which, *_ in found])
+    keep = np.concatenate([distance[which] for which, _, _, distance in found])
+    others = Others(
+        tracks=np.concatenate([tracks for _, tracks, _, _ in found]),
+        horizon_s=np.concatenate([np.full(len(which), end) for which, _, end, _ in found]),
+        keep=keep,
+        floor=np.minimum(floor[rows], keep),
+        weight=seen.weight[rows],
+    )
+    return others, seen.row[rows]
+
+
+def with_formation(seen: Seen, leader: LeaderState[float]) -> tuple[ComplexArray, ComplexArray]:
+    """(places, velocities) of those who fly with the formation, silent ones as they flew in it; m, m/s."""
+    frame = cmath.exp(1j * leader.course)
+    carried = place_of(leader) + frame * seen.offset
+    carried_velocity = velocity_of(leader) + 1j * leader.turn_rate * frame * seen.offset
+    return (
+        np.where(seen.silent, carried, seen.place),
+        np.where(seen.silent, carried_velocity, seen.velocity),
+    )
+
+
+def tightened(seen: Seen) -> ComplexArray:
+    """Tracks of vehicles that, when they fell silent, rolled on to the bank limit of their turn, m.
+
+    A turn that has only begun is reported late: 0.1 rad/s of it are 20 m after four seconds.
+    """
+    heard = seen.velocity * np.exp(-1j * seen.turn_rate * seen.age)
+    hardest = np.copysign(seen.hardest, seen.turn_rate)
+    times = seen.age[:, None] + TIMES
+    return arc(seen.heard_at[:, None], heard[:, None], hardest[:, None], times)
+
+
+def course_held(seen: Seen) -> tuple[ComplexArray, ComplexArray]:
+    """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s."""
+    # Back along the arc to where they were heard, on for the last turn, and straight from there.
+    turned = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
+    back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
+    return back + turned * (seen.age - LAST_TURN_S), turned

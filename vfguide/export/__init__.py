@@ -1,0 +1,1 @@
+"""A flight for other tools: Foxglove, Google Earth, spreadsheets, pandas."""

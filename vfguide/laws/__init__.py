@@ -1,0 +1,25 @@
+"""Laws by which followers keep their slots: what they are made of, and vfguide's own. docs/own-law.md."""
+
+from vfguide.laws.base import DesiredMotion, Law, View, approach, law
+from vfguide.mission.conditions import Conditions
+from vfguide.mission.finding import Finding
+from vfguide.mission.model import Mission
+from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Positive, Section, Switch
+
+__all__ = [
+    "Conditions",
+    "DesiredMotion",
+    "Duration",
+    "Finding",
+    "Gain",
+    "Law",
+    "Mission",
+    "NotNegative",
+    "Number",
+    "Positive",
+    "Section",
+    "Switch",
+    "View",
+    "approach",
+    "law",
+]

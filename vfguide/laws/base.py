@@ -1,0 +1,212 @@
+"""What a law by which followers keep their slots is made of, and what it is told.
+
+A law says which motion it wants. Everything that every law needs is done around it, once: the leader's state
+is carried on to the same instant, late autopilots are compensated for, other vehicles are kept clear of, the
+motion is turned into setpoints through the wind triangle and within the vehicle's limits, and its Lyapunov
+function is logged.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Self
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import BoolArray, Number
+from vfguide.guidance.formation import (
+    FormationError,
+    Slot,
+    SlotMotion,
+    arc_tangent_field,
+    slot_motion,
+)
+from vfguide.guidance.settings import GuidanceSettings, SlotFrame
+from vfguide.mission.conditions import Conditions
+from vfguide.mission.controller import gains_of
+from vfguide.mission.finding import Finding
+from vfguide.mission.model import Mission
+from vfguide.mission.quantity import Section
+from vfguide.registry import laws
+from vfguide.state import Airframe, LeaderState, VehicleState
+
+USUAL_GAIN, USUAL_TURN, USUAL_PUSH = 0.2, math.radians(45.0), 8.0
+"""1/m, rad, m/s: of the field by which a follower is expected to come onto its slot."""
+
+law = laws.register
+"""`@law("name")` makes a class known as the law `controller.type: name`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View(Generic[Number]):
+    """What a law is told in one step: floats for one vehicle, or arrays for as many as wanted.
+
+    North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
+    """
+
+    state: VehicleState[Number]
+    """Of the follower: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    leader: LeaderState[Number]
+    """Of the leader, at the same instant."""
+    slot: Slot[Number]
+    """Place in the formation: m ahead of the leader and m to its right."""
+    motion: SlotMotion[Number]
+    """Of the slot over the ground: place, course, speed and their rates."""
+    error: FormationError[Number]
+    """Where the slot is, along its own course: m ahead of the follower and m to its right; and the rates."""
+    airframe: Airframe
+    """The follower's response and limits."""
+    period: float
+    """Since the step before and until the next, s."""
+    held: bool | BoolArray = False
+    """Whether something else was flown than the law asked for in the step before, as to keep clear."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesiredMotion(Generic[Number]):
+    """The motion that a law wants over the ground."""
+
+    course: Number
+    """chi_d, rad; what the course differs from it is logged as the law's course error."""
+    speed: Number
+    """V_d, m/s; what the ground speed differs from it is logged as the law's speed error."""
+    course_rate: Number
+    """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
+    acceleration: Number
+    """dV/dt that is asked of it now, m/s²."""
+
+
+def approach(
+    view: View[Number],
+    *,
+    course: Number,
+    speed: Number,
+    course_rate: Number | float = 0.0,
+    acceleration: Number | float = 0.0,
+) -> DesiredMotion[Number]:
+    """A motion toward a course and a ground speed, as fast as the vehicle's own holds approach them.
+
+    Args:
+        view: of the step.
+        course: chi_d, rad.
+        speed: V_d, m/s.
+        course_rate: dchi_d/dt, rad/s.
+        acceleration: dV_d/dt, m/s².
+    """
+    state, airframe = view.state, view.airframe
+    course_error = wrap_angle(state.course - course)
+    speed_error = state.ground_speed - speed
+    return DesiredMotion(
+        course=course,
+        speed=speed,
+        course_rate=course_rate - airframe.alpha * course_error,
+        acceleration=acceleration - airframe.beta * speed_error,
+    )
+
+
+class Law(ABC):
+    """A law by which followers keep their slots.
+
+    A subclass with `@law("name")` is known as `controller.type: name`, with the fields of its `Gains` in the
+    mission's `controller:`.
+    """
+
+    name: ClassVar[str]
+    """What a mission calls it; set by `@law`."""
+
+    Gains: ClassVar[type[Section]] = Section
+    """Its gains: fields with their units, bounds and defaults."""
+
+    arrays: ClassVar[bool] = True
+    """Whether `step` takes arrays as well as floats. False: studies of many formations step it vehicle by
+    vehicle, which takes a hundred times as long."""
+
+    forgets_when_held: ClassVar[bool] = True
+    """Whether the memory begins anew while something else is flown than the law asks for."""
+
+    slot_frame: ClassVar[SlotFrame | None] = None
+    """What its slots turn with, where the law does not leave that to the mission."""
+
+    drawn: ClassVar[tuple[str, ...] | None] = None
+    """Gains that Monte Carlo draws; all numbers among them if None."""
+
+    def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
+        """Make the law of one follower, or of a batch of them.
+
+        Args:
+            gains: an instance of `Gains`; in studies its values may be arrays, one for each formation.
+            settings: what the mission sets for every law.
+            airframe: response and limits of the vehicle.
+        """
+        self.gains = gains
+        self.settings = settings
+        self.airframe = airframe
+
+    def start(self, view: View[Number]) -> Any:  # noqa: ANN401
+        """What the law remembers before its first step."""
+        del view
+
+    @abstractmethod
+    def step(self, view: View[Number], memory: Any) -> tuple[DesiredMotion[Number], Any]:  # noqa: ANN401
+        """(motion, memory): what the law wants now, and what it remembers until the next step."""
+
+    def learn(self, view: View[Number], memory: Any, *, limited: bool | BoolArray) -> Any:  # noqa: ANN401
+        """What to remember once it is known whether the vehicle's limits cut what the law asked for."""
+        del view, limited
+        return memory
+
+    def motion(self, leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+        """How the law takes a slot to move: as a point that is fixed to its leader's course."""
+        return slot_motion(leader, slot)
+
+    def expected_motion(
+        self, motion: SlotMotion[Number], error: FormationError[Number]
+    ) -> tuple[Number, Number]:
+        """(course, speed) with which a follower is expected to come onto its slot, rad and m/s.
+
+        Its track is predicted by this, so that it and others keep clear of each other: by the dual field with
+        its usual gains, unless a law knows better.
+
+        Args:
+            motion: of the slot.
+            error: where the slot is.
+        """
+        turn, _ = arc_tangent_field(
+            error.cross_track, error.cross_track_rate, USUAL_GAIN, USUAL_TURN
+        )
+        push, _ = arc_tangent_field(
+            error.along_track, error.along_track_rate, USUAL_GAIN, USUAL_PUSH
+        )
+        return motion.course + turn, motion.speed + push
+
+    def for_late_course(self, *, slips: bool, period: float) -> Self:
+        """The law for an autopilot that answers courses late; delays are predicted away beside this.
+
+        Args:
+            slips: whether the vehicle's nose leaves the direction of flight in turns.
+            period: of the loop, s.
+        """
+        del slips, period
+        return self
+
+    def for_late_speed(self, *, period: float) -> Self:
+        """The same for speeds."""
+        del period
+        return self
+
+    @classmethod
+    def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+        """What `vfguide check` can say about the law's gains on a mission.
+
+        Args:
+            mission: with a follower at least.
+            conditions: every course and turn of its path in every declared wind.
+        """
+        del mission, conditions
+        message = f"no error is predicted of the law {cls.name}"
+        yield Finding("note", ("controller", "type"), message, "fly it: vfguide fly")
+
+    @classmethod
+    def gains_in(cls, mission: Mission) -> Any:  # noqa: ANN401
+        """The gains that a mission gives this law."""
+        return gains_of(mission.controller)

@@ -1,0 +1,242 @@
+"""The dual field that draws a follower onto its slot: around the slot's own motion, and the article's.
+
+    chi_d = chi_s + chi_inf (2/pi) atan(k_y y_E)        V_d = V_s + V_inf (2/pi) atan(k_x x_E)
+
+The article takes the leader's course and speed for the slot's, which leaves an error on every turn. Both are
+followed by the sliding-mode laws of course and speed.
+
+Each loop around another has to be slower than the one inside: for an autopilot that answers late the field
+is slowed with the laws beneath it. The setpoint V + (dV/dt)/beta of a law slower than the hold itself has the
+measured speed in it, and a hold that is not of first order (ArduPlane's answers at once by pitch, seconds
+later by throttle) rings on it. For a total-energy hold the speed law is made just so fast that the measured
+speed drops out.
+"""
+
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Self, TypeVar
+
+from pydantic import Field
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import BoolArray, Number, like
+from vfguide.guidance.course_law import sliding_course_rate
+from vfguide.guidance.formation import (
+    FormationError,
+    Slot,
+    SlotMotion,
+    arc_tangent_field,
+    article_motion,
+    field_slope,
+)
+from vfguide.guidance.pace import course_delay, loop_delay_for, slowed, speed_delay
+from vfguide.guidance.settings import SlidingGains
+from vfguide.guidance.slot_integral import Offset, aimed_error, learned, no_offset
+from vfguide.guidance.speed_law import sliding_acceleration
+from vfguide.laws.base import DesiredMotion, Law, View, law
+from vfguide.mission import quantity
+from vfguide.mission.conditions import Conditions
+from vfguide.mission.finding import Finding
+from vfguide.mission.model import Mission
+from vfguide.mission.quantity import Duration, Gain, Section, Switch
+from vfguide.state import LeaderState
+
+SomeField = TypeVar("SomeField", bound="SlotField")
+
+NESTING = 2.0
+"""How many times slower than the law inside it a field is."""
+
+
+class FieldGains(Section):
+    """Shape of the dual field."""
+
+    k_x: Annotated[Gain, Field(le=10.0)] = 0.2
+    """How sharply speed answers the error along track, 1/m."""
+
+    k_y: Annotated[Gain, Field(le=10.0)] = 0.2
+    """How sharply course answers the error across track, 1/m."""
+
+    chi_inf_deg: Annotated[quantity.Number, Field(ge=1.0, le=90.0)] = 45.0
+    """chi_inf of the article: largest course correction of a follower, degrees."""
+
+    v_inf_m_s: Annotated[quantity.Number, Field(ge=0.1, le=100.0)] = 8.0
+    """V_inf of the article: largest speed correction of a follower, m/s."""
+
+    rate_feedforward: Switch = True
+    """Let a follower's field know how the slot's course and speed change."""
+
+    @property
+    def chi_inf(self) -> float:
+        """chi_inf, rad."""
+        return math.radians(self.chi_inf_deg)
+
+
+class SlotGains(FieldGains):
+    """The dual field around the slot's own motion."""
+
+    integral_s: Duration = 0.0
+    """Time in which the field of type `slot` learns what keeps a follower off its slot, s; 0: never."""
+
+
+def field_motion(
+    motion: SlotMotion[Number], error: FormationError[Number], gains: FieldGains
+) -> DesiredMotion[Number]:
+    """What the dual field asks of a follower that is this far from its slot, with the field's own rates."""
+    turn, turn_rate = arc_tangent_field(
+        error.cross_track, error.cross_track_rate, gains.k_y, gains.chi_inf
+    )
+    push, push_rate = arc_tangent_field(
+        error.along_track, error.along_track_rate, gains.k_x, gains.v_inf_m_s
+    )
+    return DesiredMotion(
+        course=motion.course + turn,
+        course_rate=motion.turn_rate + turn_rate,
+        speed=motion.speed + push,
+        acceleration=motion.acceleration + push_rate,
+    )
+
+
+@law("slot")
+class SlotField(Law):
+    """The dual field around the slot's motion, whose integral learns what keeps a follower off its slot."""
+
+    Gains: ClassVar[type[Section]] = SlotGains
+    forgets_when_held = False
+    drawn = ("k_x", "k_y")
+    answers_course_error = True
+    """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
+
+    @property
+    def integral_s(self) -> float:
+        """T: time in which a lasting error is learned, s; 0 learns nothing."""
+        return float(self.gains.integral_s)
+
+    def start(self, view: View[Number]) -> Offset[Number]:
+        """Nothing was learned yet."""
+        return no_offset(view.error.along_track)
+
+    def step(
+        self, view: View[Number], memory: Offset[Number]
+    ) -> tuple[DesiredMotion[Number], Offset[Number]]:
+        """One step of the dual field and of the sliding-mode laws that follow it."""
+        state, motion, sliding = view.state, view.motion, self.settings.sliding
+        if not self.gains.rate_feedforward:
+            still = like(0.0, motion.speed)
+            motion = replace(motion, turn_rate=still, acceleration=still)
+        aimed = aimed_error(view.error, memory, self.integral_s)
+        field = field_motion(motion, aimed, self.gains)
+        layer = sliding.layer(view.period)
+        course_rate = motion.turn_rate
+        if self.answers_course_error:
+            course_error = wrap_angle(state.course - field.course)
+            course_rate = sliding_course_rate(course_error, field.course_rate, sliding.kappa, layer)
+        acceleration = sliding_acceleration(
+            state.ground_speed - field.speed,
+            aimed.along_track,
+            field.acceleration,
+            gain=sliding.kappa,
+            layer=layer,
+            rho=sliding.rho,
+        )
+        return replace(field, course_rate=course_rate, acceleration=acceleration), memory
+
+    def learn(
+        self, view: View[Number], memory: Offset[Number], *, limited: bool | BoolArray
+    ) -> Any:  # noqa: ANN401 - of the law's own memory
+        """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
+        held = view.held | limited
+        return learned(memory, view.error, self.integral_s, period=view.period, held=held)
+
+    def expected_motion(
+        self, motion: SlotMotion[Number], error: FormationError[Number]
+    ) -> tuple[Number, Number]:
+        """As the field of the mission asks."""
+        expected = field_motion(motion, error, self.gains)
+        return expected.course, expected.speed
+
+    def for_late_course(self, *, slips: bool, period: float) -> Self:
+        """Slower by what a course setpoint is late."""
+        sliding = self.settings.sliding
+        delay = course_delay(sliding, self.airframe, slips=slips, period=period)
+        return self._slowed(delay, period=period)
+
+    def for_late_speed(self, *, period: float) -> Self:
+        """Slower by what a speed setpoint is late; for a total-energy hold without the measured speed.
+
+        With the gains g of the speed law and k of its field, 1 - (g + k)/beta of the measured speed is in
+        V + (dV/dt)/beta; g = beta - k leaves nothing, and k is at most half of g. What the course swings
+        about the field is then no reason either to change the airspeed.
+        """
+        slow = self._slowed(speed_delay(self.airframe), period=period)
+        sliding, beta = self.settings.sliding, self.airframe.beta
+        if self.airframe.speed_hold == "first-order" or sliding.boundary_layer_factor <= 0.0:
+            return slow
+        slope = field_slope(1.0, self.gains.v_inf_m_s)
+        k_x = min(self.gains.k_x, beta / (1.0 + NESTING) / slope)
+        loop_delay_s = max(loop_delay_for(beta - slope * k_x, sliding, period), 0.0)
+        quiet = with_gains(
+            slow,
+            slower_field(slow.gains, k_x=k_x, k_y=slow.gains.k_y),
+            replace(slow.settings.sliding, loop_delay_s=loop_delay_s),
+        )
+        quiet.answers_course_error = False
+        return quiet
+
+    def _slowed(self, delay: float, *, period: float) -> Self:
+        """The law for setpoints that take effect after a delay (s); itself where there is none."""
+        if delay <= 0.0:
+            return self
+        sliding, gains = slowed(self.settings.sliding, delay), self.gains
+        fastest = sliding.kappa / sliding.layer(period) / NESTING
+        k_x = min(gains.k_x, fastest / field_slope(1.0, gains.v_inf_m_s))
+        k_y = min(gains.k_y, fastest / (field_slope(1.0, gains.chi_inf) * self.airframe.cruise))
+        return with_gains(self, slower_field(gains, k_x=k_x, k_y=k_y), sliding)
+
+    @classmethod
+    def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+        """Whether the loops fit each other, and how precise the formation will be."""
+        # Here, because a companion in the air has no use for it.
+        from vfguide.laws.field_findings import field_findings
+
+        return field_findings(mission, conditions, cls.gains_in(mission))
+
+
+@law("article")
+class ArticleField(SlotField):
+    """The article's field: every slot is taken to move with the leader's course and speed, turning or not.
+
+    It learns nothing: what keeps it off its slot on a turn is no disturbance.
+    """
+
+    Gains = FieldGains
+    slot_frame = "leader"
+
+    @property
+    def integral_s(self) -> float:
+        """Nothing is learned."""
+        return 0.0
+
+    def motion(self, leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+        """With the leader's course and speed."""
+        return article_motion(leader, slot)
+
+
+def slower_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
+    """A slower field (gains in 1/m), its integral as much slower as the axis that was slowed most.
+
+    The integral's damping is sqrt(s T) / 2, with the field's slope s in proportion to its gain.
+    """
+    slower = max(gains.k_x / k_x, gains.k_y / k_y)
+    changes = {"k_x": k_x, "k_y": k_y}
+    if isinstance(gains, SlotGains):
+        changes["integral_s"] = gains.integral_s * slower
+    return gains.model_copy(update=changes)
+
+
+def with_gains(field: SomeField, gains: FieldGains, sliding: SlidingGains) -> SomeField:
+    """The same law with other gains of its own, and of the laws beneath it."""
+    other = copy.copy(field)
+    other.gains, other.settings = gains, replace(field.settings, sliding=sliding)
+    return other

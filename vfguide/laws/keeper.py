@@ -1,0 +1,107 @@
+"""What is done around every law: from the newest leader state to a setpoint, for one follower or for many."""
+
+from dataclasses import dataclass
+from typing import Any, Generic
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import Number
+from vfguide.guidance.formation import (
+    FormationError,
+    Slot,
+    formation_error,
+    lyapunov,
+    predict_leader,
+)
+from vfguide.guidance.setpoint import setpoint_for
+from vfguide.laws.base import Law, View
+from vfguide.state import LeaderState, Setpoint, VehicleState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowerGuidance(Generic[Number]):
+    """Result of one step."""
+
+    setpoint: Setpoint[Number]
+    """For the autopilot."""
+    error: FormationError[Number]
+    """Where the slot is, as the follower knows it."""
+    course_error: Number
+    """chi~_f, rad: the course less the one that the law wants."""
+    speed_error: Number
+    """V~_f, m/s: the ground speed less the one that the law wants."""
+    lyapunov: Number
+    """W, m²."""
+
+
+class SlotKeeper(Generic[Number]):
+    """A law with its slot and with what it remembers: of one follower (floats), or of a batch (arrays)."""
+
+    def __init__(self, law: Law, slot: Slot[Number]) -> None:
+        """Make one that remembers nothing.
+
+        Args:
+            law: of this follower alone, or of this batch.
+            slot: its place in the formation.
+        """
+        self._law = law
+        self._slot: Slot[Number] = slot
+        self._memory: Any = None
+        self._started = False
+
+    def reset(self) -> None:
+        """Forget what was learned: the setpoints are not being followed."""
+        self._started = False
+
+    def step(
+        self,
+        state: VehicleState[Number],
+        leader: LeaderState[Number],
+        *,
+        period: float,
+        held: bool = False,
+    ) -> FollowerGuidance[Number]:
+        """Setpoint for a navigated state, by the newest leader state, however old.
+
+        Args:
+            state: of the follower.
+            leader: newest state of its leader.
+            period: since the step before, s.
+            held: whether something else was flown than what the step before asked for.
+        """
+        law = self._law
+        settings = law.settings
+        if settings.predict_leader:
+            leader = predict_leader(leader, state.time_s)
+        motion = law.motion(leader, self._slot)
+        error = formation_error(motion, state)
+        view = View(
+            state=state,
+            leader=leader,
+            slot=self._slot,
+            motion=motion,
+            error=error,
+            airframe=law.airframe,
+            period=period,
+            held=held,
+        )
+        if not self._started or (held and law.forgets_when_held):
+            self._memory, self._started = law.start(view), True
+        wanted, memory = law.step(view, self._memory)
+        course_error = wrap_angle(state.course - wanted.course)
+        speed_error = state.ground_speed - wanted.speed
+        setpoint = setpoint_for(
+            state,
+            wanted.acceleration,
+            wanted.course_rate,
+            law.airframe,
+            wind_feedforward=settings.wind_feedforward,
+            hold=period,
+        )
+        self._memory = law.learn(view, memory, limited=setpoint.limited)
+        return FollowerGuidance(
+            setpoint=setpoint,
+            error=error,
+            course_error=course_error,
+            speed_error=speed_error,
+            lyapunov=lyapunov(error, course_error, speed_error, settings.sliding.rho),
+        )

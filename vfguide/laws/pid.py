@@ -1,0 +1,194 @@
+"""Formation keeping by two PID controllers: what the fields are measured against.
+
+Each holds its axis in the frame of the slot's motion and answers with a correction of the course, or of the
+ground speed, on top of the slot's own: the slot's velocity and its rates are fed forward, so that nothing is
+left for the integrals but what nobody knows. The derivative is the error's rate by the measured velocities,
+low-passed. An integral stands still while its correction is at its limit and the error would push it
+further, while the vehicle's own limits cut the setpoint of the step before, and far from the slot, as the
+field's does (conditional integration: Astrom and Hagglund, Advanced PID Control, 2006, chapter 3).
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Generic
+
+from pydantic import Field
+
+from vfguide.elementwise import BoolArray, Number, clip, where
+from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.slot_integral import nearness
+from vfguide.laws.base import DesiredMotion, Law, View, approach, law
+from vfguide.mission import quantity
+from vfguide.mission.quantity import Duration, NotNegative, Section
+
+
+class PidGains(Section):
+    """The baseline `pid`: a correction of course and speed on top of the slot's own motion.
+
+    The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
+    """
+
+    lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.502
+    """Course for the error across track, rad/m."""
+
+    lateral_i_rad_m_s: Annotated[NotNegative, Field(le=10.0)] = 1.27
+    """Course for its integral, rad/(m s)."""
+
+    lateral_d_rad_s_m: Annotated[NotNegative, Field(le=10.0)] = 0.225
+    """Course for its rate, rad s/m."""
+
+    longitudinal_p_1_s: Annotated[NotNegative, Field(le=100.0)] = 12.4
+    """Speed for the error along track, m/s per m."""
+
+    longitudinal_i_1_s2: Annotated[NotNegative, Field(le=100.0)] = 22.4
+    """Speed for its integral, m/s per m s."""
+
+    longitudinal_d: Annotated[NotNegative, Field(le=100.0)] = 5.79
+    """Speed for its rate, m/s per m/s."""
+
+    derivative_filter_s: Duration = 0.2
+    """Time constant of the rates, s."""
+
+    max_course_deg: Annotated[quantity.Number, Field(ge=1.0, le=90.0)] = 45.0
+    """Largest correction of the course, degrees."""
+
+    max_speed_m_s: Annotated[quantity.Number, Field(ge=0.1, le=100.0)] = 8.0
+    """Largest correction of the speed, m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisMemory(Generic[Number]):
+    """What one controller remembers."""
+
+    integral: Number
+    """The integral's share of the correction, rad or m/s."""
+    rate: Number
+    """Low-passed rate of the error, m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PidMemory(Generic[Number]):
+    """What both remember from one step to the next."""
+
+    lateral: AxisMemory[Number]
+    """Of the course."""
+    longitudinal: AxisMemory[Number]
+    """Of the speed."""
+    limited: bool | BoolArray
+    """Whether the vehicle's limits cut the setpoint."""
+
+
+def axis_step(
+    error: Number,
+    error_rate: Number,
+    memory: AxisMemory[Number],
+    *,
+    proportional: Number,
+    integral: Number,
+    derivative: Number,
+    filter_s: float,
+    greatest: Number | float,
+    period: float,
+    share: Number,
+    held: bool | BoolArray,
+) -> tuple[Number, AxisMemory[Number]]:
+    """(correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
+
+    The correction u is rad of course or m/s of speed.
+
+    Args:
+        error: distance to the slot on this axis, m.
+        error_rate: its rate, m/s.
+        memory: of the step before.
+        proportional: P, u per m.
+        integral: I, u per m and s.
+        derivative: D, u per m/s.
+        filter_s: time constant of the error's rate, s.
+        greatest: |u|; the integral alone may be that much too.
+        period: since the step before, s.
+        share: of the error that is integrated, 0 to 1.
+        held: whether the vehicle itself is at a limit, so that integrating would only wind up.
+    """
+    rate = low_pass(memory.rate, error_rate, period, filter_s)
+    growth = integral * share * error * period
+    wanted = proportional * error + memory.integral + growth + derivative * rate
+    correction = clip(wanted, -greatest, greatest)
+    pushes_on = (wanted != correction) & (wanted * growth > 0.0)
+    grown = memory.integral + where(pushes_on | held, growth * 0.0, growth)
+    return correction, AxisMemory(integral=clip(grown, -greatest, greatest), rate=rate)
+
+
+@law("pid")
+class Pid(Law):
+    """Two PID controllers.
+
+    The corrected course and speed are what the vehicle's first-order holds are asked for.
+    """
+
+    Gains = PidGains
+    drawn = (
+        "lateral_p_rad_m",
+        "lateral_i_rad_m_s",
+        "lateral_d_rad_s_m",
+        "longitudinal_p_1_s",
+        "longitudinal_i_1_s2",
+        "longitudinal_d",
+    )
+
+    def start(self, view: View[Number]) -> PidMemory[Number]:
+        """Before the first step: empty integrals, and rates that need not settle."""
+        error = view.error
+        still = error.along_track * 0.0
+        return PidMemory(
+            lateral=AxisMemory(integral=still, rate=error.cross_track_rate),
+            longitudinal=AxisMemory(integral=still, rate=error.along_track_rate),
+            limited=still > 0.0,
+        )
+
+    def step(
+        self, view: View[Number], memory: PidMemory[Number]
+    ) -> tuple[DesiredMotion[Number], PidMemory[Number]]:
+        """One step of both controllers."""
+        gains, motion, error = self.gains, view.motion, view.error
+        share = nearness(error)
+        turn, lateral = axis_step(
+            error.cross_track,
+            error.cross_track_rate,
+            memory.lateral,
+            proportional=gains.lateral_p_rad_m,
+            integral=gains.lateral_i_rad_m_s,
+            derivative=gains.lateral_d_rad_s_m,
+            filter_s=gains.derivative_filter_s,
+            greatest=math.radians(gains.max_course_deg),
+            period=view.period,
+            share=share,
+            held=memory.limited,
+        )
+        push, longitudinal = axis_step(
+            error.along_track,
+            error.along_track_rate,
+            memory.longitudinal,
+            proportional=gains.longitudinal_p_1_s,
+            integral=gains.longitudinal_i_1_s2,
+            derivative=gains.longitudinal_d,
+            filter_s=gains.derivative_filter_s,
+            greatest=gains.max_speed_m_s,
+            period=view.period,
+            share=share,
+            held=memory.limited,
+        )
+        wanted = approach(
+            view,
+            course=motion.course + turn,
+            speed=motion.speed + push,
+            course_rate=motion.turn_rate,
+            acceleration=motion.acceleration,
+        )
+        return wanted, replace(memory, lateral=lateral, longitudinal=longitudinal)
+
+    def learn(
+        self, view: View[Number], memory: PidMemory[Number], *, limited: bool | BoolArray
+    ) -> Any:  # noqa: ANN401 - of the law's own memory
+        """Whether the integrals have to stand still in the next step."""
+        del view
+        return replace(memory, limited=limited)

@@ -1,0 +1,256 @@
+"""Key pairs of a formation's members, and the roster that says which public key is whose.
+
+The roster lies beside the mission and is no secret. A private key is a file of its own (PEM, PKCS 8,
+unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its owner may read.
+"""
+
+import os
+import stat
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+
+from vfguide.errors import InputError
+from vfguide.regular_file import open_regular
+
+PUBLIC_SIZE = 32
+"""Bytes of a public key."""
+
+LARGEST_ROSTER = 256 * 1024
+LARGEST_KEY = 4096
+"""Bytes of a file: what is larger is something else."""
+
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
+"""Permissions of everybody but the owner."""
+
+OPERATOR = "operator"
+"""Name of the key pair of those who watch and order, made along with the vehicles'."""
+
+HEADING = (
+    "# Public keys of a formation, made by `vfguide keys make`."
+    " Not secret: everybody gets the same file.\n"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roster:
+    """Whose key is which."""
+
+    formation: str
+    """Name of the formation."""
+    vehicles: Mapping[str, bytes] = field(default_factory=dict)
+    """Public keys by the vehicle's name, 32 bytes each."""
+    operators: Mapping[str, bytes] = field(default_factory=dict)
+    """The same of those who watch and order."""
+
+    def public(self, name: str) -> bytes | None:
+        """The public key of a member; None for a stranger."""
+        return self.vehicles.get(name) or self.operators.get(name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyPlaces:
+    """Where the keys of a mission are: `NAME.roster` and the directory `NAME.keys` beside `NAME.yaml`."""
+
+    roster: Path
+    """The roster."""
+    directory: Path
+    """Private keys, one file each."""
+
+    def private(self, name: str) -> Path:
+        """The private key of a member."""
+        return self.directory / f"{name}.key"
+
+
+def key_places(mission: Path) -> KeyPlaces:
+    """Where the keys of a mission file are."""
+    return KeyPlaces(roster=mission.with_suffix(".roster"), directory=mission.with_suffix(".keys"))
+
+
+def public_bytes(key: Ed25519PrivateKey) -> bytes:
+    """The public half of a key pair, 32 bytes."""
+    return key.public_key().public_bytes_raw()
+
+
+def read_private_key(path: Path, environment: Mapping[str, str] = os.environ) -> Ed25519PrivateKey:
+    """The private key in a file.
+
+    Raises:
+        InputError: it cannot be read, is no Ed25519 key, or others than its owner may read it.
+    """
+    try:
+        with open_regular(path) as stream:
+            found = os.fstat(stream.fileno())
+            content = stream.read(LARGEST_KEY + 1)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the private key cannot be read ({error.strerror}); make keys with `vfguide keys make`"
+        ) from None
+    # systemd keeps others out of this directory by an access list, which shows as the group's permissions.
+    credentials = environment.get("CREDENTIALS_DIRECTORY")
+    kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
+    if not kept_by_systemd:
+        if found.st_mode & OTHERS:
+            raise InputError(f"{path}: others may read this private key; run: chmod 600 {path}")
+        if found.st_uid not in {os.geteuid(), 0}:
+            raise InputError(
+                f"{path}: this private key belongs to another user; run: chown {os.geteuid()} {path}"
+            )
+    try:
+        key = load_pem_private_key(content, password=None)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        key = None
+    if not isinstance(key, Ed25519PrivateKey):
+        raise InputError(f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`")
+    return key
+
+
+def write_private_key(path: Path, key: Ed25519PrivateKey) -> None:
+    """Put a private key into a file that only its owner may read, in the place of any before it."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    content = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    partial.replace(path)
+
+
+def read_roster(path: Path) -> Roster:
+    """The roster in a file.
+
+    Raises:
+        InputError: it cannot be read, or is none.
+    """
+    try:
+        with open_regular(path) as stream:
+            content = stream.read(LARGEST_ROSTER + 1)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the roster cannot be read ({error.strerror}); make keys with `vfguide keys make`"
+        ) from None
+    if len(content) > LARGEST_ROSTER:
+        raise InputError(f"{path}: is too long for a roster")
+    try:
+        data = yaml.safe_load(content)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError):
+        raise InputError(f"{path}: is no YAML; see `vfguide keys make`") from None
+    if not isinstance(data, dict) or not isinstance(data.get("formation"), str):
+        raise InputError(f"{path}: formation: is missing; see `vfguide keys make`")
+    strange = set(data) - {"formation", "vehicles", "operators"}
+    if strange:
+        raise InputError(
+            f"{path}: {min(map(str, strange))}: is not known; there are formation, vehicles, operators"
+        )
+    roster = Roster(
+        formation=data["formation"],
+        vehicles=_public_keys(path, "vehicles", data.get("vehicles")),
+        operators=_public_keys(path, "operators", data.get("operators")),
+    )
+    both = set(roster.vehicles) & set(roster.operators)
+    if both:
+        raise InputError(f"{path}: {min(both)}: is a vehicle and an operator; rename one of them")
+    keys = [*roster.vehicles.values(), *roster.operators.values()]
+    if len(set(keys)) < len(keys):
+        raise InputError(f"{path}: two members have the same key; run `vfguide keys rotate`")
+    return roster
+
+
+def _public_keys(path: Path, group: str, found: object) -> dict[str, bytes]:
+    """Public keys by name, as a roster's group has them in hexadecimal digits.
+
+    Raises:
+        InputError: one is none.
+    """
+    if found is None:
+        return {}
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: {group}: holds no names with their keys")
+    keys: dict[str, bytes] = {}
+    for name, text in found.items():
+        try:
+            key = bytes.fromhex(text) if isinstance(text, str) else b""
+            if len(key) == PUBLIC_SIZE:
+                Ed25519PublicKey.from_public_bytes(key)
+        except ValueError:
+            key = b""
+        if not isinstance(name, str) or len(key) != PUBLIC_SIZE:
+            raise InputError(
+                f"{path}: {group}: {name}: is no public key of {2 * PUBLIC_SIZE} hexadecimal digits in quotes"
+            )
+        keys[name] = key
+    return keys
+
+
+def write_roster(path: Path, roster: Roster) -> None:
+    """Put a roster into a file."""
+    content = {
+        "formation": roster.formation,
+        "vehicles": {name: key.hex() for name, key in roster.vehicles.items()},
+        "operators": {name: key.hex() for name, key in roster.operators.items()},
+    }
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_style=None)
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(HEADING + text, encoding="utf-8")
+    partial.replace(path)
+
+
+def make_keys(
+    places: KeyPlaces,
+    formation: str,
+    vehicles: Collection[str],
+    *,
+    operators: Collection[str] = (OPERATOR,),
+    anew: Collection[str] = (),
+) -> list[str]:
+    """Make the key pairs that are missing, and those that are wanted anew; write the roster.
+
+    Args:
+        places: where they are.
+        formation: name of the formation.
+        vehicles: names of all its vehicles; the roster keeps no others.
+        operators: names of those who watch and order, in addition to those that the roster has.
+        anew: names whose keys are replaced.
+
+    Returns:
+        Names of those who got a key, in order.
+
+    Raises:
+        InputError: the roster cannot be read, or belongs to another formation.
+    """
+    known = read_roster(places.roster) if places.roster.exists() else Roster(formation=formation)
+    if known.formation != formation:
+        raise InputError(
+            f"{places.roster}: belongs to {known.formation!r}; move it away, or rename the mission's file"
+        )
+    made: list[str] = []
+
+    def key_of(name: str) -> bytes:
+        before = known.public(name)
+        if before is not None and name not in anew:
+            return before
+        key = Ed25519PrivateKey.generate()
+        write_private_key(places.private(name), key)
+        made.append(name)
+        return public_bytes(key)
+
+    roster = Roster(
+        formation=formation,
+        vehicles={name: key_of(name) for name in vehicles},
+        operators={name: key_of(name) for name in dict.fromkeys([*known.operators, *operators])},
+    )
+    write_roster(places.roster, roster)
+    return made

@@ -1,0 +1,241 @@
+"""One member of a formation on its links: says what it has to say, and hands on what it believes.
+
+Bytes in, bytes out: a message comes in as `take`; what is to be sent goes to `send`, a copy over every link.
+"""
+
+import asyncio
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from vfguide.link.codec import LinkDataError
+from vfguide.link.envelope import Envelope, Kind
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence, decode_presence, encode_presence
+from vfguide.link.trust import HEARD_BEFORE, Message, RefusedError, Trust
+
+logger = logging.getLogger(__name__)
+
+ALARMS = {
+    "another companion of this name": "a companion calls itself %r, too, or its recording is played:"
+    " see that each vehicle has one companion",
+    "a second leader": "%r hears two companions of the leader: stop one of them",
+}
+"""Refusals that people have to know of, and what the log says the first time."""
+
+QUIET_S = 0.5
+"""After this long without a message the next presence is looked at, whoever it is of."""
+
+EVERYBODY = ""
+"""To whom a parcel goes that is for all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parcel:
+    """A sealed message on its way out."""
+
+    kind: Kind
+    """What it is about."""
+    to: str
+    """For whom it is; empty for everybody."""
+    data: bytes
+    """The envelope."""
+
+
+def ignore(data: bytes) -> None:
+    """Take the leader's states where they are of no use."""
+    del data
+
+
+def ignore_neighbour(vehicle: str, data: bytes) -> None:
+    """Take the states of neighbours where there are none."""
+    del vehicle, data
+
+
+def ignore_presence(vehicle: str, presence: Presence) -> None:
+    """Take presences, which companions have no use for."""
+    del vehicle, presence
+
+
+class Member:
+    """What one program says and hears, whatever carries it."""
+
+    def __init__(
+        self,
+        trust: Trust,
+        *,
+        clock: Callable[[], float],
+        receive: Callable[[bytes], None] = ignore,
+        neighbours: Collection[str] = (),
+        receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
+        receive_presence: Callable[[str, Presence], None] | None = None,
+        peer_clock: PeerClock | None = None,
+    ) -> None:
+        """Make one that is on no link yet.
+
+        Args:
+            trust: what it signs with, and whom it believes.
+            clock: its own, s.
+            receive: called with each new state of the leader.
+            neighbours: other vehicles whose states are wanted.
+            receive_neighbour: called with the name of one of them and its new state.
+            receive_presence: called with a vehicle and what it says about itself; None if that is of no use.
+            peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
+        """
+        self.trust = trust
+        self.clock = clock
+        self.peer_clock = peer_clock
+        self.neighbours = frozenset(neighbours)
+        self.watches = receive_presence is not None
+        """Whether presences are wanted."""
+        self.listens = receive is not ignore
+        """Whether the leader's states are wanted."""
+        self.send: Callable[[Parcel], None] = lambda _: None
+        """Called with each message that is to go out."""
+        self.hurry = asyncio.Event()
+        """Set when the leader's clock should be asked for at once."""
+        self._receive = receive
+        self._receive_neighbour = receive_neighbour
+        self._believed_s = -math.inf
+        self._receive_presence = receive_presence or ignore_presence
+
+    @property
+    def name(self) -> str:
+        """Of this member."""
+        return self.trust.name
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What was not believed or could not be used, by reason."""
+        return self.trust.counters
+
+    def publish(self, body: bytes) -> Parcel:
+        """Seal the own state, and send it."""
+        return self._send(Kind.STATE, EVERYBODY, body)
+
+    def ask(self) -> None:
+        """Ask for the leader's clock."""
+        if self.peer_clock is not None:
+            self.hurry.clear()
+            question = self.peer_clock.request(self.clock())
+            self._send(Kind.QUESTION, self.trust.leader, question)
+
+    def presence(self, presence: Presence, *, will: bool = False) -> Parcel:
+        """Seal a presence, or what a broker is to say once it has lost this member; it is not sent."""
+        kind = Kind.WILL if will else Kind.PRESENCE
+        return self._seal(kind, EVERYBODY, encode_presence(presence))
+
+    def take(self, data: bytes) -> bool:
+        """Take a message from a link; whatever is wrong with it ends up as a counter.
+
+        Returns:
+            Whether it shows that somebody of the formation is heard, be it by a copy of what came before.
+        """
+        try:
+            envelope = self.trust.read(data)
+            wanted = self._wants(envelope)
+            if not (wanted or self._is_sign_of_life(envelope)):
+                return False
+            message = self.trust.believe(envelope, self.clock())
+            self._believed_s = self.clock()
+            if wanted:
+                self._use(message)
+        except RefusedError as refusal:
+            self._note_refusal(str(refusal))
+            return str(refusal) == HEARD_BEFORE
+        except Exception:
+            # What comes over the network must not end the link, whatever a receiver makes of it.
+            if not self.counters["failed to use"]:
+                logger.exception("a message from the link could not be used")
+            self.counters["failed to use"] += 1
+        return True
+
+    def _is_sign_of_life(self, envelope: Envelope) -> bool:
+        """Whether a presence is worth a look only because nothing else was heard for a while."""
+        quiet = self.clock() - self._believed_s > QUIET_S
+        return quiet and envelope.kind is Kind.PRESENCE and envelope.sender != self.name
+
+    def _note_refusal(self, reason: str) -> None:
+        if reason == HEARD_BEFORE:
+            # Over several links that is what becomes of every second copy.
+            self.counters["copies"] += 1
+            return
+        self.counters[f"refused: {reason}"] += 1
+        if reason == "another session of the leader":
+            self.hurry.set()
+        text = ALARMS.get(reason)
+        if text is not None and self.counters[f"refused: {reason}"] == 1:
+            logger.warning(text, self.name)
+
+    def _wants(self, envelope: Envelope) -> bool:
+        """Whether a message is about something that this member has a use for."""
+        sender, leads = envelope.sender, envelope.sender == self.trust.leader
+        match envelope.kind:
+            case Kind.STATE:
+                return (leads and self.listens) or sender in self.neighbours or sender == self.name
+            case Kind.QUESTION:
+                return self.trust.leads
+            case Kind.ANSWER:
+                # On a wire that all share, others' answers are no news: they are not worth a look at the
+                # signature.
+                clock = self.peer_clock
+                return clock is not None and clock.awaits(envelope.body)
+            case Kind.PRESENCE | Kind.WILL:
+                return self.watches
+            case _:
+                return False
+
+    def _use(self, message: Message) -> None:
+        match message.kind:
+            case Kind.STATE if message.sender == self.trust.leader:
+                self._receive(message.body)
+            case Kind.STATE:
+                self._receive_neighbour(message.sender, message.body)
+            case Kind.QUESTION:
+                self._answer(message)
+            case Kind.ANSWER:
+                self._learn(message)
+            case _:
+                self._note_presence(message)
+
+    def _answer(self, message: Message) -> None:
+        now = self.clock()
+        try:
+            answer = PeerClock.answer(message.body, now, now)
+        except LinkDataError:
+            self.counters["refused: no question"] += 1
+            return
+        self._send(Kind.ANSWER, message.sender, answer)
+
+    def _learn(self, message: Message) -> None:
+        now = self.clock()
+        if self.peer_clock is None:
+            return
+        # The number that it answers was made up by this member, by chance: no recording has it.
+        self.trust.prove(message.session, now)
+        if self.peer_clock.take(message.body, now):
+            logger.warning("the clock of %r has stepped", self.trust.leader)
+
+    def _note_presence(self, message: Message) -> None:
+        try:
+            presence = decode_presence(message.body)
+        except LinkDataError:
+            self.counters["refused: no presence"] += 1
+            return
+        self._receive_presence(message.sender, presence)
+
+    def _now(self) -> float:
+        """Now on the formation's clock, s; NaN while not known."""
+        if self.trust.leads:
+            return self.clock()
+        return math.nan if self.peer_clock is None else self.peer_clock.to_peer(self.clock())
+
+    def _seal(self, kind: Kind, to: str, body: bytes) -> Parcel:
+        return Parcel(kind=kind, to=to, data=self.trust.seal(kind, body, time_s=self._now()))
+
+    def _send(self, kind: Kind, to: str, body: bytes) -> Parcel:
+        parcel = self._seal(kind, to, body)
+        self.send(parcel)
+        return parcel

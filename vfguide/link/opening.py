@@ -1,0 +1,192 @@
+"""A member's access to what its formation shares, over one link or over several at once."""
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+from importlib.metadata import version
+from random import Random
+from typing import Protocol
+
+from vfguide.link.address import LinkAddress, UdpAddress
+from vfguide.link.member import Member, Parcel
+from vfguide.link.mqtt import MqttCarrier
+from vfguide.link.presence import Presence
+from vfguide.link.status import LinkStatus
+from vfguide.link.udp import UdpCarrier
+
+FIRST_TRY_S = 1.0
+"""s that opening waits for the first try."""
+
+SETTLED_S = 6.0
+"""s that those wait for the first try who cannot do without the link: all of a broker's answers are due
+within."""
+
+SHORTEST_PAUSE_S = 0.2
+"""s from one question to the next, however much there is to hurry for."""
+
+
+class Carrier(Protocol):
+    """What carries messages: a broker, a network or a radio."""
+
+    @property
+    def status(self) -> LinkStatus:
+        """Whether it stands."""
+
+    async def run(self) -> None:
+        """Carry until told to stop; what goes wrong shows in the status, and is tried again."""
+
+    def stop(self) -> None:
+        """Let `run` end."""
+
+    def send(self, parcel: Parcel) -> None:
+        """Send a message once, without waiting."""
+
+    def announce(self, presence: Presence) -> None:
+        """Go on saying this about the member."""
+
+
+class Link:
+    """One member's access to what its formation shares. All of it belongs to one event loop."""
+
+    def __init__(self, member: Member, carriers: Sequence[Carrier]) -> None:
+        self._member = member
+        self.carriers = tuple(carriers)
+        """What carries its messages, one for each link."""
+        self._stood: dict[str, bool] = {}
+        member.send = self._send
+
+    @property
+    def connected(self) -> bool:
+        """Whether any of the links stands."""
+        return any(carrier.status.connected for carrier in self.carriers)
+
+    @property
+    def detail(self) -> str:
+        """Why those links that do not stand do not; empty while all do."""
+        details = (carrier.status.detail for carrier in self.carriers)
+        return "; ".join(detail for detail in details if detail)
+
+    def complaint(self) -> str:
+        """The same with the addresses, in one line."""
+        statuses = [carrier.status for carrier in self.carriers]
+        return "; ".join(
+            f"link {status.address}: {status.detail or 'no answer'}"
+            for status in statuses
+            if not status.connected
+        )
+
+    async def settle(self) -> None:
+        """Wait until each link has been tried once; some seconds at most."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(SETTLED_S):
+                for carrier in self.carriers:
+                    await carrier.status.settled.wait()
+
+    @property
+    def counters(self) -> Counter[str]:
+        """What was dropped, refused and went wrong, by reason, of all links together."""
+        total = Counter(self._member.counters)
+        for carrier in self.carriers:
+            total += carrier.status.counters
+        return total
+
+    def news(self) -> list[str]:
+        """What has changed with one of several links since this was asked last, one sentence each."""
+        told = []
+        for carrier in self.carriers if len(self.carriers) > 1 else ():
+            status = carrier.status
+            before = self._stood.get(status.address, True)
+            self._stood[status.address] = status.connected
+            if before and not status.connected:
+                rest = "fly on by the other" if self.connected else "none is left"
+                told.append(f"link {status.address} is lost: {rest}")
+            elif status.connected and not before:
+                told.append(f"link {status.address} is back: nothing to do")
+        return told
+
+    def publish(self, data: bytes) -> None:
+        """Publish this vehicle's state. Never waits: one that is not sent yet gives way to it."""
+        self._member.publish(data)
+
+    def announce(self, presence: Presence) -> None:
+        """Say how this vehicle is, again and again until something else is to be said."""
+        for carrier in self.carriers:
+            carrier.announce(presence)
+
+    def _send(self, parcel: Parcel) -> None:
+        for carrier in self.carriers:
+            carrier.send(parcel)
+
+
+@asynccontextmanager
+async def open_link(
+    addresses: Sequence[LinkAddress], *, formation: str, member: Member, random: Random
+) -> AsyncIterator[Link]:
+    """Share in what a formation shares, for as long as the context lasts.
+
+    A connection that is lost is made again for ever; being connected is not awaited for more than a second.
+
+    Args:
+        addresses: of all links; each message goes over every one, and the first copy counts.
+        formation: name of the formation.
+        member: says and hears.
+        random: keeps companions that lost the same peer from coming back in step.
+
+    Raises:
+        InputError: an address names a certificate that cannot be read.
+    """
+    presence = Presence(
+        status="online",
+        mode="",
+        time_s=member.clock(),
+        version=version("vfguide"),
+        signed=member.trust.signs,
+    )
+    carriers = [
+        carrier_of(address, formation=formation, member=member, presence=presence, random=random)
+        for address in addresses
+    ]
+    link = Link(member, carriers)
+    running = [
+        asyncio.create_task(carrier.run(), name=f"link of {member.name}") for carrier in carriers
+    ]
+    asking = asyncio.create_task(keep_asking(member), name=f"clock of {member.name}")
+    try:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FIRST_TRY_S):
+                for carrier in carriers:
+                    await carrier.status.settled.wait()
+        yield link
+    finally:
+        asking.cancel()
+        for carrier in carriers:
+            carrier.stop()
+        await asyncio.gather(*running)
+        await asyncio.wait([asking])
+        for carrier in carriers:
+            carrier.status.close()
+
+
+def carrier_of(
+    address: LinkAddress, *, formation: str, member: Member, presence: Presence, random: Random
+) -> Carrier:
+    """What an address stands for."""
+    if isinstance(address, UdpAddress):
+        return UdpCarrier(address, member=member, presence=presence, random=random)
+    return MqttCarrier(
+        address, formation=formation, member=member, presence=presence, random=random
+    )
+
+
+async def keep_asking(member: Member) -> None:
+    """Ask for the leader's clock, for ever: soon again where something is new, else now and then."""
+    clock = member.peer_clock
+    if clock is None:
+        return
+    while True:
+        member.ask()
+        await asyncio.sleep(SHORTEST_PAUSE_S)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(max(clock.pause_s - SHORTEST_PAUSE_S, 0.0)):
+                await member.hurry.wait()

@@ -1,0 +1,379 @@
+"""Whom a member of a formation believes: seals what it says; opens what others say, or says why not.
+
+Nothing here owns a socket or reads a clock. What carries the messages is not trusted: it can lose, keep,
+repeat, change and make up whatever it likes, and all that comes of it is silence and counters.
+"""
+
+import math
+import secrets
+from collections import Counter
+from dataclasses import dataclass, field
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+from vfguide.errors import InputError
+from vfguide.link.codec import LinkDataError
+from vfguide.link.envelope import (
+    Envelope,
+    Kind,
+    Scheme,
+    checksum,
+    decode_envelope,
+    encode_signed,
+    formation_number,
+)
+from vfguide.link.keys import Roster, public_bytes
+
+GRACE_S = 3.0
+"""For this long after a leader has started anew, what others say under its last session is heard too: they
+learn of
+the new one one after the other."""
+
+LEADER_MAY = frozenset({Kind.STATE, Kind.ANSWER, Kind.PRESENCE, Kind.WILL})
+FOLLOWER_MAY = frozenset({Kind.STATE, Kind.QUESTION, Kind.PRESENCE, Kind.WILL})
+OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER})
+"""Kinds of messages that a part in the formation may send."""
+
+RIVAL_S = 1.0
+"""A leader that was heard this short a time ago has not started anew: another session is a second leader."""
+
+MOST_STRANGERS = 256
+"""Senders that are kept in mind without a roster, where anybody can make up names."""
+
+REPEATABLE = frozenset({Kind.WILL})
+"""Kinds that may come late: a broker keeps a will for as long as the connection lasts."""
+
+
+def new_session() -> int:
+    """A number for one run of a program: 64 bits of chance, not 0."""
+    return secrets.randbits(64) or 1
+
+
+HEARD_BEFORE = "heard before"
+"""Why a message is refused that came before, or a newer one of its kind."""
+
+FORGED_PER_S = 500
+"""Signatures a second that are looked at in vain, at most: a tenth of a core. What a flood of forgeries hides
+is not heard; the vehicle is steered all the same."""
+
+
+class RefusedError(Exception):
+    """A message that is not believed; the text is the reason, short enough for a counter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Message:
+    """Something that is believed."""
+
+    kind: Kind
+    """What it is about."""
+    sender: str
+    """Who says it."""
+    session: int
+    """In which run."""
+    body: bytes
+    """What is said."""
+
+
+@dataclass(slots=True)
+class Heard:
+    """What is known of the messages of one sender."""
+
+    session: int
+    """The run that is believed in."""
+    epoch: int
+    """The leader's session that the last message was said under."""
+    time_s: float
+    """The newest time of any message, s on the formation's clock."""
+    sequences: dict[Kind, int] = field(default_factory=dict)
+    """The newest of each kind."""
+
+
+class Trust:
+    """One member's: what it signs with, and what it has heard."""
+
+    def __init__(
+        self,
+        *,
+        formation: str,
+        name: str,
+        leader: str,
+        session: int,
+        roster: Roster | None,
+        key: Ed25519PrivateKey | None = None,
+        watches: bool = False,
+    ) -> None:
+        """Make it, with nothing heard.
+
+        Args:
+            formation: name of the formation.
+            name: of this member.
+            leader: name of the leader.
+            session: 64 bits of chance, new at each start; not 0.
+            roster: everybody's public keys; None to sign nothing and to believe anybody.
+            key: the own private key; None for one who only listens.
+            watches: whether this is no vehicle, but somebody who wants to know how the vehicles are: also
+            of one that
+                has not found its leader, and, while no leader has answered, of all that sounds right.
+
+        Raises:
+            InputError: the roster is another formation's, the leader has no key in it, or the own key is
+            not the
+                one that it names.
+        """
+        self.name = name
+        self.leader = leader
+        self.counters: Counter[str] = Counter()
+        """Messages that were not believed, by reason."""
+        self._formation = formation_number(formation)
+        self._roster = roster
+        self._key = key
+        self._session = session
+        self._sequence = 0
+        self._keys: dict[str, Ed25519PublicKey] = {}
+        self._heard: dict[str, Heard] = {}
+        self._asked: dict[str, Heard] = {}
+        self._epoch = session if name == leader else 0
+        self._epoch_before, self._grace_ends_s = 0, -math.inf
+        self._leader_s = -math.inf
+        self._vain, self._vain_s = 0.0, -math.inf
+        self._watches = watches
+        if roster is not None:
+            check_roster(roster, formation=formation, name=name, leader=leader, key=key)
+            public = {**roster.vehicles, **roster.operators}
+            self._keys = {
+                one: Ed25519PublicKey.from_public_bytes(data) for one, data in public.items()
+            }
+
+    @property
+    def signs(self) -> bool:
+        """Whether messages are signed; else anybody is believed."""
+        return self._roster is not None
+
+    @property
+    def leads(self) -> bool:
+        """Whether this member is the leader."""
+        return self.name == self.leader
+
+    @property
+    def proven(self) -> bool:
+        """Whether the leader's session is known to live, or to have lived since this member has started."""
+        return self._epoch != 0
+
+    def seal(self, kind: Kind, body: bytes, *, time_s: float) -> bytes:
+        """Put a body into an envelope of one's own.
+
+        Args:
+            kind: what it is about.
+            body: what to say.
+            time_s: now, s on the formation's clock; NaN while not known.
+
+        Raises:
+            ValueError: it is too long.
+        """
+        self._sequence += 1
+        scheme = Scheme.UNSIGNED if self._key is None else Scheme.ED25519
+        signed = encode_signed(
+            scheme,
+            kind,
+            formation=self._formation,
+            sender=self.name,
+            session=self._session,
+            epoch=self._epoch,
+            sequence=self._sequence % 2**32,
+            time_s=time_s,
+            body=body,
+        )
+        return signed + (checksum(signed) if self._key is None else self._key.sign(signed))
+
+    def read(self, data: bytes) -> Envelope:
+        """The envelope of a message to this formation, which is not believed yet.
+
+        Raises:
+            RefusedError: it is none.
+        """
+        try:
+            envelope = decode_envelope(data)
+        except LinkDataError:
+            raise RefusedError("malformed") from None
+        if envelope.formation != self._formation:
+            raise RefusedError("another formation")
+        return envelope
+
+    def believe(self, envelope: Envelope, now: float) -> Message:
+        """Find out whether a message can be believed.
+
+        What costs least is asked first: a repeated message is refused before its signature is looked at.
+
+        Args:
+            envelope: the message.
+            now: s on any clock that goes on evenly, the same each time.
+
+        Raises:
+            RefusedError: it cannot be; the text says why.
+        """
+        expected = Scheme.ED25519 if self.signs else Scheme.UNSIGNED
+        if envelope.scheme is not expected:
+            raise RefusedError("not signed" if self.signs else "signed, where --insecure was typed")
+        key = self._keys.get(envelope.sender)
+        if self.signs and key is None:
+            raise RefusedError("a stranger")
+        if envelope.kind not in self._may(envelope.sender):
+            raise RefusedError("not for its sender to say")
+        heard = self._in_order(envelope, now)
+        if key is None:
+            if checksum(envelope.signed) != envelope.tag:
+                raise RefusedError("damaged")
+        else:
+            self._check_flood(now)
+            try:
+                key.verify(envelope.tag, envelope.signed)
+            except InvalidSignature:
+                self._vain += 1.0
+                raise RefusedError("forged") from None
+        if envelope.sender == self.name:
+            self._vain += 1.0
+            raise RefusedError("another companion of this name")
+        self._note(heard, envelope)
+        if envelope.session == self._epoch:
+            self._leader_s = now
+        return Message(
+            kind=envelope.kind,
+            sender=envelope.sender,
+            session=envelope.session,
+            body=envelope.body,
+        )
+
+    def _check_flood(self, now: float) -> None:
+        """See that looking at signatures leaves time for everything else.
+
+        Raises:
+            RefusedError: too many were forged within the last second.
+        """
+        # Not "passed": a clock that was set back must not stop the count.
+        passed_s = max(now - self._vain_s, 0.0)
+        self._vain, self._vain_s = max(self._vain - FORGED_PER_S * passed_s, 0.0), now
+        if self._vain >= FORGED_PER_S:
+            raise RefusedError("in a flood of forgeries")
+
+    def prove(self, session: int, now: float) -> None:
+        """Take a session of the leader for the one that lives: it has answered this member's own question.
+
+        Args:
+            session: of the answer.
+            now: s, on the clock of `believe`.
+
+        Raises:
+            RefusedError: another session of the leader lives, too.
+        """
+        if session == self._epoch:
+            return
+        if now - self._leader_s < RIVAL_S:
+            raise RefusedError("a second leader")
+        self._epoch_before, self._grace_ends_s = self._epoch, now + GRACE_S
+        self._epoch = session
+        self._heard.pop(self.leader, None)
+
+    @property
+    def _takes_all(self) -> bool:
+        return self._watches and not self.proven
+
+    def _may(self, sender: str) -> frozenset[Kind]:
+        if sender == self.leader:
+            return LEADER_MAY
+        if self._roster is None:
+            return FOLLOWER_MAY | OPERATOR_MAY
+        return FOLLOWER_MAY if sender in self._roster.vehicles else OPERATOR_MAY
+
+    def _in_order(self, envelope: Envelope, now: float) -> Heard | None:
+        """What is known of the sender, if it may have said this after all before; None for a new session.
+
+        Raises:
+            RefusedError: it is repeated, or was said in another flight.
+        """
+        if envelope.session == self._session:
+            raise RefusedError("one's own")
+        if envelope.sender == self.name:
+            # Whether it is a true one is for its signature to say; it is not believed in any case.
+            return None
+        asks = envelope.kind is Kind.QUESTION
+        heard = (self._asked if asks else self._heard).get(envelope.sender)
+        if envelope.sender == self.leader:
+            # Whether an answer is one to this member's question is for its number to say.
+            known = envelope.kind is Kind.ANSWER or envelope.session == self._epoch
+            if not (known or self._takes_all):
+                raise RefusedError("another session of the leader")
+        elif not asks and not self._under(envelope.epoch, now):
+            raise RefusedError("another flight")
+        if heard is None or heard.session != envelope.session:
+            if heard is not None and not asks and envelope.sender != self.leader:
+                self._check_newer(envelope, heard)
+            return None
+        newest = heard.sequences.get(envelope.kind, 0)
+        if envelope.sequence <= newest and envelope.kind not in REPEATABLE:
+            raise RefusedError(HEARD_BEFORE)
+        return heard
+
+    def _under(self, epoch: int, now: float) -> bool:
+        """Whether a message that was said under a leader's session is of this flight."""
+        if epoch == 0 or not self.proven:
+            # Recordings of every flight begin like that: it is good enough to look at, not to fly by.
+            return self._watches
+        if epoch == self._epoch:
+            return True
+        return now < self._grace_ends_s and epoch == self._epoch_before
+
+    def _check_newer(self, envelope: Envelope, heard: Heard) -> None:
+        """A new session has to be newer than what was heard of the one before.
+
+        Raises:
+            RefusedError: it is not.
+        """
+        if self._takes_all:
+            newer = True
+        elif envelope.epoch == heard.epoch:
+            newer = envelope.time_s > heard.time_s or math.isnan(heard.time_s)
+        else:
+            newer = envelope.epoch == self._epoch
+        if not newer:
+            raise RefusedError("an earlier session")
+
+    def _note(self, heard: Heard | None, envelope: Envelope) -> None:
+        """Keep in mind what was just believed."""
+        if heard is None:
+            if envelope.kind is Kind.ANSWER and envelope.session != self._epoch:
+                # It may prove this session, and is kept in mind once it has.
+                return
+            book = self._asked if envelope.kind is Kind.QUESTION else self._heard
+            if envelope.sender not in book and len(book) >= MOST_STRANGERS + len(self._keys):
+                raise RefusedError("too many senders")
+            heard = Heard(envelope.session, envelope.epoch, math.nan)
+            book[envelope.sender] = heard
+        heard.epoch = envelope.epoch
+        heard.sequences[envelope.kind] = max(
+            envelope.sequence, heard.sequences.get(envelope.kind, 0)
+        )
+        if envelope.time_s > heard.time_s or math.isnan(heard.time_s):
+            heard.time_s = envelope.time_s
+
+
+def check_roster(
+    roster: Roster, *, formation: str, name: str, leader: str, key: Ed25519PrivateKey | None
+) -> None:
+    """See that a roster fits a member.
+
+    Raises:
+        InputError: it does not.
+    """
+    remedy = "run `vfguide keys make`, and give everybody the same roster"
+    if roster.formation != formation:
+        raise InputError(
+            f"the roster is of the formation {roster.formation!r}, the mission's is {formation!r}; {remedy}"
+        )
+    if leader not in roster.vehicles:
+        raise InputError(f"the roster has no key of the leader {leader!r}; {remedy}")
+    if key is not None and roster.public(name) != public_bytes(key):
+        raise InputError(
+            f"the private key of {name!r} is not the one that the roster names; {remedy}"
+        )

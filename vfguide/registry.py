@@ -1,0 +1,169 @@
+"""What can be added to vfguide from outside, found by its name.
+
+A law is known by being one of vfguide's own, by the entry point of an installed package, or by a file that
+the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be loaded.
+"""
+
+import importlib
+import importlib.util
+import os
+import sys
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vfguide.errors import InputError
+
+PLUGINS_VARIABLE = "VFGUIDE_PLUGINS"
+"""Environment variable with the files that `--plugin` named, so that processes of a flight load them too."""
+
+Kind = TypeVar("Kind", bound=type[Any])
+
+
+class Registry:
+    """Classes of one kind by name."""
+
+    def __init__(self, kind: str, *, group: str, own: Mapping[str, str]) -> None:
+        """Make a registry in which nothing is loaded yet.
+
+        Args:
+            kind: what the classes are, for messages, such as "law".
+            group: the entry points of installed packages, such as "vfguide.laws".
+            own: the module of each class that is part of vfguide, by name.
+        """
+        self._kind = kind
+        self._group = group
+        self.own = own
+        """The module of each class that is part of vfguide, by name."""
+        self._known: dict[str, type[Any]] = {}
+
+    def register(self, name: str) -> Callable[[Kind], Kind]:
+        """Decorator that makes a class known by a name.
+
+        Raises:
+            InputError: another class has this name already.
+        """
+
+        def add(found: Kind) -> Kind:
+            known = self._known.get(name)
+            taken = known is not None and known.__qualname__ != found.__qualname__
+            if taken or self.own.get(name, found.__module__) != found.__module__:
+                raise InputError(
+                    f"{name}: there is a {self._kind} of this name already; choose another"
+                )
+            found.name = name
+            self._known[name] = found
+            return found
+
+        return add
+
+    def names(self) -> tuple[str, ...]:
+        """All known names: vfguide's own in their order, then the others by name."""
+        load_plugins_of_the_environment()
+        others = ({*installed(self._group)} | set(self._known)) - set(self.own)
+        return (*self.own, *sorted(others))
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a class of this name."""
+        if not isinstance(name, str):
+            return False
+        return name in self.own or name in self._known or name in self.names()
+
+    def find(self, name: str) -> type[Any]:
+        """The class of this name.
+
+        Raises:
+            InputError: there is none; the message lists the known names.
+        """
+        if name not in self._known and name in self.own:
+            importlib.import_module(self.own[name])
+        if name not in self._known:
+            load_plugins_of_the_environment()
+        if name not in self._known and name in installed(self._group):
+            self.register(name)(installed(self._group)[name].load())
+        if name not in self._known:
+            names = ", ".join(self.names())
+            raise InputError(f"{name}: there is no such {self._kind}; known are {names}")
+        return self._known[name]
+
+
+@cache
+def installed(group: str) -> dict[str, EntryPoint]:
+    """What installed packages offer, by name."""
+    return {one.name: one for one in entry_points(group=group)}
+
+
+laws = Registry(
+    "law",
+    group="vfguide.laws",
+    own={
+        "slot": "vfguide.laws.field",
+        "article": "vfguide.laws.field",
+        "pid": "vfguide.laws.pid",
+        "mpc": "vfguide.laws.mpc",
+    },
+)
+"""Laws by which followers keep their slots."""
+
+
+def use_plugins(files: Sequence[Path]) -> None:
+    """Load files with laws of one's own, here and in every process that this one starts.
+
+    Raises:
+        InputError: a file cannot be loaded.
+    """
+    if not files:
+        return
+    paths = [str(file.resolve()) for file in files]
+    before = os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep)
+    os.environ[PLUGINS_VARIABLE] = os.pathsep.join(dict.fromkeys(filter(None, [*before, *paths])))
+    load_plugins_of_the_environment()
+
+
+def load_plugins_of_the_environment() -> None:
+    """Load the files that this process or the one that started it was told to use, each once.
+
+    Raises:
+        InputError: a file cannot be loaded.
+    """
+    for path in filter(None, os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep)):
+        load_file(Path(path))
+
+
+def load_file(file: Path) -> None:
+    """Import a file of Python as a module of its own, once.
+
+    Raises:
+        InputError: there is no such file, or it fails; the message is one line.
+    """
+    name = f"vfguide_plugin_{file.stem}_{zlib.crc32(str(file).encode()):08x}"
+    if name in sys.modules:
+        return
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise InputError(
+            f"--plugin {file}: there is no such file of Python; give the path of a .py"
+        )
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        place = line_in(error, file)
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(f"--plugin {file}{place}: {reason}; mend the file") from error
+
+
+def line_in(error: BaseException, file: Path) -> str:
+    """`:LINE` of the last line of a file that led to an error, or nothing."""
+    line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return "" if line is None else f":{line}"
