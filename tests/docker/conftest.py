@@ -3,20 +3,14 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from tests.docker.flights import AllFlights, Flights, Scenario, Settings, fly
-from tests.docker.flown import Flown
 from tests.docker.programs import PROJECT, run
 from vfguide.mission import load_mission
-
-AT_ONCE = 3
-"""Formations: Docker has addresses for thirty networks, and each takes seven."""
-
 
 TOLD = pytest.StashKey[list[str]]()
 """What tests have measured."""
@@ -89,24 +83,17 @@ def all_flights(
     image: dict[str, Any],
     missions: Callable[..., dict[str, Any]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[AllFlights]:
-    """All that the collected modules have to be flown, side by side: real time passes once."""
+) -> AllFlights:
+    """All that the collected modules have to be flown."""
     assert image
     items = (item for item in request.session.items if isinstance(item, pytest.Function))
     scenarios: dict[str, tuple[Scenario, Settings]] = {}
     for module in dict.fromkeys(item.module for item in items):
         if "docker_flights" in vars(module):
             scenarios |= module.docker_flights(missions)
-    # The longest first, so that the last ones do not wait for each other.
-    names = sorted(scenarios, key=lambda name: -float(scenarios[name][1].get("DURATION", 0.0)))
-    with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
-
-        def begin(name: str) -> Future[Flown]:
-            return pool.submit(fly, compose, name, tmp_path_factory.mktemp(name), scenarios[name])
-
-        yield AllFlights(names, begin)
-        # After the first failure with --exitfirst, or Ctrl-C, no more of them begin.
-        pool.shutdown(cancel_futures=True)
+    return AllFlights(
+        lambda name: fly(compose, name, tmp_path_factory.mktemp(name), scenarios[name])
+    )
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """Scenarios, and what became of each."""
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import Future
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,22 +33,30 @@ def fly(
 
 
 class AllFlights:
-    """Every scenario that tests look at, in the order given."""
+    """Every scenario that tests look at, each flown when it is first asked for.
 
-    def __init__(self, scenarios: Iterable[str], fly: Callable[[str], Future[Flown]]) -> None:
+    One formation at a time: ten containers take half a core on a fast machine, more than one on a slow one,
+    and while they start all there is. Two beside each other would test the machine.
+    """
+
+    def __init__(self, fly: Callable[[str], Flown]) -> None:
         self._fly = fly
-        self._flights = {name: [fly(name)] for name in scenarios}
+        self._flights: dict[str, list[Future[Flown]]] = {}
 
     def result(self, name: str, attempt: int) -> Flown:
-        """What became of the latest flight of a scenario; whoever asks too early waits.
+        """What became of the latest flight of a scenario.
 
         Args:
             name: of the scenario.
-            attempt: 1 for a test's first; who asks for a second one gets a second flight.
+            attempt: 1 for a test's first; the second one gets a second flight.
+
+        Raises:
+            Exception: the flight has failed; all tests that look at it get the same exception.
         """
-        flights = self._flights[name]
+        flights = self._flights.setdefault(name, [])
         if len(flights) < attempt:
-            flights.append(self._fly(name))
+            with ThreadPoolExecutor(max_workers=1) as pool:
+                flights.append(pool.submit(self._fly, name))
         return flights[-1].result()
 
 

@@ -169,7 +169,7 @@ class Formation:
     def keep(self, status: int, seen: object) -> Flown:
         """Copy the judge's files and all logs."""
         target = self.directory / "flight"
-        run("docker", "cp", f"{self.container('judge')}:{FLIGHT}", str(target))
+        run("docker", "cp", f"{self.container(self._judge)}:{FLIGHT}", str(target))
         logs = {service: log_of(self.container(service)) for service in self.services}
         return Flown(status=status, directory=target, logs=logs, seen=seen)
 
