@@ -8,12 +8,12 @@ kept clear of in the plane.
 import math
 
 STEP_M = 10.0
-"""By so much the altitudes of two reports in a row may differ: noise, and a barometer that settles."""
+"""So far an altitude may be from where the ones before lead: noise, and a barometer that settles."""
 
-CLIMB_M_S = 30.0
-"""And by so much more for each second between them: faster than these aircraft climb or dive."""
+CLIMB_M_S = 15.0
+"""And by so much more for each second: faster than these aircraft climb or dive."""
 
-RETURN_M_S = 3.0
+RETURN_M_S = 0.5
 """How fast the true altitude may have left the last believed one, on average, while reports were doubted."""
 
 RETURN_S = 2.0
@@ -24,8 +24,8 @@ class AltitudeGate:
     """Judges the altitudes of one vehicle.
 
     A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
-    that stays is believed late, 30 s after a step of 100 m: for that time its vehicle is merely kept clear
-    of more than needed.
+    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is merely kept clear of
+    more than needed.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class AltitudeGate:
             return self._believe(altitude_amsl, time_s)
         if not self.doubted:
             if follows(self._known, altitude_amsl, time_s - self._known_time):
-                return self._believe(altitude_amsl, time_s)
+                return self._follow(altitude_amsl, time_s)
             self.doubted = True
             self._seen_since = time_s
         elif not follows(self._seen, altitude_amsl, time_s - self._seen_time):
@@ -62,6 +62,13 @@ class AltitudeGate:
         if agreed and abs(altitude_amsl - self._known) <= left_m:
             return self._believe(altitude_amsl, time_s)
         return math.nan
+
+    def _follow(self, altitude_amsl: float, time_s: float) -> float:
+        """Believe an altitude; what is known follows as fast as an aircraft climbs: steps do not add up."""
+        climb_m = CLIMB_M_S * max(time_s - self._known_time, 0.0)
+        self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
+        self._known_time = time_s
+        return altitude_amsl
 
     def _believe(self, altitude_amsl: float, time_s: float) -> float:
         self.doubted = False

@@ -2,6 +2,7 @@
 
 import math
 from collections import OrderedDict
+from collections.abc import Callable
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -17,10 +18,13 @@ PAUSE_S = 1.0
 BURST = 4
 """Texts that may follow each other at once."""
 
-MOST_WAITING = 8
-"""Texts that wait for their turn: of more the oldest are left to the log."""
+MOST_WAITING = 16
+"""Texts that wait for their turn: what comes when so many wait is left to the log."""
 
 MOST_REMEMBERED = 64
+
+LASTS_S = 2.0
+"""Why nothing is steered is told once it has lasted for so long: it changes on the way into steering."""
 
 
 class Announcer:
@@ -38,21 +42,44 @@ class Announcer:
         self._credit = float(BURST)
         self._time = -math.inf
         self._number = 0
+        self._mode = Mode.WAITING
+        self._control = self._announced = Control.UNKNOWN
+        self._control_since = -math.inf
 
     def warn(self, text: str, now: float) -> None:
         """Send a warning, unless it was sent a short while ago."""
         if now - self._warned.get(text, -math.inf) < QUIET_S:
             return
+        if len(self._waiting) >= MOST_WAITING:
+            return
         self._warned[text] = now
         self._warned.move_to_end(text)
         if len(self._warned) > MOST_REMEMBERED:
             self._warned.popitem(last=False)
-        self._add(WARNING, text)
+        self._waiting.append((WARNING, text))
+
+    def watch(self, mode: Mode, control: Control, sentence: Callable[[], str], now: float) -> None:
+        """Announce a change of mode at once, and another reason for not steering once it lasts.
+
+        Args:
+            mode: of the companion, now.
+            control: in whose hands the vehicle is, now.
+            sentence: says what that means, and what to do.
+            now: s.
+        """
+        if control is not self._control:
+            self._control, self._control_since = control, now
+        changed, self._mode = mode is not self._mode, mode
+        idle = mode is Mode.WAITING and control in {Control.GUIDED, Control.UNKNOWN}
+        lasts = now - self._control_since >= LASTS_S
+        if changed or (idle and lasts and control is not self._announced):
+            self._announced = control
+            self.change(sentence())
 
     def change(self, text: str) -> None:
         """Send a change of mode; texts about the mode before, which still wait, are out of date."""
         self._waiting = [one for one in self._waiting if one[0] != NOTICE]
-        self._add(NOTICE, text)
+        self._waiting.append((NOTICE, text))
 
     def due(self, now: float) -> list[MAVLink_message]:
         """Messages for the texts that may be sent now."""
@@ -66,10 +93,6 @@ class Announcer:
             self._number = self._number % 65_535 + 1
             messages += status_texts(f"vfguide {self._name}: {text}", severity, self._number)
         return messages
-
-    def _add(self, severity: int, text: str) -> None:
-        self._waiting.append((severity, text))
-        del self._waiting[:-MOST_WAITING]
 
 
 def mode_sentence(
@@ -112,8 +135,8 @@ def waiting_sentence(
     """Why nothing is steered."""
     if control is Control.GUIDED and returns_s is not None:
         return (
-            "no position heard, not steering; without one the autopilot's loiter follows after"
-            f" {returns_s:g} s; watch it, or take over"
+            f"no position heard, not steering; after {returns_s:g} s without one it is handed back to the"
+            " autopilot; watch it, or take over"
         )
     if control is Control.GUIDED:
         return "not steering, no position or no leader heard; watch it, or take over"

@@ -417,7 +417,8 @@ class ModeAuthority:
         if self._asks == 2:
             self._notice(
                 f"the autopilot stays in {self.mode_name()} although it was asked for"
-                f" {self._adapter.engaged_name}: it is asked again, less and less often"
+                f" {self._adapter.engaged_name}: it is asked again, less and less often;"
+                " see what it says, or select the mode by hand"
             )
         self._request_time = now
         return self._adapter.engage()
@@ -431,7 +432,7 @@ class ModeAuthority:
         if self._consent.is_spent and self._asking is None:
             return f"not engaged by itself, {self._consent.spent}: {by_hand}"
         if not beat.armed:
-            return "the vehicle is not armed: not engaged until it is"
+            return "the vehicle is not armed: engaged once it flies; arm it when ready"
         if name not in self._rule.modes:
             return (
                 f"not engaged out of {name}: select {' or '.join(self._rule.modes)}, or {engaged}"

@@ -65,6 +65,15 @@ ALTITUDE_S = 5.0
 CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
 """In the place of a step in height."""
 
+FAIL_SAFE_S = 5.0
+"""For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""
+
+FAIL_SAFE = (
+    "nothing to steer by, and it does not show that it was handed back: this companion falls silent, for the"
+    " autopilot's fail-safe to act where it is set; take over"
+)
+"""What the pilot hears then."""
+
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
 
@@ -119,7 +128,7 @@ class Companion:
         self._role = role_of(plan, clock)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
-        self._awake_since = self._idle_since = math.inf
+        self._awake_since = self._idle_since = self._return_since = math.inf
         self._stalled = -math.inf
         self._interval = math.inf
         self._asked_for_telemetry = False
@@ -291,7 +300,7 @@ class Companion:
             case CommandReport():
                 self._authority.hear_answer(report, now)
                 out.warn(self._commands.answered(report, now), now)
-                out.tell(self._adapter.hear(report), now)
+                out.warn(self._adapter.hear(report), now)
             case VersionReport():
                 out.tell(self._adapter.hear(report), now)
             case ParameterReport():
@@ -399,6 +408,7 @@ class Companion:
         before, self._mode = self._mode, next_mode(self._mode, situation, self._patience)
         if self._mode.steers or control is not Control.GUIDED:
             self._idle_since = now
+        self._announcer.watch(self._mode, control, lambda: self._sentence(situation, now), now)
         if self._mode is before:
             return
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
@@ -407,9 +417,14 @@ class Companion:
         if self._mode.steers is not before.steers:
             self._stream.reset()
             self._obedience.reset()
+
+    def _sentence(self, situation: Situation, now: float) -> str:
+        """What this companion does, and what the pilot can do."""
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
-        returns_s = self._patience.telemetry_lost_s if situation.steered else None
-        self._announcer.change(mode_sentence(self._mode, control, flight_mode, guided, returns_s))
+        # Only what is known to be of now is answered with a command.
+        returns = situation.steered and math.isfinite(self._own.greatest_age(now))
+        returns_s = self._patience.telemetry_lost_s if returns else None
+        return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
     def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
@@ -452,7 +467,8 @@ class Companion:
         if now - self._housekeeping_time < HEARTBEAT_S:
             return messages
         self._housekeeping_time = now
-        messages += self._heartbeats()
+        if not self._leaves_to_fail_safe(now, out):
+            messages += self._heartbeats()
         if self._stopped:
             return messages
         silent = now - self._telemetry_time > self._patience.telemetry_s
@@ -468,6 +484,19 @@ class Companion:
         if authority.connected and authority.recognised:
             messages += self._questions(now, out)
         return messages
+
+    def _leaves_to_fail_safe(self, now: float, out: Outgoing) -> bool:
+        """Whether a vehicle flies on by old setpoints although it should have been handed back.
+
+        Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
+        heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
+        """
+        wanted = self._authority.answers_for_vehicle and self._wish(now) is Wish.RETURN
+        self._return_since = min(self._return_since, now) if wanted else math.inf
+        if now - self._return_since <= FAIL_SAFE_S:
+            return False
+        out.warn(FAIL_SAFE, now)
+        return True
 
     def _heartbeats(self) -> list[MAVLink_message]:
         """Of this companion; while no pilot flies also of what the autopilot's fail-safe counts."""

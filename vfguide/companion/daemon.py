@@ -173,10 +173,8 @@ class Daemon:
                 return
             await asyncio.sleep(FAREWELL_S)
             self._dispatch(self._companion.poll(self._clock.now()))
-        logger.warning(
-            "the autopilot does not show that it has left its guided mode: take it by hand",
-            extra={"vehicle": self._name},
-        )
+        text = "the autopilot does not show that it has left its guided mode: take it by hand"
+        self._dispatch(self._companion.tell(text, self._clock.now()))
 
     def _take_mavlink(self, datagram: bytes) -> None:
         """One datagram in, one out, at once."""

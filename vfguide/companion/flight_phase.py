@@ -122,11 +122,11 @@ class FlightPhase:
     def obstacle(self, now: float, *, holds_altitude: bool) -> str | None:
         """Why this is no time to engage, in words; None in the air and at a height to begin at."""
         if not self.flies(now):
-            return "not engaged on the ground: it is once the vehicle flies"
+            return "not engaged on the ground: take off, it is engaged in the air"
         if holds_altitude:
             if self._height >= self._lowest:
                 return None
-            return f"not engaged so low: it is above {self._lowest:.0f} m above sea level"
+            return f"not engaged so low: climb above {self._lowest:.0f} m above sea level"
         if abs(self._height - self._altitude) <= MOST_OFF_M:
             return None
         return (

@@ -64,12 +64,13 @@ def response_sentence(response: AutopilotResponse, plan: FlightPlan) -> str:
     if response.alpha is None or response.beta is None:
         return (
             "the autopilot's parameters do not tell how it answers: flown by what the mission declares,"
-            f" alpha {airframe.alpha:.2f} and beta {airframe.beta:.2f} 1/s"
+            f" alpha {airframe.alpha:.2f} and beta {airframe.beta:.2f} 1/s;"
+            " see that they fit, by `vfguide identify`"
         )
     return (
         f"flown by the autopilot's own parameters: alpha {airframe.alpha:.2f}, beta {airframe.beta:.2f} 1/s,"
         f" {airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s, {math.degrees(airframe.max_bank):.0f}"
-        " degrees of bank"
+        " degrees of bank; nothing to do"
     )
 
 

@@ -48,7 +48,8 @@ CARRIED = frozenset({Verdict.CARRIED, Verdict.ADRIFT})
 """Where the place is the one that the velocity leads to."""
 
 WAIT_S = 0.3
-"""Reports that keep one waiting longer than their stamps say may come of a clock that stood still."""
+"""By so much reports are late or early on an ordinary link. Those that keep one waiting for longer than their
+stamps say may come of a clock that stood still; one whose stamp is farther ahead, of one that has leapt."""
 
 SLIP_S = 0.1
 """After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
@@ -123,6 +124,7 @@ class OwnVehicle:
         self._altitude = AltitudeGate()
         self._reading: Reading | None = None
         self._refused = self._comes_back = False
+        self._passed_s = 0.0
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
         self._counters: Counter[str] = Counter()
@@ -322,8 +324,9 @@ class OwnVehicle:
         if self._blind and state is not None:
             # What is not used cannot be wrong, and does not show where the vehicle goes.
             velocity = polar(state.ground_speed, state.course)
+        self._passed_s += passed_s(before, reading)
         motion = Motion(
-            time_s=reading.boot_time_s,
+            time_s=self._passed_s,
             north=sample.north,
             east=sample.east,
             velocity_north=velocity[0],
@@ -424,6 +427,17 @@ class OwnVehicle:
             heading=heading,
             airspeed=max(airspeed, LEAST_AIRSPEED),
         )
+
+
+def passed_s(before: Reading | None, reading: Reading) -> float:
+    """How far a vehicle can have flown since the reading before, s; 0 at the first.
+
+    Boot times tell, but not one that leaps ahead: no report is read before it was true.
+    """
+    if before is None:
+        return 0.0
+    told_s = reading.boot_time_s - before.boot_time_s
+    return min(told_s, reading.read_s - before.time_s + WAIT_S)
 
 
 def slip_s(before: Reading | None, reading: Reading) -> float:

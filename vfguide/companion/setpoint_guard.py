@@ -51,4 +51,8 @@ class SetpointGuard:
         if math.isfinite(self._closed_s):
             return None, None
         self._closed_s = now
-        return None, f"guidance asks for what cannot be flown: {setpoint}"
+        return None, (
+            f"guidance asks for a course of {math.degrees(setpoint.course):.0f} degrees at"
+            f" {setpoint.speed:.1f} m/s, which cannot be flown: not passed on, handed back after"
+            f" {PATIENCE_S:g} s; take over, and report the log"
+        )

@@ -92,14 +92,22 @@ class Link:
         return total
 
     def news(self) -> list[str]:
-        """What has changed with one of several links since this was asked last, one sentence each."""
+        """What has changed with the links since this was asked last, one sentence each.
+
+        A single one that has never stood is not lost.
+        """
         told = []
-        for carrier in self.carriers if len(self.carriers) > 1 else ():
+        expected = len(self.carriers) > 1
+        for carrier in self.carriers:
             status = carrier.status
-            before = self._stood.get(status.address, True)
+            before = self._stood.get(status.address, expected)
             self._stood[status.address] = status.connected
             if before and not status.connected:
-                rest = "fly on by the other" if self.connected else "none is left"
+                rest = (
+                    "the other goes on, nothing to do"
+                    if self.connected
+                    else "no other vehicle is heard; watch them, or take over"
+                )
                 told.append(f"link {status.address} is lost: {rest}")
             elif status.connected and not before:
                 told.append(f"link {status.address} is back: nothing to do")

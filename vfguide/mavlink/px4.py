@@ -101,6 +101,7 @@ class Px4:
         self._vehicle = vehicle
         self._steering: Steering | None = None
         self._tries = self._refusals = 0
+        self._asked = False
         if vehicle.px4_steering != "auto":
             self._steering = STEERINGS[vehicle.px4_steering](vehicle)
 
@@ -166,13 +167,20 @@ class Px4:
         if report.command != mavlink.MAV_CMD_DO_SET_MODE:
             return None
         accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
+        if not self._asked:
+            # The answer to a hand-back, or to another's command.
+            return None
+        self._asked = False
         self._refusals = 0 if accepted else self._refusals + 1
         chosen = self._vehicle.px4_steering == "auto"
         in_course = isinstance(self._steering, GuidedCourse)
         if self._refusals < REFUSALS or not (chosen and in_course):
             return None
         self._steering = PositionAhead(self._vehicle)
-        return f"Guided Course is refused: {steering_sentence(self._steering)}"
+        return (
+            f"Guided Course is refused: {steering_sentence(self._steering)};"
+            f" to be steered by hand select {self.engaged_name}"
+        )
 
     def parameter_value(self, report: ParameterReport) -> float:
         """PX4 puts the bytes of whole numbers into the field of a real one."""
@@ -221,14 +229,14 @@ class Px4:
     def engage(self) -> list[MAVLink_message]:
         """Enter the mode; offboard is refused unless setpoints are already arriving."""
         steering = self._steering
-        return (
-            []
-            if steering is None
-            else [set_mode(self._vehicle, steering.main_mode, steering.sub_mode)]
-        )
+        if steering is None:
+            return []
+        self._asked = True
+        return [set_mode(self._vehicle, steering.main_mode, steering.sub_mode)]
 
     def hand_back(self) -> list[MAVLink_message]:
         """Enter hold, PX4's loiter."""
+        self._asked = False
         return [set_mode(self._vehicle, MAIN_MODE_AUTO, SUB_MODE_LOITER)]
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:

@@ -117,11 +117,15 @@ def distance_kept_from_strays(mission: Mission, conditions: Conditions) -> Itera
     if least is None:
         return
     what = (
-        f"should '{least.other}' leave its place at its bank limit, '{least.own}' can stay "
+        f"should '{least.other}' leave its place in one turn at its bank limit, '{least.own}' can stay "
         f"{least.distance_m:.0f} m clear of it"
     )
     if least.distance_m >= PROMISED_M:
-        yield Finding("note", ("followers",), f"{what}: the least of any two")
+        yield Finding(
+            "note",
+            ("followers",),
+            f"{what}, the least of any two; nearer where it turns again: docs/accuracy.md, Keeping clear",
+        )
         return
     remedy = "move their slots apart, or give them different heights (slot.up_m)"
     yield Finding("warning", ("followers",), f"{what}, less than {PROMISED_M:g} m", remedy)

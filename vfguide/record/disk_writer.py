@@ -156,7 +156,7 @@ class DiskWriter:
             )
             self._trouble = trouble
         elif trouble is None and self._trouble is not None and batches:
-            self._news.append(f"recording again, {gone} entries lost")
+            self._news.append(f"recording again, {gone} entries lost: nothing to do")
             self._trouble = None
         self._counted = gone
 

@@ -62,7 +62,7 @@ def test_with_a_second_link_a_broker_that_is_killed_costs_nothing(flown: Flown) 
             await watched.reach(began_s + 15.0)
             for name in FOLLOWERS:
                 assert watched.log(name).count("-> predicting") == before[name]
-                assert "is lost: fly on by the other" in watched.log(name)
+                assert "is lost: the other goes on" in watched.log(name)
             assert watched.errors(began_s)[1].max() < IN_SLOT_M
             await watched.broker.start()
             await watched.until(

@@ -309,10 +309,11 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
     assert flown.times(SET_MODE) == []
     assert flown.autopilot.truth().mode == "GUIDED"
     assert [text for _, text in flown.texts()] == [
+        "vfguide f1: not steering, no position or no leader heard; watch it, or take over",
         (
             "vfguide f1: nothing to steer by: it stays in GUIDED, unsteered;"
             " watch it, or select another mode"
-        )
+        ),
     ]
 
 

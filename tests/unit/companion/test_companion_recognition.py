@@ -72,7 +72,7 @@ def test_a_vehicle_that_is_not_armed_is_not_engaged(
         sent[armed] += [getattr(one, "command", 0) for one in parsed(out.to_autopilot)]
     assert SET_MODE not in sent[False]
     assert SET_MODE in sent[True]
-    assert told.count("the vehicle is not armed: not engaged until it is") == 1
+    assert told.count("the vehicle is not armed: engaged once it flies; arm it when ready") == 1
 
 
 def inspected(

@@ -98,12 +98,30 @@ def test_one_that_refuses_guided_course_three_times_is_steered_by_positions(
     address: Make,
 ) -> None:
     plane = of_version(address, 1, 18)
-    refusal = CommandReport(command=SET_MODE, result=REJECTED)
-    assert [plane.hear(refusal), plane.hear(refusal)] == [None, None]
-    plane.hear(CommandReport(command=SET_MODE, result=ACCEPTED))
-    assert [plane.hear(refusal), plane.hear(refusal)] == [None, None]
-    assert "Guided Course is refused" in str(plane.hear(refusal))
+
+    def refused(result: int = REJECTED) -> str | None:
+        plane.engage()
+        return plane.hear(CommandReport(command=SET_MODE, result=result))
+
+    assert [refused(), refused()] == [None, None]
+    refused(ACCEPTED)
+    assert [refused(), refused()] == [None, None]
+    text = str(refused())
+    assert "Guided Course is refused" in text
+    assert "select OFFBOARD" in text
     assert plane.is_engaged(OFFBOARD)
+
+
+def test_answers_that_it_did_not_ask_for_do_not_change_its_steering(address: Make) -> None:
+    plane = of_version(address, 1, 18)
+    refusal = CommandReport(command=SET_MODE, result=REJECTED)
+    plane.engage()
+    for _ in range(9):
+        plane.hear(refusal)
+    plane.hand_back()
+    for _ in range(9):
+        plane.hear(refusal)
+    assert not plane.is_engaged(OFFBOARD)
 
 
 @pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])

@@ -152,7 +152,7 @@ def test_a_full_disk_is_told_once_and_leaves_whole_entries(
     writer.put(file, lambda: b"entry 4\n")
     until(lambda: path.read_bytes() == b"entry 1\nentry 4\n")
     writer.close()
-    assert writer.news() == ["recording again, 2 entries lost"]
+    assert writer.news() == ["recording again, 2 entries lost: nothing to do"]
     assert writer.missing == 2
 
 
@@ -178,7 +178,7 @@ def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path
     assert writer.missing == 15
     assert writer.news() == [
         f"not recording: the disk is too slow; {REMEDY}",
-        "recording again, 15 entries lost",
+        "recording again, 15 entries lost: nothing to do",
     ]
 
 

@@ -1,0 +1,128 @@
+"""A companion that can do nothing any more leaves the aircraft to its autopilot's fail-safe, and says so."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+Make = Callable[..., Any]
+Flown = Any
+
+SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
+GUIDED = 15
+DEAF_S = 12.0
+
+RECIPE = {"FS_GCS_ENABL": 1.0, "FS_LONG_ACTN": 1.0, "FS_LONG_TIMEOUT": 5.0, "MAV_GCS_SYSID": 2.0}
+"""As docs/on-an-aircraft.md has it, for the vehicle with system id 2."""
+
+
+def set_up(flown: Flown) -> None:
+    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    for name, value in RECIPE.items():
+        message = mavlink.MAVLink_param_set_message(
+            2, 1, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
+        )
+        flown.autopilot.receive(message.pack(station))
+
+
+def texts(flown: Flown, since_s: float) -> list[str]:
+    return [text for time_s, text in flown.texts() if time_s >= since_s]
+
+
+def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over(flight: Make) -> None:
+    flown = flight()
+    set_up(flown)
+    flown.run(DEAF_S)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    flown.deaf = True
+    # 10 s until it is to be handed back, 5 s for that, 5 s of the autopilot's own patience.
+    flown.run(DEAF_S + 22.0)
+    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.later(SET_MODE, DEAF_S) == []
+    said = texts(flown, DEAF_S)
+    assert "no heartbeat heard, not steering; check the telemetry, or take over" in said[1]
+    assert "this companion falls silent" in said[2]
+    assert len(said) == 3
+
+
+def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back(
+    flight: Make,
+) -> None:
+    flown = flight()
+    set_up(flown)
+    flown.run(DEAF_S)
+    flown.deaf = True
+    flown.run(DEAF_S + 22.0)
+    flown.deaf = False
+    flown.run(DEAF_S + 40.0)
+    assert flown.later("HEARTBEAT", DEAF_S + 24.0)
+    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.later(SET_MODE, DEAF_S) == []
+
+
+def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_deaf(
+    flight: Make,
+) -> None:
+    flown = flight()
+    set_up(flown)
+    flown.run(DEAF_S)
+    flown.pilot(0)
+    flown.run(DEAF_S + 3.0)
+    flown.deaf = True
+    flown.run(DEAF_S + 40.0)
+    assert flown.autopilot.truth().mode == "MANUAL"
+
+
+def test_guided_by_hand_without_a_leader_is_told_to_the_pilot(flight: Make, until: Make) -> None:
+    flown = flight(engage=False, link=until(-1.0))
+    flown.run(5.0)
+    flown.pilot(GUIDED)
+    flown.run(30.0)
+    assert [text.split(": ", 1)[1] for text in texts(flown, 0.0)] == [
+        "not steering, no position or no leader heard; watch it, or take over"
+    ]
+
+
+def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4(
+    flight: Make, spoken: Make
+) -> None:
+    flown = flight(kind="px4", version=(1, 18))
+    flown.run(15.0)
+    refusal = mavlink.MAVLink_command_ack_message(SET_MODE, mavlink.MAV_RESULT_DENIED)
+    flown.forge = lambda now: spoken(refusal) if 15.2 < now < 15.5 else b""
+    flown.run(30.0)
+    assert flown.mode_at(30.0).steers
+
+
+@pytest.mark.parametrize("leap_s", [1.1, 1.9])
+def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(
+    flight: Make, plan: Make, leap_s: float
+) -> None:
+    flown = flight()
+    flown.run(20.0)
+    autopilot = flown.autopilot
+    sender = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
+
+    class Leaping:
+        """Ahead in time and, at 20 m/s to the north, in place."""
+
+        def advance(self, time_s: float) -> bytes:
+            said = b""
+            for message in mavlink.MAVLink(None).parse_buffer(autopilot.advance(time_s)) or []:
+                if message.get_type() == "GLOBAL_POSITION_INT" and time_s > 20.5:
+                    message.time_boot_ms += int(leap_s * 1e3)
+                    message.lat += int(leap_s * 20.0 / 111_320.0 * 1e7)
+                said += message.pack(sender)
+            return said
+
+        def receive(self, data: bytes) -> bytes:
+            answer: bytes = autopilot.receive(data)
+            return answer
+
+    flown.autopilot = Leaping()
+    flown.run(30.0)
+    truth = autopilot.truth()
+    north_m, _ = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    # The leader is at 20 m/s times the time, f1's slot 20 m behind; 0.3 s of the leap are an ordinary link's.
+    assert abs(20.0 * 30.0 - 20.0 - north_m) < 8.0
