@@ -24,8 +24,8 @@ class AltitudeGate:
     """Judges the altitudes of one vehicle.
 
     A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
-    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is merely kept clear of
-    more than needed.
+    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of more
+    than needed.
     """
 
     def __init__(self) -> None:
