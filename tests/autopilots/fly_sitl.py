@@ -13,12 +13,13 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import reduce
 from pathlib import Path
 
 import yaml
 
 from tests.autopilots.faults import Fault, Occurrence, faults
-from tests.autopilots.formation import Plan, flight_directory, fly, load
+from tests.autopilots.formation import Plan, flight_directory, fly, load, merged
 from tests.autopilots.programs import FlightError, find_mosquitto
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
 from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING
@@ -44,7 +45,7 @@ def arguments() -> argparse.ArgumentParser:
         metavar="NAME=VALUE",
         help="a parameter, in flight too",
     )
-    add("--with", dest="changes", default="{}", metavar="YAML", help="change fields of the mission")
+    add("--with", dest="changes", action="append", default=[], metavar="YAML", help="changed fields")
     add(
         "--duration", type=float, default=240.0, metavar="S", help=formatter("length of the flight")
     )
@@ -78,7 +79,8 @@ def main() -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Fly what the options say."""
-    mission = load(options.mission, yaml.safe_load(options.changes))
+    changes = reduce(merged, map(yaml.safe_load, options.changes), {})
+    mission = load(options.mission, changes)
     speed, from_deg = (float(part) for part in options.wind.split(","))
     followers = list(mission.followers_by_name)
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
