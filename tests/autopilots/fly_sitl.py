@@ -45,7 +45,9 @@ def arguments() -> argparse.ArgumentParser:
         metavar="NAME=VALUE",
         help="a parameter, in flight too",
     )
-    add("--with", dest="changes", action="append", default=[], metavar="YAML", help="changed fields")
+    add(
+        "--with", dest="changes", action="append", default=[], metavar="YAML", help="changed fields"
+    )
     add(
         "--duration", type=float, default=240.0, metavar="S", help=formatter("length of the flight")
     )
