@@ -158,6 +158,10 @@ class ModeAuthority:
         """Whether the newest heartbeat is young enough to show the mode of now (s)."""
         return self._beat is not None and now - self._beat_time <= FRESH_S
 
+    def silence_s(self, now: float) -> float:
+        """For how long no heartbeat has come, s; infinite before the first."""
+        return now - self._beat_time
+
     def note_steering(self) -> None:
         """A setpoint has gone out."""
         self._steered = True

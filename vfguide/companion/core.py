@@ -491,7 +491,9 @@ class Companion:
         Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
         heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
         """
-        wanted = self._authority.answers_for_vehicle and self._wish(now) is Wish.RETURN
+        authority = self._authority
+        unheard = authority.silence_s(now) > self._patience.telemetry_lost_s
+        wanted = authority.answers_for_vehicle and (unheard or self._wish(now) is Wish.RETURN)
         self._return_since = min(self._return_since, now) if wanted else math.inf
         if now - self._return_since <= FAIL_SAFE_S:
             return False

@@ -46,6 +46,32 @@ def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over(flight: Make) 
     assert len(said) == 3
 
 
+def test_so_does_one_that_hears_positions_and_no_heartbeats(flight: Make) -> None:
+    flown = flight()
+    set_up(flown)
+    flown.run(DEAF_S)
+    autopilot = flown.autopilot
+    sender = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
+
+    class WithoutHeartbeats:
+        """Says all but one kind of message."""
+
+        def advance(self, time_s: float) -> bytes:
+            messages = mavlink.MAVLink(None).parse_buffer(autopilot.advance(time_s)) or []
+            return b"".join(
+                message.pack(sender) for message in messages if message.get_type() != "HEARTBEAT"
+            )
+
+        def receive(self, data: bytes) -> bytes:
+            answer: bytes = autopilot.receive(data)
+            return answer
+
+    flown.autopilot = WithoutHeartbeats()
+    flown.run(DEAF_S + 22.0)
+    assert autopilot.truth().mode == "RTL"
+    assert flown.later(SET_MODE, DEAF_S) == []
+
+
 def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back(
     flight: Make,
 ) -> None:
