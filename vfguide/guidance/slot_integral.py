@@ -4,13 +4,19 @@ A field alone answers a lasting disturbance with a lasting error: it takes an er
 the field is put around a point that lies a learned offset b beyond the slot, db/dt = e / T near the slot.
 Small errors then obey d²e/dt² + s de/dt + (s / T) e = 0 with the field's slope s (1/s) at its middle: a
 damping of sqrt(s T) / 2 (of integral action: Astrom and Murray, Feedback Systems, 2nd edition, chapter 11).
+
+Round a circle in wind the disturbance comes back with every turn: speeds rise and fall with the course, and
+whatever the model of the autopilot gets wrong rises and falls with them. A mean offset follows that a quarter
+of a turn late. So in turns the offset also has a part that goes as the cosine and the sine of the slot's
+course, and one of twice the course, each learned in its own phase (adaptive feedforward cancellation: Bodson,
+Sacks and Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
 """
 
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.elementwise import BoolArray, Number, clip, like, where
-from vfguide.guidance.formation import FormationError
+from vfguide.elementwise import BoolArray, Number, clip, cos, like, sin, where
+from vfguide.guidance.formation import FormationError, SlotMotion
 
 NEAR_M = 2.0
 """m: an error of this size is learned from half as fast, and a greater one hardly. On the way to the slot the
@@ -20,19 +26,41 @@ GREATEST_M = 5.0
 """m: of the offset on each axis."""
 
 
+HARMONICS = (1.0, 2.0)
+"""Multiples of the slot's course that an offset is learned for: in a steady wind a slot's ground speed has
+hardly any more."""
+
+TURNING_RAD_S = 0.04
+"""Turn rate at which harmonics count by half: on a straight they could not be told from the mean."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Harmonic(Generic[Number]):
+    """A part of the offset that goes round with the slot's course, m."""
+
+    ahead_cosine: Number
+    ahead_sine: Number
+    right_cosine: Number
+    right_sine: Number
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offset(Generic[Number]):
     """b: how far beyond the slot the field aims, in the frame of the slot's motion."""
 
     ahead: Number
-    """m along the slot's motion."""
+    """Mean, m along the slot's motion."""
     right: Number
-    """m across it."""
+    """Mean, m across it."""
+    harmonics: tuple[Harmonic[Number], ...]
+    """One for each of `HARMONICS`."""
 
 
 def no_offset(shape: Number) -> Offset[Number]:
     """Nothing was learned yet; in the shape of another value."""
-    return Offset(ahead=like(0.0, shape), right=like(0.0, shape))
+    none = like(0.0, shape)
+    still = Harmonic(ahead_cosine=none, ahead_sine=none, right_cosine=none, right_sine=none)
+    return Offset(ahead=none, right=none, harmonics=(still,) * len(HARMONICS))
 
 
 def nearness(error: FormationError[Number]) -> Number:
@@ -44,22 +72,69 @@ def nearness(error: FormationError[Number]) -> Number:
 
 
 def learning_rate(error: FormationError[Number], integral_s: float) -> tuple[Number, Number]:
-    """(ahead, right) db/dt of the offset, m/s, with the time T (s) of the integral; 0 learns nothing."""
+    """(ahead, right) db/dt of the mean offset, m/s, with the time T (s) of the integral; 0 learns nothing."""
     if integral_s <= 0.0:
         return error.along_track * 0.0, error.along_track * 0.0
     share = nearness(error) / integral_s
     return share * error.along_track, share * error.cross_track
 
 
+def turning_share(turn_rate: Number) -> Number:
+    """How far harmonics count at a turn rate (rad/s): 0 on a straight, 1 in a turn."""
+    squared = turn_rate * turn_rate
+    return squared / (squared + TURNING_RAD_S**2)
+
+
+def harmonic_share(turn_rate: Number, integral_s: float) -> Number:
+    """How fast a harmonic is learned, in parts of the mean: as fast, but no faster than the slot turns.
+
+    What is learned within less of a turn could not be told from the mean.
+
+    Args:
+        turn_rate: of the slot, rad/s.
+        integral_s: T, s.
+    """
+    return clip(abs(turn_rate) * integral_s, 0.0, 1.0)
+
+
+def learning_growth(turn_rate: Number, integral_s: float) -> Number:
+    """How much faster than a mean alone all parts together are learned: 1 or more. Arguments as above."""
+    share = turning_share(turn_rate) * harmonic_share(turn_rate, integral_s)
+    return 1.0 + share * float(len(HARMONICS))
+
+
 def aimed_error(
-    error: FormationError[Number], offset: Offset[Number], integral_s: float
+    error: FormationError[Number],
+    offset: Offset[Number],
+    integral_s: float,
+    motion: SlotMotion[Number],
 ) -> FormationError[Number]:
-    """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt."""
+    """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt.
+
+    Args:
+        error: from the slot.
+        offset: b.
+        integral_s: T, s; 0 learns nothing.
+        motion: of the slot.
+    """
+    if integral_s <= 0.0:
+        return error
+    share = turning_share(motion.turn_rate)
+    growth = learning_growth(motion.turn_rate, integral_s)
     ahead_rate, right_rate = learning_rate(error, integral_s)
+    ahead, right = offset.ahead, offset.right
+    ahead_rate, right_rate = growth * ahead_rate, growth * right_rate
+    for multiple, one in zip(HARMONICS, offset.harmonics, strict=True):
+        cosine, sine = share * cos(multiple * motion.course), share * sin(multiple * motion.course)
+        turn_rate = multiple * motion.turn_rate
+        ahead = ahead + one.ahead_cosine * cosine + one.ahead_sine * sine
+        right = right + one.right_cosine * cosine + one.right_sine * sine
+        ahead_rate = ahead_rate + turn_rate * (one.ahead_sine * cosine - one.ahead_cosine * sine)
+        right_rate = right_rate + turn_rate * (one.right_sine * cosine - one.right_cosine * sine)
     return replace(
         error,
-        along_track=error.along_track + offset.ahead,
-        cross_track=error.cross_track + offset.right,
+        along_track=error.along_track + clip(ahead, -GREATEST_M, GREATEST_M),
+        cross_track=error.cross_track + clip(right, -GREATEST_M, GREATEST_M),
         along_track_rate=error.along_track_rate + ahead_rate,
         cross_track_rate=error.cross_track_rate + right_rate,
     )
@@ -69,6 +144,7 @@ def learned(
     offset: Offset[Number],
     error: FormationError[Number],
     integral_s: float,
+    motion: SlotMotion[Number],
     *,
     period: float,
     held: bool | BoolArray,
@@ -79,10 +155,29 @@ def learned(
         offset: b until now.
         error: of the step.
         integral_s: T; 0 learns nothing.
+        motion: of the slot.
         period: since the step before, s.
         held: where something else than the field decides, or a limit: learning would only wind up.
     """
     ahead_rate, right_rate = learning_rate(error, integral_s)
-    ahead = clip(offset.ahead + ahead_rate * period, -GREATEST_M, GREATEST_M)
-    right = clip(offset.right + right_rate * period, -GREATEST_M, GREATEST_M)
-    return Offset(ahead=where(held, offset.ahead, ahead), right=where(held, offset.right, right))
+    share = harmonic_share(motion.turn_rate, integral_s)
+
+    def grown(part: Number, rate: Number) -> Number:
+        return where(held, part, clip(part + rate * period, -GREATEST_M, GREATEST_M))
+
+    harmonics = []
+    for multiple, one in zip(HARMONICS, offset.harmonics, strict=True):
+        cosine, sine = share * cos(multiple * motion.course), share * sin(multiple * motion.course)
+        harmonics.append(
+            Harmonic(
+                ahead_cosine=grown(one.ahead_cosine, cosine * ahead_rate),
+                ahead_sine=grown(one.ahead_sine, sine * ahead_rate),
+                right_cosine=grown(one.right_cosine, cosine * right_rate),
+                right_sine=grown(one.right_sine, sine * right_rate),
+            )
+        )
+    return Offset(
+        ahead=grown(offset.ahead, ahead_rate),
+        right=grown(offset.right, right_rate),
+        harmonics=tuple(harmonics),
+    )

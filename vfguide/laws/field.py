@@ -125,7 +125,7 @@ class SlotField(Law):
         if not self.gains.rate_feedforward:
             still = like(0.0, motion.speed)
             motion = replace(motion, turn_rate=still, acceleration=still)
-        aimed = aimed_error(view.error, memory, self.integral_s)
+        aimed = aimed_error(view.error, memory, self.integral_s, motion)
         field = field_motion(motion, aimed, self.gains)
         layer = sliding.layer(view.period)
         course_rate = motion.turn_rate
@@ -147,7 +147,9 @@ class SlotField(Law):
     ) -> Any:  # noqa: ANN401 - of the law's own memory
         """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
         held = view.held | limited
-        return learned(memory, view.error, self.integral_s, period=view.period, held=held)
+        return learned(
+            memory, view.error, self.integral_s, view.motion, period=view.period, held=held
+        )
 
     def expected_motion(
         self, motion: SlotMotion[Number], error: FormationError[Number]

@@ -11,6 +11,7 @@ import numpy as np
 
 from vfguide.guidance.formation import Slot, field_slope
 from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.slot_integral import learning_growth
 from vfguide.laws.field import FieldGains, SlotGains
 from vfguide.laws.field_precision import precision
 from vfguide.mission.conditions import Conditions
@@ -90,20 +91,22 @@ def integral_too_fast(
 ) -> Iterator[Finding]:
     """An integral that learns faster than the field beneath it moves: the follower swings, or worse.
 
-    With the law's answer g the loop is e'''/g + e'' + s e' + (s/T) e = 0, stable where T > 1/g (Routh).
+    With the law's answer g the loop is e'''/g + e'' + s e' + (s/T) e = 0, stable where T > 1/g (Routh); in a
+    turn, where harmonics are learned beside the mean, T counts as so much shorter.
     """
     if not isinstance(gains, SlotGains) or gains.integral_s == 0.0:
         return
     location = ("controller", "integral_s")
-    shortest = 1.0 / law_pull(mission)
+    turn_rate = float(abs(conditions.turn_rate(mission.leader.airspeed_m_s)).max())
+    shortest = learning_growth(turn_rate, gains.integral_s) / law_pull(mission)
     speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).min())
     slope = min(field_pulls(gains, speed))
     usual = math.ceil(10.0 * (2.0 * LEAST_DAMPING) ** 2 / slope) / 10.0
     remedy = f"set it to {max(usual, math.ceil(10.0 * shortest) / 10.0):g} s or more, or to 0"
     if gains.integral_s <= shortest:
         message = (
-            f"the field learns in {gains.integral_s:g} s, and the law beneath it answers in "
-            f"{shortest:.2f} s: followers swing ever wider"
+            f"the field learns in {gains.integral_s:g} s, which the law beneath it follows from "
+            f"{shortest:.2f} s on: followers swing ever wider"
         )
         yield Finding("error", location, message, remedy)
     elif (damping := integral_damping(slope, gains.integral_s)) < LEAST_DAMPING:

@@ -281,7 +281,7 @@ class Mpc(Law):
             self._programme = Programme(self.gains, self.airframe.beta)
         programme = self._programme
         state, motion = view.state, view.motion
-        aimed = aimed_error(view.error, memory, self.gains.integral_s)
+        aimed = aimed_error(view.error, memory, self.gains.integral_s, motion)
         relative_course = wrap_angle(state.course - motion.course)
         ahead, aside = math.cos(relative_course), math.sin(relative_course)
         velocity = complex(state.ground_speed * ahead - motion.speed, state.ground_speed * aside)
@@ -310,7 +310,10 @@ class Mpc(Law):
         self, view: View[Any], memory: Offset[float], *, limited: bool | BoolArray
     ) -> Offset[float]:
         """The offset a step later."""
-        return learned(memory, view.error, self.gains.integral_s, period=view.period, held=limited)
+        integral_s = self.gains.integral_s
+        return learned(
+            memory, view.error, integral_s, view.motion, period=view.period, held=limited
+        )
 
     def _bounds(
         self,

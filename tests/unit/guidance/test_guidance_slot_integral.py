@@ -1,19 +1,26 @@
 """The slot's field learns what keeps pushing a follower off its slot, and nothing else."""
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.unit.guidance.following import follower_step, keeper
-from vfguide.guidance.formation import FormationError, Slot
+from vfguide.elementwise import FloatArray
+from vfguide.guidance import slot_integral
+from vfguide.guidance.formation import FormationError, Slot, SlotMotion
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.slot_integral import (
     GREATEST_M,
-    Offset,
+    TURNING_RAD_S,
     aimed_error,
     learned,
+    learning_growth,
     nearness,
     no_offset,
 )
@@ -35,9 +42,19 @@ def off(along: float, cross: float) -> FormationError[float]:
     )
 
 
+def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion[float]:
+    return SlotMotion(
+        north=0.0, east=0.0, course=course, speed=20.0, turn_rate=turn_rate, acceleration=0.0
+    )
+
+
+STRAIGHT = moving()
+
+
 def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset() -> None:
     # at 5 cm all of the error is learned from: 0.03/1.5 and 0.04/1.5 m/s
-    aimed = aimed_error(off(0.03, 0.04), Offset(ahead=0.5, right=-0.25), LEARNS)
+    beyond = replace(no_offset(0.0), ahead=0.5, right=-0.25)
+    aimed = aimed_error(off(0.03, 0.04), beyond, LEARNS, STRAIGHT)
     assert aimed.along_track == pytest.approx(0.53)
     assert aimed.cross_track == pytest.approx(-0.21)
     assert aimed.along_track_rate == pytest.approx(0.3 + 0.02, abs=1e-6)
@@ -54,18 +71,79 @@ def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(
 
 
 def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound() -> None:
-    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, period=0.5, held=False)
+    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False)
     assert (after.ahead, after.right) == pytest.approx((0.01, -0.01), abs=1e-6)
-    full = Offset(ahead=GREATEST_M, right=-GREATEST_M)
-    assert learned(full, off(1.0, -1.0), LEARNS, period=0.5, held=False) == full
+    full = replace(no_offset(0.0), ahead=GREATEST_M, right=-GREATEST_M)
+    assert learned(full, off(1.0, -1.0), LEARNS, STRAIGHT, period=0.5, held=False) == full
+
+
+def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean() -> None:
+    # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
+    # of 30 and of 60 degrees
+    turning = moving(course=math.pi / 6.0, turn_rate=40.0)
+    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, turning, period=0.5, held=False)
+    first, second = after.harmonics
+    assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
+    assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
+    assert (first.right_cosine, second.right_sine) == pytest.approx((-0.00866, -0.00866), abs=1e-5)
+
+
+def test_on_a_straight_no_harmonic_is_learned_and_none_counts() -> None:
+    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False)
+    assert after.harmonics == no_offset(0.0).harmonics
+    one, other = no_offset(0.0).harmonics
+    known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
+    aimed = aimed_error(off(0.0, 0.0), known, LEARNS, STRAIGHT)
+    assert aimed == off(0.0, 0.0)
+
+
+def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move() -> None:
+    # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
+    one, other = no_offset(0.0).harmonics
+    known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
+    turning = moving(course=math.pi / 3.0, turn_rate=TURNING_RAD_S)
+    aimed = aimed_error(off(0.0, 0.0), known, LEARNS, turning)
+    assert aimed.along_track == pytest.approx(0.5)
+    assert aimed.along_track_rate == pytest.approx(0.3 - 0.034641, abs=1e-6)
+    assert learning_growth(TURNING_RAD_S, 50.0) == pytest.approx(2.0)
+
+
+@settings(max_examples=50)
+@given(parts=st.lists(st.floats(-GREATEST_M, GREATEST_M), min_size=10, max_size=10))
+def test_all_parts_together_aim_no_farther_than_the_bound(parts: list[float]) -> None:
+    names = ("ahead_cosine", "ahead_sine", "right_cosine", "right_sine")
+    one, other = no_offset(0.0).harmonics
+    known = replace(
+        no_offset(0.0),
+        ahead=parts[0],
+        right=parts[1],
+        harmonics=(
+            replace(one, **dict(zip(names, parts[2:6], strict=True))),
+            replace(other, **dict(zip(names, parts[6:], strict=True))),
+        ),
+    )
+    aimed = aimed_error(off(0.0, 0.0), known, LEARNS, moving(course=1.0, turn_rate=0.2))
+    assert max(abs(aimed.along_track), abs(aimed.cross_track)) <= GREATEST_M
 
 
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in() -> None:
-    before = Offset(ahead=0.2, right=0.1)
-    assert learned(before, off(0.5, 0.5), LEARNS, period=0.5, held=True) == before
+    before = replace(no_offset(0.0), ahead=0.2, right=0.1)
+    assert learned(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
     never = 0.0
-    assert learned(before, off(0.5, 0.5), never, period=0.5, held=False) == before
-    assert aimed_error(off(0.5, 0.5), no_offset(0.0), never) == off(0.5, 0.5)
+    assert learned(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
+    assert aimed_error(off(0.5, 0.5), no_offset(0.0), never, STRAIGHT) == off(0.5, 0.5)
+
+
+def moving_batch() -> SlotMotion[FloatArray]:
+    still = np.zeros(3)
+    return SlotMotion(
+        north=still,
+        east=still,
+        course=np.array([0.0, 1.0, 2.0]),
+        speed=still + 20.0,
+        turn_rate=still + 0.1,
+        acceleration=still,
+    )
 
 
 def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
@@ -76,13 +154,17 @@ def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
             along_track=along, cross_track=cross, along_track_rate=along, cross_track_rate=cross
         ),
         LEARNS,
+        moving_batch(),
         period=PERIOD,
         held=np.array([False, False, True]),
     )
     for index in range(3):
         error = off(float(along[index]), float(cross[index]))
-        one = learned(no_offset(0.0), error, LEARNS, period=PERIOD, held=index == 2)
+        motion = moving(course=float(index), turn_rate=0.1)
+        one = learned(no_offset(0.0), error, LEARNS, motion, period=PERIOD, held=index == 2)
         assert (many.ahead[index], many.right[index]) == pytest.approx((one.ahead, one.right))
+        sine = many.harmonics[1].right_sine[index]
+        assert sine == pytest.approx(one.harmonics[1].right_sine)
 
 
 def error_with_biased_holds(
@@ -120,6 +202,45 @@ def test_with_an_integral_biased_holds_leave_no_error(
     along, across = error_with_biased_holds(choices(), leader, vehicle, plant, integral_s=LEARNS)
     assert abs(along) < 1e-4
     assert abs(across) < 1e-4
+
+
+def error_on_a_circle(
+    settings: GuidanceSettings, leader: Leaders, vehicle: Vehicles, plant: Callable[..., Any]
+) -> float:
+    """Mean distance from the slot, round a circle of 100 m, with a speed hold that is off as the wind is."""
+    turn_rate, distances = 0.2, []
+    flyer = plant(north=-20.0)
+    controller = keeper("slot", settings, BEHIND, COURSE_HOLD, integral_s=3.0)
+    for step in range(6000):
+        time_s = step * PERIOD
+        course = math.remainder(turn_rate * time_s, 2.0 * math.pi)
+        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time_s)
+        ahead = leader(
+            time_s=time_s,
+            north=100.0 * math.sin(course),
+            east=100.0 * (1.0 - math.cos(course)),
+            course=course,
+            turn_rate=turn_rate,
+        )
+        guidance = controller.step(state, ahead, period=PERIOD)
+        off_by = 0.5 * math.cos(flyer.course) + 0.3 * math.sin(2.0 * flyer.course)
+        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed + off_by, PERIOD)
+        distances.append(math.hypot(guidance.error.along_track, guidance.error.cross_track))
+    return float(np.mean(distances[3000:]))
+
+
+def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_the_mean(
+    leader: Leaders,
+    vehicle: Vehicles,
+    choices: Choices,
+    plant: Callable[..., Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with_harmonics = error_on_a_circle(choices(), leader, vehicle, plant)
+    monkeypatch.setattr(slot_integral, "HARMONICS", ())
+    mean_alone = error_on_a_circle(choices(), leader, vehicle, plant)
+    assert mean_alone > 0.03
+    assert with_harmonics < mean_alone / 5.0
 
 
 def test_a_follower_that_flies_something_else_learns_nothing(
