@@ -9,6 +9,7 @@ import math
 from vfguide.angles import wrap_angle
 from vfguide.guidance.limits import bank_limited_turn_rate
 from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.response import held_direction
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 MEMORY_S = 3.0
@@ -53,7 +54,9 @@ class Obedience:
         period = state.time_s - earlier.time_s
         if not 0.0 < period <= GAP_S:
             return None
-        turned = wrap_angle(state.course - earlier.course) / period
+        # In a wind that swings the nose of a heading hold turns, so that the course need not.
+        direction = held_direction(state, self._airframe)
+        turned = wrap_angle(direction - held_direction(earlier, self._airframe)) / period
         expected = expected_turn_rate(earlier, asked, self._airframe)
         self._expected = low_pass(self._expected, expected, period, MEMORY_S)
         self._turned = low_pass(self._turned, turned, period, MEMORY_S)

@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -61,6 +62,16 @@ def test_a_course_four_times_slower_than_the_mission_says_still_follows() -> Non
 def test_a_turn_at_the_bank_limit_is_followed() -> None:
     # 9.80665 / 20 m/s = 0.49 rad/s with 45 degrees of bank.
     assert complaints(lambda now: 0.49 * now, lambda now: 0.49 * now + 2.0, 30.0) == []
+
+
+def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stays() -> None:
+    # the setpoint stands 0.08 rad/s / 1.2 1/s = 0.067 rad ahead all the time
+    watch = Obedience(Airframe(), 500.0)
+    for step in range(1200):
+        now = step / 20
+        flown = replace(state(now, 0.0), heading=0.08 * now)
+        setpoint = Setpoint(course=0.067, speed=20.0, limited=False)
+        assert watch.watch(flown, setpoint) is None
 
 
 def test_small_errors_are_nobodys_business() -> None:
