@@ -1,7 +1,7 @@
 """What can be added to vfguide from outside, found by its name.
 
-A law is known by being one of vfguide's own, by the entry point of an installed package, or by a file that
-the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be loaded.
+A law or a path is known by being one of vfguide's own, by the entry point of an installed package, or by a
+file that the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be loaded.
 """
 
 import importlib
@@ -108,9 +108,20 @@ laws = Registry(
 )
 """Laws by which followers keep their slots."""
 
+paths = Registry(
+    "path",
+    group="vfguide.paths",
+    own={
+        "line": "vfguide.paths.line",
+        "circle": "vfguide.paths.circle",
+        "racetrack": "vfguide.paths.racetrack",
+    },
+)
+"""Paths that leaders follow."""
+
 
 def use_plugins(files: Sequence[Path]) -> None:
-    """Load files with laws of one's own, here and in every process that this one starts.
+    """Load files with laws and paths of one's own, here and in every process that this one starts.
 
     Raises:
         InputError: a file cannot be loaded.

@@ -8,9 +8,9 @@ import numpy as np
 
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.true_tracks import TrueTrack
-from vfguide.companion.plan import path_of
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.mission import Mission
+from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import Acceptance as RecordedAcceptance
 from vfguide.record.flight import FlightRecord, VehicleRecord
 from vfguide.report.geometry import intended_leader, slot_error
@@ -132,6 +132,7 @@ def flight_record(
     vehicles = []
     for name in names:
         track, follower = tracks[name], mission.followers_by_name.get(name)
+        course = np.arctan2(track.east_m_s, track.north_m_s)
         vehicles.append(
             VehicleRecord(
                 name=name,
@@ -142,7 +143,7 @@ def flight_record(
                 north_m=track.north_m,
                 east_m=track.east_m,
                 altitude_amsl_m=track.altitude_amsl_m,
-                course_rad=np.arctan2(track.east_m_s, track.north_m_s),
+                course_rad=course,
                 ground_speed_m_s=np.hypot(track.east_m_s, track.north_m_s),
                 heading_rad=unknown,
                 airspeed_m_s=unknown,
@@ -152,7 +153,7 @@ def flight_record(
                 path_cross_track_error_m=unknown,
                 path_course_rad=unknown
                 if follower
-                else path.nearest(track.north_m, track.east_m).course,
+                else path.nearest(track.north_m, track.east_m, course).course,
                 course_setpoint_rad=unknown,
                 airspeed_setpoint_m_s=unknown,
                 ground_speed_setpoint_m_s=unknown,

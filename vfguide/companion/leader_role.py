@@ -86,7 +86,7 @@ class LeaderRole:
 
     def _wanted(self, state: VehicleState[float]) -> WantedMotion:
         """Along the field around the path, turning with it."""
-        point = self._task.path.nearest(state.north, state.east)
+        point = self._task.path.nearest(state.north, state.east, state.course)
         gains = self._task.path_gains
         course = desired_course(point, gains.gain, gains.approach_angle)
         speed = ground_speed_on_course(

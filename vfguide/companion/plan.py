@@ -14,7 +14,6 @@ from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
 from vfguide.guidance.pace import course_delay, slowed
-from vfguide.guidance.path import Circle, Direction, Line, Path, Racetrack
 from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.laws.base import Law
@@ -24,7 +23,7 @@ from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.controller import gains_of
-from vfguide.mission.flight_path import CirclePath, FlightPath, LinePath
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.quantity import Section
@@ -299,10 +298,9 @@ def slot_of(mission: Mission, name: str) -> Slot[float]:
 
 def leader_task(mission: Mission) -> LeaderTask:
     """Path, field, cruise, and whom to give way to."""
-    approach_deg = mission.path.approach_deg if isinstance(mission.path, LinePath) else 90.0
     return LeaderTask(
         path=path_of(mission.path),
-        path_gains=PathGains(gain=mission.path.gain, approach_angle=math.radians(approach_deg)),
+        path_gains=PathGains(gain=mission.path.gain, approach_angle=mission.path.approach_angle),
         airspeed=mission.leader.airspeed_m_s,
         followers=tuple(
             SlotLimits(
@@ -312,26 +310,6 @@ def leader_task(mission: Mission) -> LeaderTask:
             )
             for follower in mission.followers
         ),
-    )
-
-
-def path_of(path: FlightPath) -> Path:
-    """The path as the laws see it."""
-    if isinstance(path, LinePath):
-        point = path.point
-        return Line(north=point.north_m, east=point.east_m, course=math.radians(path.course_deg))
-    direction: Direction = 1 if path.direction == "clockwise" else -1
-    north, east = path.centre.north_m, path.centre.east_m
-    if isinstance(path, CirclePath):
-        return Circle(north=north, east=east, radius=path.radius_m, direction=direction)
-    return Racetrack(
-        north=north,
-        east=east,
-        course=math.radians(path.course_deg),
-        leg=path.leg_m,
-        radius=path.radius_m,
-        direction=direction,
-        easement=path.easement_m,
     )
 
 

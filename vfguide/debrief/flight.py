@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from vfguide.companion.plan import path_of
 from vfguide.companion.supervisor import Mode
 from vfguide.debrief.recordings import FlightRecordings, Recorded
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightRecord, Origin
 from vfguide.record.guidance_log import GuidanceStep
@@ -142,7 +142,8 @@ def vehicle_record(
     known_north, known_east = at(moments, when, north), at(moments, when, east)
     leads = name == mission.leader.vehicle
     slot = None if leads else mission.followers_by_name[name].slot
-    nearest = path_of(mission.path).nearest(known_north, known_east)
+    course = np.arctan2(velocity_east, velocity_north)
+    nearest = path_of(mission.path).nearest(known_north, known_east, course)
     doings = doings_at(moments, parts)
     by_airspeed = mission.vehicles[name].plant == "heading-hold"
     unsent = np.full_like(moments, math.nan)
@@ -156,7 +157,7 @@ def vehicle_record(
         north_m=known_north,
         east_m=known_east,
         altitude_amsl_m=at(moments, when, positions[:, 3]),
-        course_rad=np.arctan2(velocity_east, velocity_north),
+        course_rad=course,
         ground_speed_m_s=np.hypot(velocity_north, velocity_east),
         heading_rad=heading,
         airspeed_m_s=airspeed,

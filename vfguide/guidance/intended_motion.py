@@ -103,7 +103,7 @@ def planned_motion(
     leader: LeaderState[float], known: KnownLeader, wind: tuple[float, float]
 ) -> Plan:
     """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
-    point = known.path.nearest(leader.north, leader.east)
+    point = known.path.nearest(leader.north, leader.east, leader.course)
     course, slope = bent_course(point, known.path_gains)
     ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
     # It runs along the path, and towards it on that course.

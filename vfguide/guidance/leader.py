@@ -63,7 +63,7 @@ def leader_step(
         period: since the step before, s.
         speed_estimate: V^_g of the step before; None in the first.
     """
-    point = task.path.nearest(state.north, state.east)
+    point = task.path.nearest(state.north, state.east, state.course)
     field = (task.path_gains.gain, task.path_gains.approach_angle)
     course_error = wrap_angle(state.course - desired_course(point, *field))
     regressor = desired_course_rate_per_speed(point, state.course, *field)

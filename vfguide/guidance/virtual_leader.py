@@ -42,7 +42,7 @@ def carry_along_path(
         known: what the mission tells.
     """
     period = follower.time_s - leader.time_s
-    point = known.path.nearest(leader.north, leader.east)
+    point = known.path.nearest(leader.north, leader.east, leader.course)
     field = (known.path_gains.gain, known.path_gains.approach_angle)
     course = desired_course(point, *field)
     airspeed = like(known.airspeed, leader.north)

@@ -11,12 +11,13 @@ import numpy as np
 from vfguide.elementwise import FloatArray, hypot
 from vfguide.guidance.formation import Slot, slot_velocity
 from vfguide.guidance.wind_triangle import compose, ground_speed_on_course
-from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
+from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
 
 ARTICLE_WIND_PERIOD_S = 2.0 * math.pi / 0.1
 ARTICLE_WIND_SAMPLES = 64
-COURSES_AROUND = 48
+PLACES = 97
+"""Of the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,34 +62,17 @@ def as_array(slot: Slot[float]) -> Slot[FloatArray]:
     return Slot(forward=np.asarray(slot.forward), right=np.asarray(slot.right))
 
 
-def conditions_of(
-    path: LinePath | CirclePath | RacetrackPath, wind: CalmWind | ArticleWind | SteadyWind
-) -> Conditions:
-    """Every course of the path with every wind: all around for a circle, the legs' courses for lines."""
-    course, curvature = path_directions(path)
+def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -> Conditions:
+    """Every course of the path with every wind."""
+    path = path_of(shape)
+    places = path.at(path.outline(PLACES))
     north, east = wind_samples(wind)
     return Conditions(
-        np.repeat(course, north.size),
-        np.repeat(curvature, north.size),
-        np.tile(north, course.size),
-        np.tile(east, course.size),
+        np.repeat(places.course, north.size),
+        np.repeat(places.curvature, north.size),
+        np.tile(north, places.course.size),
+        np.tile(east, places.course.size),
     )
-
-
-def path_directions(
-    path: LinePath | CirclePath | RacetrackPath,
-) -> tuple[FloatArray, FloatArray]:
-    """(course in rad, curvature in 1/m) of the parts of a path."""
-    if isinstance(path, LinePath):
-        return np.array([math.radians(path.course_deg)]), np.zeros(1)
-    around = np.linspace(0.0, 2.0 * math.pi, COURSES_AROUND, endpoint=False)
-    sense = 1.0 if path.direction == "clockwise" else -1.0
-    turning = np.full(COURSES_AROUND, sense / path.radius_m)
-    if isinstance(path, CirclePath):
-        return around, turning
-    first = math.radians(path.course_deg)
-    legs = np.array([first, first + math.pi])
-    return np.concatenate([legs, around + first]), np.concatenate([np.zeros(2), turning])
 
 
 def wind_samples(wind: CalmWind | ArticleWind | SteadyWind) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from vfguide.mission.controller import Controller, gains_by_field
+from vfguide.mission.flight_path import PathShape, shape_models
 from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
@@ -65,6 +66,8 @@ def _kinds(annotation: object) -> list[type[BaseModel]]:
     if get_origin(annotation) in {Union, UnionType}:
         members = [member for member in get_args(annotation) if member is not NoneType]
         return [kind for member in members for kind in _kinds(member)]
+    if annotation is PathShape:
+        return [*shape_models()]
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return []

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
-from vfguide.mission.flight_path import FlightPath
+from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.patience import Patience
 from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
@@ -75,7 +75,7 @@ class Mission(Section):
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
-    path: FlightPath
+    path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
     """What the leader follows."""
 
     leader: Leader

@@ -2,15 +2,16 @@
 
 import json
 
+from vfguide.mission.flight_path import shape_model
 from vfguide.mission.model import Mission
-from vfguide.registry import laws
+from vfguide.registry import laws, paths
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
 
 
 def mission_schema() -> dict[str, object]:
-    """The schema that the model of a mission file amounts to, with the gains of vfguide's own laws."""
+    """The schema that the model of a mission file amounts to, with vfguide's own paths and laws."""
     schema = Mission.model_json_schema()
     controller = schema["$defs"]["Controller"]["properties"]
     controller["type"]["enum"] = list(laws.own)
@@ -24,6 +25,19 @@ def mission_schema() -> dict[str, object]:
         schema["$defs"][gains["title"]] = gains
         group = f"Gains of `{name}`, for when the mission is flown by it."
         controller[name] = {"$ref": f"#/$defs/{gains['title']}", "description": group}
+    del schema["$defs"]["PathShape"]
+    mapping = {}
+    for name in paths.own:
+        shape = shape_model(name).model_json_schema()
+        # What it refers to is not a part of the path alone.
+        schema["$defs"] |= shape.pop("$defs", {}) | {shape["title"]: shape}
+        mapping[name] = f"#/$defs/{shape['title']}"
+    schema["properties"]["path"] = {
+        "description": schema["properties"]["path"]["description"],
+        "discriminator": {"mapping": mapping, "propertyName": "type"},
+        "oneOf": [{"$ref": place} for place in mapping.values()],
+        "title": "Path",
+    }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

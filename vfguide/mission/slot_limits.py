@@ -73,7 +73,7 @@ def slots_beyond_centre(mission: Mission, conditions: Conditions) -> Iterator[Fi
                 "error",
                 ("followers", index, "slot", "right_m"),
                 "on the turn this slot lies at or beyond the centre, where no aircraft can keep it",
-                "move the slot nearer to the leader, or to its other side, or widen radius_m",
+                "move the slot nearer to the leader, or to its other side, or widen the path's turns",
             )
 
 

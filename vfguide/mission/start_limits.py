@@ -6,35 +6,12 @@ from itertools import combinations
 
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.finding import Finding
-from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.starts import StartState, follower_start, leader_start
+from vfguide.mission.starts import follower_start, leader_start
 
 FAR_M = 1000.0
 """A start further away than this (m) takes most of a rehearsal to fly in from."""
-
-
-def distance_from_path(path: LinePath | CirclePath | RacetrackPath, start: StartState) -> float:
-    """Horizontal distance (m) of a place from a path."""
-    if isinstance(path, LinePath):
-        along, right = _seen_from(path.point.north_m, path.point.east_m, path.course_deg, start)
-        return abs(right)
-    centre = path.centre
-    if isinstance(path, CirclePath):
-        distance = math.hypot(start.north_m - centre.north_m, start.east_m - centre.east_m)
-        return abs(distance - path.radius_m)
-    along, right = _seen_from(centre.north_m, centre.east_m, path.course_deg, start)
-    beyond = max(0.0, abs(along) - path.leg_m / 2.0)
-    return abs(math.hypot(beyond, right) - path.radius_m)
-
-
-def _seen_from(
-    north_m: float, east_m: float, course_deg: float, start: StartState
-) -> tuple[float, float]:
-    """(along, right of) a direction from a point to a place, m."""
-    north, east, course = start.north_m - north_m, start.east_m - east_m, math.radians(course_deg)
-    along = north * math.cos(course) + east * math.sin(course)
-    return along, east * math.cos(course) - north * math.sin(course)
 
 
 def crowded_starts(mission: Mission) -> Iterator[Finding]:
@@ -58,7 +35,11 @@ def crowded_starts(mission: Mission) -> Iterator[Finding]:
 
 def distant_starts(mission: Mission) -> Iterator[Finding]:
     """Vehicles that begin so far away that the rehearsal is mostly their way in."""
-    away = distance_from_path(mission.path, leader_start(mission))
+    begins = leader_start(mission)
+    nearest = path_of(mission.path).nearest(
+        begins.north_m, begins.east_m, math.radians(begins.course_deg)
+    )
+    away = abs(nearest.cross_track_error)
     if away > FAR_M:
         yield _distant(LEADER, away, "the path")
     for name, start in mission.rehearsal.start.followers.items():

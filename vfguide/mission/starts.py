@@ -6,7 +6,7 @@ Local frame: x north, y east (m). Courses are degrees clockwise from north.
 import math
 from dataclasses import dataclass
 
-from vfguide.mission.flight_path import CirclePath, LinePath, RacetrackPath
+from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.rehearsal import FollowerStart
 
@@ -41,27 +41,10 @@ class StartState:
         )
 
 
-def path_beginning(path: LinePath | CirclePath | RacetrackPath) -> StartState:
-    """The first point of the path and the course of the path there.
-
-    A line begins at its point, a racetrack with its first leg, a circle where it passes nearest to the
-    origin (due north of a centre that is the origin itself).
-    """
-    if isinstance(path, LinePath):
-        return StartState(path.point.north_m, path.point.east_m, 0.0, path.course_deg)
-    side = 1.0 if path.direction == "clockwise" else -1.0
-    centre = path.centre
-    if isinstance(path, RacetrackPath):
-        middle = StartState(centre.north_m, centre.east_m, 0.0, path.course_deg)
-        return middle.moved(forward_m=-path.leg_m / 2.0, right_m=-side * path.radius_m)
-    at_origin = centre.north_m == 0.0 and centre.east_m == 0.0
-    bearing = 0.0 if at_origin else math.atan2(-centre.east_m, -centre.north_m)
-    return StartState(
-        centre.north_m + path.radius_m * math.cos(bearing),
-        centre.east_m + path.radius_m * math.sin(bearing),
-        0.0,
-        (math.degrees(bearing) + side * 90.0) % 360.0,
-    )
+def path_beginning(shape: PathShape) -> StartState:
+    """The first point of the path and the course of the path there."""
+    place = path_of(shape).at(0.0)
+    return StartState(place.north, place.east, 0.0, math.degrees(place.course) % 360.0)
 
 
 def leader_start(mission: Mission) -> StartState:

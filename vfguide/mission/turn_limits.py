@@ -12,7 +12,6 @@ from vfguide.guidance.formation import Slot
 from vfguide.guidance.limits import GRAVITY, bank_limited_turn_rate
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
-from vfguide.mission.flight_path import LinePath
 from vfguide.mission.location import Location
 from vfguide.mission.model import Mission
 
@@ -54,7 +53,9 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
                 f"'{name}' has to bank {bank:.0f}° on the turn at up to {speed[worst]:.1f} m/s "
                 f"over ground, its limit is {allowed:g}°"
             )
-            remedy = "widen radius_m, fly slower, or move the slot to the inside of the turn"
+            remedy = (
+                "widen the path's turns, fly slower, or move the slot to the inside of the turn"
+            )
             yield Finding("error", location, message, remedy)
 
 
@@ -69,12 +70,11 @@ def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot[float]]]:
 def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
     """A path field that turns faster than the leader can while it joins the path."""
     path = mission.path
-    approach = math.radians(path.approach_deg) if isinstance(path, LinePath) else math.pi / 2.0
     speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).max())
     curvature = float(np.abs(conditions.curvature).max())
     max_bank = math.radians(mission.leader_vehicle.max_bank_deg)
     allowed = bank_limited_turn_rate(max_bank, speed)
-    field = field_turn_rate(path.gain, speed, approach)
+    field = field_turn_rate(path.gain, speed, path.approach_angle)
     needed = field + speed * curvature
     if needed <= allowed:
         return
@@ -89,5 +89,5 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
             f"lower gain to {math.floor(1000.0 * path.gain * room / field) / 1000.0:g} 1/m or less"
         )
     else:
-        remedy = "widen radius_m or fly slower"
+        remedy = "widen the path's turns or fly slower"
     yield Finding("warning", ("path", "gain"), message, remedy)

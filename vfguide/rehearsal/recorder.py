@@ -10,10 +10,9 @@ import pymap3d
 
 import sitl_stub
 from vfguide.companion.outgoing import Snapshot
-from vfguide.companion.plan import path_of
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
-from vfguide.mission.flight_path import LinePath, RacetrackPath
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
 from vfguide.record.vehicle import VehicleRecord
@@ -74,7 +73,8 @@ class VehicleRecorder:
         by_airspeed = vehicle.plant == "heading-hold"
         leads = name == mission.leader.vehicle
         slot = None if leads else mission.followers_by_name[name].slot
-        nearest, unknown = path_of(mission.path).nearest(north, east), np.full_like(north, math.nan)
+        nearest = path_of(mission.path).nearest(north, east, truths["course_rad"])
+        unknown = np.full_like(north, math.nan)
         return VehicleRecord(
             name=name,
             role="leader" if leads else "follower",
@@ -160,26 +160,11 @@ def local_positions(
 
 
 def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
-    """Points along the path: round it once, or along a line from its point to where the leader ended."""
-    path = mission.path
-    if isinstance(path, LinePath):
-        course = math.radians(path.course_deg)
-        north, east = leader.north_m - path.point.north_m, leader.east_m - path.point.east_m
-        along = north * math.cos(course) + east * math.sin(course)
-        stretch = np.linspace(min(0.0, float(along.min())), float(along.max()), DRAWN_POINTS)
-        return (
-            path.point.north_m + stretch * math.cos(course),
-            path.point.east_m + stretch * math.sin(course),
-        )
-    bearing = np.linspace(0.0, 2.0 * math.pi, DRAWN_POINTS)
-    north, east = path.radius_m * np.cos(bearing), path.radius_m * np.sin(bearing)
-    if isinstance(path, RacetrackPath):
-        course = math.radians(path.course_deg)
-        # Points ahead of the centre belong to the far half circle, points behind it to the near one.
-        ahead = np.sign(np.cos(bearing - course)) * path.leg_m / 2.0
-        north, east = north + ahead * math.cos(course), east + ahead * math.sin(course)
-    north, east = path.centre.north_m + north, path.centre.east_m + east
-    # An easement leads the path inside of the plain figure: move each point onto it.
-    nearest = path_of(path).nearest(north, east)
-    error, course_there = nearest.cross_track_error, nearest.course
-    return north + error * np.sin(course_there), east - error * np.cos(course_there)
+    """Points along the path: round it once, or along one without end to where the leader ended."""
+    path, count = path_of(mission.path), DRAWN_POINTS
+    if math.isfinite(path.length):
+        places = path.at(path.outline(count))
+        return places.north, places.east
+    progress = path.nearest(leader.north_m, leader.east_m, leader.course_rad).progress
+    places = path.at(np.linspace(min(0.0, float(progress.min())), float(progress.max()), count))
+    return places.north, places.east

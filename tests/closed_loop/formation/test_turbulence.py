@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vfguide.companion.plan import path_of
 from vfguide.mission import Mission
+from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.rehearsal.lockstep import fly_lockstep

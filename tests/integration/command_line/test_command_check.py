@@ -88,13 +88,13 @@ FINDINGS = [
     pytest.param(
         [("radius_m: 150", "radius_m: 15")],
         "error: followers[0].slot.right_m: on the turn this slot lies at or beyond the centre",
-        "move the slot nearer to the leader, or to its other side, or widen radius_m",
+        "move the slot nearer to the leader, or to its other side, or widen the path's turns",
         id="slot beyond the centre",
     ),
     pytest.param(
         [("radius_m: 150", "radius_m: 35")],
         "error: path: 'lead' has to bank 49° on the turn",
-        "widen radius_m, fly slower, or move the slot to the inside of the turn",
+        "widen the path's turns, fly slower, or move the slot to the inside of the turn",
         id="turn beyond the bank limit",
     ),
     pytest.param(

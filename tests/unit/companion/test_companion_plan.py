@@ -7,13 +7,15 @@ from vfguide.companion.plan import FlightPlan, FollowerTask, adapter_of, flight_
 from vfguide.companion.supervisor import Patience
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import LeaderTask
-from vfguide.guidance.path import Circle, Line, Racetrack
 from vfguide.laws.field import SlotGains
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.model import Mission
 from vfguide.mission.patience import Patience as MissionPatience
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
+from vfguide.paths.racetrack import Racetrack
 
 MakePlan = Callable[..., FlightPlan]
 MakeMission = Callable[[str], Mission]

@@ -17,9 +17,12 @@ from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
-from vfguide.guidance.path import Circle, Line, Path, Racetrack
+from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
 from vfguide.laws.keeper import FollowerGuidance
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
+from vfguide.paths.racetrack import Racetrack
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)

@@ -13,9 +13,11 @@ from vfguide.guidance.intended_motion import (
     intended_motion,
     planned_motion,
 )
-from vfguide.guidance.path import Circle, Line, PathPoint
+from vfguide.guidance.path import PathPoint
 from vfguide.guidance.settings import PathGains
 from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
 from vfguide.state import LeaderState
 
 PERIOD_S = 0.05
@@ -124,14 +126,14 @@ def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_
 
 
 def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not() -> None:
-    metre = PathPoint(0.0, 1.0, 0.0)
+    metre = PathPoint(0.0, 1.0, 0.0, 0.0)
     # The field turns 0.0064 rad back for a metre; what is kept of it is 0.0064 / 0.1064.
     bend = math.pi / 2.0 * (2.0 / math.pi) * math.atan(0.01)
     course, slope = bent_course(metre, GAINS)
     assert course == pytest.approx(-bend * bend / (bend + 0.1))
-    step = bent_course(PathPoint(0.0, 1.001, 0.0), GAINS)[0]
+    step = bent_course(PathPoint(0.0, 1.001, 0.0, 0.0), GAINS)[0]
     assert slope == pytest.approx((step - course) / 0.001, rel=1e-3)
-    far, _ = bent_course(PathPoint(0.0, 1000.0, 0.0), GAINS)
+    far, _ = bent_course(PathPoint(0.0, 1000.0, 0.0, 0.0), GAINS)
     assert far == pytest.approx(-math.atan(10.0), rel=0.07)
 
 

@@ -11,10 +11,10 @@ import pytest
 from vfguide.angles import wrap_angle
 from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
 from vfguide.guidance.limits import bank_limited_turn_rate, saturation, speed_range
-from vfguide.guidance.path import Line
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.speed_law import acceleration_toward, sliding_acceleration, speed_command
+from vfguide.paths.line import Line
 from vfguide.state import Airframe, VehicleState
 
 KAPPA, ALPHA, BETA, SPEED = 3.0, 1.2, 0.8, 20.0

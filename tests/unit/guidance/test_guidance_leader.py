@@ -10,8 +10,11 @@ import pytest
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderTask, leader_step
-from vfguide.guidance.path import Circle, Line, Path, Racetrack
+from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
+from vfguide.paths.racetrack import Racetrack
 from vfguide.state import Airframe, VehicleState
 
 Vehicles = Callable[..., VehicleState[float]]

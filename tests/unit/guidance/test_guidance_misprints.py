@@ -11,13 +11,15 @@ from vfguide.angles import wrap_angle
 from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
 from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
-from vfguide.guidance.path import Circle, Line, Path
+from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import (
     desired_course,
     desired_course_rate_per_speed,
     desired_course_slope,
 )
 from vfguide.guidance.speed_law import sliding_acceleration
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
 
 ALPHA, KAPPA, SPEED, PERIOD = 1.2, 3.0, 20.0, 0.05
 GAIN, APPROACH = 0.03, math.pi / 2.0

@@ -9,8 +9,10 @@ import pytest
 from vfguide.angles import wrap_angle
 from vfguide.guidance.course_law import course_command, sliding_course_rate
 from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
-from vfguide.guidance.path import Circle, Line, Path
+from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
 
 GAINS = ObserverGains(gamma=2.0, rho=200.0, sigma=0.5)
 GROUND_SPEED, AIRSPEED, PERIOD = 25.0, 20.0, 0.05

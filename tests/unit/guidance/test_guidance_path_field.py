@@ -8,13 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.path import Circle, Direction, Line, Path
+from vfguide.guidance.path import Direction, Path
 from vfguide.guidance.path_field import (
     desired_course,
     desired_course_rate_per_speed,
     desired_course_slope,
     tangent_rate_per_speed,
 )
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)
 GAIN = 0.03

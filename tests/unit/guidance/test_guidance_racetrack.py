@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.path import Direction, PathPoint, Racetrack
+from vfguide.guidance.path import Direction, PathPoint
+from vfguide.paths.racetrack import Racetrack
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)
 LEG, RADIUS, STEP = 600.0, 150.0, 0.1

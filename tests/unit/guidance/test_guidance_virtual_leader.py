@@ -7,9 +7,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from vfguide.guidance.path import Circle, Line, Path, Racetrack
+from vfguide.guidance.path import Path
 from vfguide.guidance.settings import PathGains
 from vfguide.guidance.virtual_leader import KnownLeader, carry_along_path
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
+from vfguide.paths.racetrack import Racetrack
 from vfguide.state import LeaderState, VehicleState
 
 Vehicle = Callable[..., VehicleState[float]]

@@ -7,9 +7,10 @@ import pytest
 
 from vfguide.errors import InputError
 from vfguide.mission import MissionError, load_mission, parse_mission, read_mission
-from vfguide.mission.flight_path import CirclePath, LinePath
 from vfguide.mission.rehearsal import ArticleWind, CalmWind
 from vfguide.mission.starts import follower_start, leader_start, path_beginning
+from vfguide.paths.circle import CircleShape
+from vfguide.paths.line import LineShape
 
 FOLDER = Path(__file__).parents[3] / "missions"
 MISSIONS = sorted(FOLDER.glob("*.yaml"))
@@ -43,10 +44,10 @@ vehicles: {one: {system_id: 1}}
 """
 
 
-def with_path(path: str) -> LinePath | CirclePath:
+def with_path(path: str) -> LineShape | CircleShape:
     content = LEAST.replace(b"{type: line, course_deg: 90}", path.encode())
     loaded = parse_mission(content, file="m.yaml").mission.path
-    assert isinstance(loaded, LinePath | CirclePath)
+    assert isinstance(loaded, LineShape | CircleShape)
     return loaded
 
 
@@ -71,7 +72,7 @@ def test_nine_missions_are_shipped() -> None:
 
 def test_the_documented_example_loads() -> None:
     mission = parse_mission(CONTRACT_EXAMPLE, file="m.yaml").mission
-    assert isinstance(mission.path, CirclePath)
+    assert isinstance(mission.path, CircleShape)
     assert isinstance(mission.wind, ArticleWind)
     assert mission.leader_vehicle.airspeed_range_m_s == (12.0, 32.0)
     assert [one.slot.forward_m for one in mission.followers] == [-20.0, -20.0, -40.0]
@@ -92,7 +93,7 @@ def test_a_byte_order_mark_and_windows_line_ends_do_no_harm() -> None:
 
 def test_numbers_may_be_written_with_an_exponent_and_no_point() -> None:
     path = with_path("{type: line, course_deg: 9e1, gain: 3e-2}")
-    assert isinstance(path, LinePath)
+    assert isinstance(path, LineShape)
     assert (path.course_deg, path.gain) == (90.0, 0.03)
 
 
@@ -109,7 +110,7 @@ def test_a_slope_and_an_intercept_stand_for_a_point_and_a_course(
     fields: str, east_m: float, course_deg: float
 ) -> None:
     path = with_path(f"{{type: line, {fields}}}")
-    assert isinstance(path, LinePath)
+    assert isinstance(path, LineShape)
     assert path.point.east_m == east_m
     assert path.course_deg == pytest.approx(course_deg)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from vfguide.mission import MissionError, parse_mission
-from vfguide.mission.flight_path import RacetrackPath
+from vfguide.paths.racetrack import RacetrackShape
 
 CIRCLE = (Path(__file__).parents[3] / "missions" / "circle-calm.yaml").read_text()
 FIELDS = "  type: racetrack\n  centre: {north_m: 0, east_m: 0}\n  course_deg: 0\n"
@@ -19,7 +19,7 @@ def file_with(leg_m: float, radius_m: float, easement: str = "") -> bytes:
 
 def easement_of(data: bytes) -> float:
     path = parse_mission(data, file="m.yaml").mission.path
-    assert isinstance(path, RacetrackPath)
+    assert isinstance(path, RacetrackShape)
     return path.easement_m
 
 

@@ -1,0 +1,182 @@
+"""What every path has in common: its nearest point is abeam, and lies at its progress."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.elementwise import FloatArray
+from vfguide.errors import InputError
+from vfguide.guidance.path import Path
+from vfguide.guidance.wind_triangle import resolve
+from vfguide.paths import Curve
+from vfguide.paths.circle import Circle
+from vfguide.paths.line import Line
+from vfguide.paths.racetrack import Racetrack
+
+
+class Eight(Curve):
+    """The lemniscate of Gerono, 400 m to either side."""
+
+    name = "eight"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angle = 2.0 * np.pi * share
+        return shape * np.sin(angle), shape * np.sin(angle) * np.cos(angle)
+
+
+class Round(Curve):
+    """A circle of 200 m, clockwise from due north, its shares not in proportion to the distance."""
+
+    name = "round"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angle = 2.0 * np.pi * share**1.5
+        return shape * np.cos(angle), shape * np.sin(angle)
+
+
+EIGHT = Eight(400.0)
+PATHS: dict[str, Path] = {
+    "line": Line(north=10.0, east=20.0, course=2.0),
+    "circle": Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
+    "circle about the origin": Circle(north=0.0, east=0.0, radius=150.0, direction=1),
+    "racetrack": Racetrack(
+        north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=-1, easement=80.0
+    ),
+    "racetrack without easement": Racetrack(
+        north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=1
+    ),
+    "eight": EIGHT,
+}
+
+
+@pytest.mark.parametrize("name", PATHS)
+@settings(max_examples=60, deadline=None)
+@given(progress=st.floats(0.0, 5000.0), right=st.floats(-40.0, 40.0))
+def test_a_place_beside_the_path_is_found_again_where_it_is(
+    name: str, progress: float, right: float
+) -> None:
+    path = PATHS[name]
+    place = path.at(progress)
+    north = place.north - right * math.sin(place.course)
+    east = place.east + right * math.cos(place.course)
+    point = path.nearest(north, east, place.course)
+    # on an easement the distance is measured across the plain figure: 1 - cos(easement / 8 R), 0.22 %
+    within = 1e-3 + (2.3e-3 * abs(right) if name == "racetrack" else 0.0)
+    assert point.cross_track_error == pytest.approx(right, abs=within)
+    off_course = math.remainder(point.course - place.course, 2.0 * math.pi)
+    assert off_course == pytest.approx(0.0, abs=0.02 if name == "racetrack" else 1e-4)
+    # beside an easement a racetrack's progress, which is that of the plain figure, is metres off
+    apart = 8.0 if name == "racetrack" else 0.01
+    run = point.progress - progress
+    if math.isfinite(path.length):
+        run = math.remainder(run, path.length)
+    assert run == pytest.approx(0.0, abs=apart)
+
+
+@pytest.mark.parametrize("name", PATHS)
+@settings(max_examples=40, deadline=None)
+@given(progress=st.floats(0.0, 5000.0))
+def test_a_path_runs_along_its_course_and_turns_by_its_curvature(
+    name: str, progress: float
+) -> None:
+    path, step = PATHS[name], 0.02
+    here, there = path.at(progress), path.at(progress + step)
+    along, right = resolve(there.north - here.north, there.east - here.east, here.course)
+    # an easement is some per cent longer or shorter than the plain figure that gives the progress
+    assert along == pytest.approx(step, rel=0.15 if name == "racetrack" else 1e-3)
+    assert abs(right) < 1e-4
+    turn = math.remainder(there.course - here.course, 2.0 * math.pi)
+    mean = 0.5 * (here.curvature + there.curvature)
+    if "racetrack" not in name:
+        assert turn == pytest.approx(mean * step, abs=2e-6)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_arrays_are_found_as_each_of_their_places_alone(name: str) -> None:
+    path = PATHS[name]
+    rng = np.random.default_rng(1)
+    north, east, course = rng.uniform(-500.0, 500.0, (3, 40))
+    many = path.nearest(north, east, course)
+    for index in range(40):
+        one = path.nearest(float(north[index]), float(east[index]), float(course[index]))
+        for field in ("course", "cross_track_error", "curvature", "progress"):
+            assert getattr(many, field)[index] == pytest.approx(getattr(one, field), abs=1e-9)
+
+
+@pytest.mark.parametrize(("course_deg", "runs_deg"), [(50.0, 45.0), (120.0, 135.0), (160.0, 135.0)])
+def test_where_a_path_crosses_itself_the_course_of_the_vehicle_tells_the_branch(
+    course_deg: float, runs_deg: float
+) -> None:
+    # through its middle the eight runs at 45 degrees, and half a round later at 135
+    point = EIGHT.nearest(3.0, 4.0, math.radians(course_deg))
+    assert math.degrees(point.course) == pytest.approx(runs_deg, abs=1.5)
+
+
+def test_a_vehicle_that_flies_straight_on_keeps_its_branch_all_the_way_across() -> None:
+    course = math.radians(45.0)
+    for run in np.linspace(-60.0, 60.0, 121):
+        point = EIGHT.nearest(run * math.cos(course), run * math.sin(course), course)
+        assert math.degrees(point.course) == pytest.approx(45.0, abs=8.0)
+        assert abs(point.cross_track_error) < 2.0
+
+
+def test_the_nearest_point_of_a_curve_moves_evenly_with_the_vehicle() -> None:
+    # A jump of the course from one millimetre to the next would be a jump of the setpoint.
+    place = EIGHT.at(700.0)
+    course = place.course
+    steps = np.arange(0.0, 5.0, 1e-3)
+    north = place.north + steps * math.cos(course) - 20.0 * math.sin(course)
+    east = place.east + steps * math.sin(course) + 20.0 * math.cos(course)
+    found = EIGHT.nearest(north, east, np.full_like(north, course))
+    assert np.abs(np.diff(np.unwrap(found.course))).max() < 2e-5
+    assert np.abs(np.diff(found.cross_track_error)).max() < 1.2e-3
+
+
+def test_a_traced_circle_is_the_circle() -> None:
+    traced, circle = Round(200.0), Circle(north=0.0, east=0.0, radius=200.0, direction=1)
+    assert traced.length == pytest.approx(circle.length, rel=1e-6)
+    for bearing in np.linspace(0.1, 6.2, 20):
+        place = (230.0 * math.cos(bearing), 230.0 * math.sin(bearing))
+        one, other = traced.nearest(*place), circle.nearest(*place)
+        assert one.cross_track_error == pytest.approx(other.cross_track_error, abs=1e-3)
+        assert one.curvature == pytest.approx(other.curvature, rel=2e-3)
+        assert one.progress == pytest.approx(other.progress, abs=0.05)
+
+
+def test_a_place_that_is_not_known_has_no_nearest_point() -> None:
+    found = EIGHT.nearest(np.array([math.nan, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 0.8]))
+    assert math.isnan(found.cross_track_error[0])
+    assert math.isfinite(found.cross_track_error[1])
+
+
+class Spiral(Curve):
+    """It does not end where it begins."""
+
+    name = "spiral"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return shape * (1.0 + share) * np.cos(6.0 * share), shape * np.sin(6.0 * share)
+
+
+@pytest.mark.parametrize(
+    ("kind", "shape", "words"),
+    [
+        (Spiral, 100.0, "path spiral: the curve that it traces ends"),
+        (Round, 0.0, "has no length"),
+        (Eight, math.nan, "not finite"),
+    ],
+)
+def test_a_curve_that_cannot_be_flown_is_refused_in_a_line(
+    kind: type[Curve], shape: float, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        kind(shape)
+
+
+def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are() -> None:
+    track = Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1)
+    turning = track.at(track.outline(97)).curvature > 0.0
+    assert turning.sum() > 40

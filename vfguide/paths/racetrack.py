@@ -1,0 +1,189 @@
+"""Two straight legs joined by half circles."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+from vfguide.elementwise import FloatArray, Number, atan2, clip, cos, like, sin, where
+from vfguide.guidance.path import Direction, Path, PathPlace, PathPoint
+from vfguide.guidance.wind_triangle import compose, resolve
+from vfguide.mission.flight_path import PathShape
+from vfguide.mission.quantity import Course, NotNegative, Position, Positive
+from vfguide.paths.circle import Radius, Rotation, around, direction_of
+from vfguide.registry import paths
+
+USUAL_EASEMENT_M = 100.0
+
+LEAST_EASEMENT = 1e-3
+"""m: without any easement the curvature would have no value at the very end of a leg."""
+
+
+def usual_easement(data: Mapping[str, object]) -> float:
+    """The easement of a racetrack that names none, m."""
+    lengths = (data.get("leg_m"), data.get("radius_m"))
+    return min([USUAL_EASEMENT_M, *(one for one in lengths if isinstance(one, float))])
+
+
+class RacetrackShape(PathShape):
+    """Two parallel legs joined by two half circles, flown round and round.
+
+    The first leg has the centre on its right when flown clockwise, on its left otherwise.
+    """
+
+    centre: Position
+    """Middle of the racetrack."""
+
+    course_deg: Course
+    """Course of the first leg, degrees clockwise from north."""
+
+    leg_m: Annotated[Positive, Field(le=100e3)]
+    """Length of each straight leg, m."""
+
+    radius_m: Radius
+    """Radius of the half circles, m; the legs are twice as far apart."""
+
+    direction: Rotation = "clockwise"
+    """Sense of rotation seen from above."""
+
+    easement_m: Annotated[NotNegative, Field(le=100e3)] = Field(default_factory=usual_easement)
+    """Length over which the curvature changes between leg and half circle, m; 0 for none, and if absent
+    100 m or as much as leg and radius leave room for."""
+
+    @field_validator("easement_m")
+    @classmethod
+    def _easement_fits(cls, easement_m: float, info: ValidationInfo) -> float:
+        longest = min(info.data.get("leg_m", math.inf), info.data.get("radius_m", math.inf))
+        if easement_m > longest:
+            kind = "easement_m"
+            message = "is longer than the leg or the radius; {longest} m is the most"
+            raise PydanticCustomError(kind, message, {"longest": f"{longest:g}"})
+        return easement_m
+
+
+@paths.register("racetrack")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Racetrack(Path):
+    """Two straight legs joined by half circles: a circle whose centre has been drawn out to an axis.
+
+    Where leg and half circle meet the curvature jumps, and with it the motion of every slot: 40 m behind
+    a leader that starts to turn at 0.13 rad/s, a rigid slot moves sideways at 5 m/s from one instant to
+    the next. An easement spreads the jump: the curvature grows evenly along it, as on a railway, and
+    the half circle lies inward by the shift that this takes, about easement²/(24 radius).
+
+    The progress is that of the figure without easements, and begins with the first leg.
+    """
+
+    Shape: ClassVar[type[RacetrackShape]] = RacetrackShape
+
+    north: float
+    """North of the centre of the figure, m."""
+    east: float
+    """East of the centre of the figure, m."""
+    course: float
+    """Course of the first leg, rad; the second runs the other way."""
+    leg: float
+    """Length of each leg, m, positive."""
+    radius: float
+    """Radius of the half circles, m; the legs are two radii apart."""
+    direction: Direction
+    """1 where the half circles turn clockwise."""
+    easement: float = 0.0
+    """Length over which the curvature changes, m, half of it on the leg; at most leg and radius."""
+
+    @classmethod
+    def of(cls, shape: RacetrackShape) -> Self:
+        """The racetrack of a mission."""
+        return cls(
+            north=shape.centre.north_m,
+            east=shape.centre.east_m,
+            course=math.radians(shape.course_deg),
+            leg=shape.leg_m,
+            radius=shape.radius_m,
+            direction=direction_of(shape.direction),
+            easement=shape.easement_m,
+        )
+
+    @property
+    def length(self) -> float:
+        """Once round without easements, m."""
+        return 2.0 * (self.leg + self.half_circle)
+
+    @property
+    def half_circle(self) -> float:
+        """Length of a half circle, m."""
+        return math.pi * self.radius
+
+    def nearest(
+        self, north: Number, east: Number, course: Number | None = None
+    ) -> PathPoint[Number]:
+        """The leg abeam of the vehicle, or beyond their ends the half circle on its bearing."""
+        del course
+        along, right = resolve(north - self.north, east - self.east, like(self.course, north))
+        beyond = along - clip(along, -self.leg / 2.0, self.leg / 2.0)
+        tangent, error = around(beyond, right, self.radius, self.direction)
+        # Distance run since the nearest end of a leg; negative on the leg, before its end or after.
+        on_leg = clip(abs(along) - self.leg / 2.0, -self.leg, 0.0)
+        run = on_leg + self.radius * (math.pi / 2.0 - atan2(abs(right), abs(beyond)))
+        entering = where(along * right * self.direction < 0.0, like(1.0, along), like(-1.0, along))
+        lead, shift, curvature = self._eased(run)
+        return PathPoint(
+            tangent + self.course + lead * entering * self.direction,
+            error - shift * self.direction,
+            curvature * self.direction,
+            self._progress(along, beyond, right * self.direction),
+        )
+
+    def _progress(self, along: Number, beyond: Number, inward: Number) -> Number:
+        """Progress (m) of a place by its axes: `inward` grows from the first leg to the second."""
+        far = self.leg + self.radius * atan2(beyond, -inward)
+        near = 2.0 * self.leg + self.half_circle + self.radius * atan2(-beyond, inward)
+        second = 1.5 * self.leg + self.half_circle - along
+        on_leg = where(inward <= 0.0, along + self.leg / 2.0, second)
+        return where(beyond > 0.0, far, where(beyond < 0.0, near, on_leg))
+
+    def at(self, progress: Number) -> PathPlace[Number]:
+        """The racetrack abeam of the figure without easements."""
+        left = progress % self.length
+        first = clip(left, 0.0, self.leg)
+        far = clip(left - self.leg, 0.0, self.half_circle) / self.radius
+        second = clip(left - self.leg - self.half_circle, 0.0, self.leg)
+        near = clip(left - 2.0 * self.leg - self.half_circle, 0.0, self.half_circle) / self.radius
+        along = first - second - self.leg / 2.0 + self.radius * (sin(far) - sin(near))
+        inward = -self.radius * (cos(far) + 1.0 - cos(near))
+        north, east = compose(along, inward * self.direction, like(self.course, along))
+        north, east = self.north + north, self.east + east
+        point = self.nearest(north, east)
+        error, tangent = point.cross_track_error, self.course + self.direction * (far + near)
+        return PathPlace(
+            north + error * sin(tangent),
+            east - error * cos(tangent),
+            point.course,
+            point.curvature,
+        )
+
+    def outline(self, count: int) -> FloatArray:
+        """As many places on each leg as on each half circle: a short turn of a long track is seen as well."""
+        ends = np.cumsum([0.0, self.leg, self.half_circle, self.leg, self.half_circle])
+        return np.asarray(np.interp(np.linspace(0.0, 4.0, count), np.arange(5.0), ends))
+
+    def _eased(self, run: Number) -> tuple[Number, Number, Number]:
+        """(turn of the tangent, inward shift, curvature) that the easement adds at a distance from the end.
+
+        The curvature rises linearly from 0 to that of the half circle; tangent and shift are its first and
+        second integrals, less those of the jump that it replaces.
+        """
+        half = max(self.easement, LEAST_EASEMENT) / 2.0
+        # sharpest half² / 6 with sharpest = 1 / (radius - full_shift): else the error jumps midway.
+        full_shift = (self.radius - math.sqrt(self.radius**2 - half * half / 1.5)) / 2.0
+        sharpest = 1.0 / (self.radius - full_shift)
+        inside = clip(run, -half, half)
+        to_edge = half - abs(inside)
+        growth = sharpest * to_edge * to_edge / (4.0 * half)
+        bump = growth * to_edge / 3.0
+        shift = where(inside < 0.0, bump, full_shift - bump)
+        return growth, shift, sharpest * (inside + half) / (2.0 * half)
