@@ -2,8 +2,8 @@
 
     vfguide fly circle-calm --plugin own_path.py --set "path={type: figure-eight}" --set rehearsal.start={}
 
-It is the lemniscate of Gerono: north = a sin t, east = a sin t cos t, turned to a course. Its tightest turns
-are those at its two ends, with a radius of half its length.
+It is the lemniscate of Gerono: north = a sin t, east = a sin t cos t, turned to a course. Where it is widest
+it turns most tightly, with a radius of 0.21 a.
 """
 
 import numpy as np

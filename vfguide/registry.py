@@ -1,7 +1,8 @@
 """What can be added to vfguide from outside, found by its name.
 
-A law or a path is known by being one of vfguide's own, by the entry point of an installed package, or by a
-file that the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be loaded.
+A law, a path or a link is known by being one of vfguide's own, by the entry point of an installed package, or
+by a file that the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be
+loaded.
 """
 
 import importlib
@@ -119,9 +120,16 @@ paths = Registry(
 )
 """Paths that leaders follow."""
 
+links = Registry(
+    "link",
+    group="vfguide.links",
+    own={"mqtt": "vfguide.link.mqtt", "mqtts": "vfguide.link.mqtt", "udp": "vfguide.link.udp"},
+)
+"""What carries a formation's messages, by the scheme of its address."""
+
 
 def use_plugins(files: Sequence[Path]) -> None:
-    """Load files with laws and paths of one's own, here and in every process that this one starts.
+    """Load files with laws, paths and links of one's own, here and in every process that this one starts.
 
     Raises:
         InputError: a file cannot be loaded.

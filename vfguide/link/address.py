@@ -1,4 +1,4 @@
-"""Where the formation's broker is found, and how to be let in."""
+"""Where the formation's link is found, and how to be let in."""
 
 import ipaddress
 import os
@@ -6,9 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
 from vfguide.errors import InputError
+from vfguide.registry import links
 
 ENVIRONMENT_VARIABLE = "VFGUIDE_LINK_PASSWORD"
 """Environment variable with the password, so that lists of processes do not show it."""
@@ -43,9 +45,20 @@ LABELS = re.compile(
 NUMERIC = re.compile(r"[0-9.]+")
 
 
+class LinkAddress:
+    """Of any kind of link: a frozen dataclass; as text the address without its password."""
+
+    __slots__ = ()
+
+    scheme: ClassVar[str]
+    """By which its carrier is known."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UdpAddress:
+class UdpAddress(LinkAddress):
     """Where the members of a formation are who speak to each other by datagrams."""
+
+    scheme: ClassVar[str] = "udp"
 
     destinations: tuple[tuple[str, int], ...]
     """IPv4 address and port of the group, of the network's broadcast, or of each peer."""
@@ -71,8 +84,10 @@ class UdpAddress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MqttAddress:
+class MqttAddress(LinkAddress):
     """A broker, and what it wants to know of those who call."""
+
+    scheme: ClassVar[str] = "mqtt"
 
     host: str
     """Name or number, without brackets."""
@@ -99,12 +114,8 @@ class MqttAddress:
         return f"{scheme}://{host}:{self.port}/{self.prefix}"
 
 
-LinkAddress = MqttAddress | UdpAddress
-"""Of any kind of link."""
-
-
 def parse_link(text: str, environment: Mapping[str, str] = os.environ) -> LinkAddress:
-    """The broker that a text names.
+    """The link that a text names.
 
     A password that the text does not have comes from the environment variable VFGUIDE_LINK_PASSWORD.
 
@@ -136,12 +147,20 @@ def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
         parts = urlsplit(text)
     except ValueError:
         raise InputError(f"the host is no name or number; write {EXAMPLE}") from None
-    if parts.scheme == "udp" and "://" in text:
-        return _udp(parts)
-    if parts.scheme not in PORTS or "://" not in text:
-        raise InputError(
-            f"it must begin with mqtt://, mqtts:// or udp://; write {EXAMPLE} or {UDP_EXAMPLE}"
-        )
+    if "://" not in text or parts.scheme not in links:
+        schemes = [f"{name}://" for name in links.names()]
+        known = f"{', '.join(schemes[:-1])} or {schemes[-1]}"
+        raise InputError(f"it must begin with {known}; write {EXAMPLE} or {UDP_EXAMPLE}")
+    address: LinkAddress = links.find(parts.scheme).address_of(parts, environment)
+    return address
+
+
+def mqtt_address(parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
+    """A broker, as in mqtts://USER@HOST:8883/PREFIX?ca=FILE.
+
+    Raises:
+        InputError: it names none.
+    """
     if parts.fragment:
         raise InputError("a # is not possible here; write %23 for one in a user name or password")
     secure = parts.scheme == "mqtts"
@@ -160,8 +179,12 @@ def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
     )
 
 
-def _udp(parts: SplitResult) -> UdpAddress:
-    """Group, broadcast address or peers, as in udp://239.255.42.1:14700?interface=wlan0."""
+def udp_address(parts: SplitResult) -> UdpAddress:
+    """Group, broadcast address or peers, as in udp://239.255.42.1:14700?interface=wlan0.
+
+    Raises:
+        InputError: it names none.
+    """
     if parts.fragment or parts.path.strip("/"):
         raise InputError(f"a UDP link has no path; write {UDP_EXAMPLE}")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))

@@ -4,9 +4,12 @@ States are sent once and not kept: a state that the broker repeats to those who 
 waits in a queue in either direction, since the next state is better than an old one.
 """
 
+from collections.abc import Mapping
 from random import Random
+from urllib.parse import SplitResult
 
-from vfguide.link.address import MqttAddress
+from vfguide.link.address import MqttAddress, mqtt_address
+from vfguide.link.carrier import Carrier, link
 from vfguide.link.client import security_of
 from vfguide.link.echo import Echo
 from vfguide.link.envelope import Kind
@@ -15,11 +18,12 @@ from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 from vfguide.link.reconnecting import Reconnecting
 from vfguide.link.session import Parts
-from vfguide.link.status import LinkStatus
 from vfguide.link.topics import Topics
 
 
-class MqttCarrier:
+@link("mqtt")
+@link("mqtts")
+class MqttCarrier(Carrier):
     """Carries messages by way of one broker, to which it connects again whenever the connection is lost."""
 
     def __init__(
@@ -31,19 +35,14 @@ class MqttCarrier:
         presence: Presence,
         random: Random,
     ) -> None:
-        """Make one that is not connected yet.
-
-        Args:
-            address: of the broker.
-            formation: name of the formation.
-            member: who takes what arrives.
-            presence: what the member says about itself at first.
-            random: keeps companions that lost the same broker from coming back in step.
+        """Make one that is not connected yet; arguments as of `Carrier`.
 
         Raises:
             InputError: the address names a certificate that cannot be read.
         """
-        self.status = LinkStatus(str(address))
+        super().__init__(
+            address, formation=formation, member=member, presence=presence, random=random
+        )
         counters = self.status.counters
         self._parts = Parts(
             topics=Topics(prefix=address.prefix, formation=formation, vehicle=member.name),
@@ -54,6 +53,11 @@ class MqttCarrier:
             presence=presence,
         )
         self._reconnecting = Reconnecting(address, security_of(address), self._parts, random)
+
+    @classmethod
+    def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
+        """A broker."""
+        return mqtt_address(parts, environment)
 
     async def run(self) -> None:
         """Carry until told to stop."""

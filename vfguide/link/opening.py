@@ -6,14 +6,12 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 from random import Random
-from typing import Protocol
 
-from vfguide.link.address import LinkAddress, UdpAddress
+from vfguide.link.address import LinkAddress
+from vfguide.link.carrier import Carrier
 from vfguide.link.member import Member, Parcel
-from vfguide.link.mqtt import MqttCarrier
 from vfguide.link.presence import Presence
-from vfguide.link.status import LinkStatus
-from vfguide.link.udp import UdpCarrier
+from vfguide.registry import links
 
 FIRST_TRY_S = 1.0
 """s that opening waits for the first try."""
@@ -24,26 +22,6 @@ within."""
 
 SHORTEST_PAUSE_S = 0.2
 """s from one question to the next, however much there is to hurry for."""
-
-
-class Carrier(Protocol):
-    """What carries messages: a broker, a network or a radio."""
-
-    @property
-    def status(self) -> LinkStatus:
-        """Whether it stands."""
-
-    async def run(self) -> None:
-        """Carry until told to stop; what goes wrong shows in the status, and is tried again."""
-
-    def stop(self) -> None:
-        """Let `run` end."""
-
-    def send(self, parcel: Parcel) -> None:
-        """Send a message once, without waiting."""
-
-    def announce(self, presence: Presence) -> None:
-        """Go on saying this about the member."""
 
 
 class Link:
@@ -152,7 +130,9 @@ async def open_link(
         signed=member.trust.signs,
     )
     carriers = [
-        carrier_of(address, formation=formation, member=member, presence=presence, random=random)
+        carrier_of(address.scheme)(
+            address, formation=formation, member=member, presence=presence, random=random
+        )
         for address in addresses
     ]
     link = Link(member, carriers)
@@ -176,15 +156,10 @@ async def open_link(
             carrier.status.close()
 
 
-def carrier_of(
-    address: LinkAddress, *, formation: str, member: Member, presence: Presence, random: Random
-) -> Carrier:
-    """What an address stands for."""
-    if isinstance(address, UdpAddress):
-        return UdpCarrier(address, member=member, presence=presence, random=random)
-    return MqttCarrier(
-        address, formation=formation, member=member, presence=presence, random=random
-    )
+def carrier_of(scheme: str) -> type[Carrier]:
+    """What carries messages to addresses of a scheme."""
+    found: type[Carrier] = links.find(scheme)
+    return found
 
 
 async def keep_asking(member: Member) -> None:

@@ -222,7 +222,7 @@ def test_a_network_that_goes_away_is_told_and_found_again(
     async def scenario() -> None:
         async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
             await speak(leader, lambda: one.heard)
-            opened = one.link.carriers[0].socket
+            opened = one.link.carriers[0].opened
             assert opened is not None
             # Its interface is gone: the membership is lost without a word.
             kind = socket.IPPROTO_IP, socket.IP_DROP_MEMBERSHIP

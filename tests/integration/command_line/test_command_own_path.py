@@ -1,0 +1,90 @@
+"""The example of a path of one's own, as its author uses it: by command line, from a directory of theirs."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[3]
+EIGHT = ("--set", "path={type: figure-eight}", "--set", "rehearsal.start={}")
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Runs vfguide in a directory that holds nothing but the path."""
+    shutil.copy(ROOT / "examples" / "own_path.py", tmp_path)
+
+    def start(
+        *arguments: str, plugin: str | None = "own_path.py"
+    ) -> subprocess.CompletedProcess[str]:
+        chosen = [] if plugin is None else ["--plugin", plugin]
+        environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
+        return subprocess.run(
+            [sys.executable, "-m", "vfguide", *arguments, *chosen],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+
+    return start
+
+
+def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(
+    run: Run, tmp_path: Path
+) -> None:
+    flown = run("fly", "circle-calm", *EIGHT, "--duration", "200", "--out", "flight")
+    assert flown.returncode == 0, flown.stderr
+    summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
+    assert summary["formation"]["mean_error_m"] < 0.05
+    leader = np.load(tmp_path / "flight" / "flight.npz")["vehicle_0_path_cross_track_error_m"]
+    assert np.abs(leader[leader.size // 2 :]).max() < 0.05
+
+
+def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
+    mission = yaml.safe_load((ROOT / "missions" / "circle-calm.yaml").read_text())
+    mission["path"] = {"type": "figure-eight", "half_length_m": 600}
+    mission["rehearsal"].pop("start", None)
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(mission))
+    checked = run("check", "own.yaml")
+    assert checked.returncode == 0, checked.stderr
+    unknown = run("check", "own.yaml", plugin=None)
+    assert unknown.returncode == 2
+    assert "'figure-eight' is not known; use one of: line, circle, racetrack" in unknown.stderr
+
+
+def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
+    # where it is widest it has a radius of 0.209 . 200 = 42 m; the slot 20 m outside flies 20 (1 + 20/42)
+    # = 29.6 m/s at 20/42 = 0.48 rad/s: atan(29.6 . 0.48 / 9.81) = 55 degrees; it is behind, too
+    refused = run("check", "circle-calm", "--set", "path={type: figure-eight, half_length_m: 200}")
+    assert refused.returncode == 2
+    assert "'f2' has to bank 5" in refused.stdout
+    assert "widen the path's turns" in refused.stdout
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ("{type: figure-eight, half_length_m: -3}", "-3 is too small; choose above 0"),
+        ("{type: figure-eight, half_lenght_m: 3}", "did you mean 'half_length_m'?"),
+        ("{type: figure-eight, centre: {north: 3}}", "did you mean 'north_m'?"),
+        ("{type: figure-nine}", "did you mean 'figure-eight'?"),
+        ("{half_length_m: 3}", "add one of: line, circle, racetrack, figure-eight"),
+    ],
+)
+def test_what_is_wrong_is_one_line(run: Run, fields: str, said: str) -> None:
+    refused = run("check", "circle-calm", "--set", f"path={fields}")
+    assert refused.returncode == 2
+    assert said in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1

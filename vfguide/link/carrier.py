@@ -1,0 +1,86 @@
+"""What carries a formation's messages: the contract of a link."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from random import Random
+from typing import Any, ClassVar
+from urllib.parse import SplitResult
+
+from vfguide.link.address import LinkAddress
+from vfguide.link.member import Member, Parcel
+from vfguide.link.presence import Presence
+from vfguide.link.status import LinkStatus
+from vfguide.registry import links
+
+link = links.register
+"""`@link("scheme")` makes a class known as the carrier of `--link scheme://...`."""
+
+
+class Carrier(ABC):
+    """Carries messages: by a broker, a network or a radio. All of it belongs to one event loop.
+
+    A message is bytes that are signed already. One that is lost is not sent again: the next state is better
+    than an old one. One that is forged, old or doubled is found out by the member that takes it.
+    """
+
+    name: ClassVar[str]
+    """The scheme of its addresses; set by `@link`."""
+
+    def __init__(
+        self,
+        address: Any,  # noqa: ANN401 - each carrier has addresses of its own
+        *,
+        formation: str,
+        member: Member,
+        presence: Presence,
+        random: Random,
+    ) -> None:
+        """Make one that carries nothing yet.
+
+        Args:
+            address: what `address_of` has found.
+            formation: name of the formation.
+            member: takes what arrives, and says how it is.
+            presence: what the member says about itself at first.
+            random: keeps members that lost the same peer from coming back in step.
+
+        Raises:
+            InputError: the address names a file that cannot be read.
+        """
+        del formation
+        self.address = address
+        """Where the others are."""
+        self.status = LinkStatus(str(address))
+        """Whether it stands."""
+        self._member = member
+        self._presence = presence
+        self._random = random
+
+    @classmethod
+    @abstractmethod
+    def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> LinkAddress:
+        """The address that a text names.
+
+        Args:
+            parts: of the text.
+            environment: with passwords, which lists of processes do not show.
+
+        Raises:
+            InputError: it names none; one line that says what would be right.
+        """
+
+    @abstractmethod
+    async def run(self) -> None:
+        """Carry until told to stop; what goes wrong shows in the status, and is tried again."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Let `run` end."""
+
+    @abstractmethod
+    def send(self, parcel: Parcel) -> None:
+        """Send a message once, without waiting."""
+
+    @abstractmethod
+    def announce(self, presence: Presence) -> None:
+        """Go on saying this about the member."""
