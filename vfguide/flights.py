@@ -1,18 +1,24 @@
 """Flying from Python: a mission in, a flight with its figures and its data as NumPy arrays out."""
 
-from collections.abc import Iterable, Mapping
+import asyncio
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from vfguide.bench.spread import executor_on, flown_by
 from vfguide.commands.fly import keep
+from vfguide.commands.fly_live import flown_live
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError
+from vfguide.errors import InputError, VfguideError
+from vfguide.export.columns import parts_of
 from vfguide.laws.base import Law
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
@@ -62,6 +68,35 @@ class Flight:
         """Where each follower's slot was, by name: `errors["f1"].distance_m` has N entries, m."""
         return {one.name: slot_error(self.record.leader, one) for one in self.record.followers}
 
+    def to_dataframe(self) -> Any:  # noqa: ANN401 - pandas has no types of its own
+        """All samples of all vehicles as a `pandas.DataFrame`: the columns of the CSV export, in degrees.
+
+        One row for each sample and vehicle, part by part of the time, the leader first.
+
+        Raises:
+            VfguideError: pandas is not installed.
+        """
+        try:
+            pandas = import_module("pandas")
+        except ImportError as error:
+            raise VfguideError("this needs pandas: pip install 'vfguide[lab]'") from error
+        return pandas.concat(
+            [
+                pandas.DataFrame(
+                    {
+                        "time_s": part.time_s,
+                        "vehicle": part.vehicle.name,
+                        "role": part.vehicle.role,
+                        **part.numbers,
+                        "mode": part.modes,
+                        "limited": part.limited,
+                    }
+                )
+                for part in parts_of(self.record)
+            ],
+            ignore_index=True,
+        )
+
     def report(self, directory: str | Path, *, force: bool = False) -> None:
         """Write summary, report, record and plots, as `vfguide fly --out` does.
 
@@ -79,6 +114,10 @@ class Flight:
             keep(self.flown, self.summary, partial)
 
 
+Metric = Callable[[Flight], float]
+"""A figure of one's own about a flight."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """One flight of a comparison."""
@@ -87,8 +126,25 @@ class Comparison:
     """By which followers kept their slots."""
     seed: int
     """Of everything random."""
+    settings: Mapping[str, object]
+    """What this flight had instead of the mission's fields."""
     summary: Summary
     """What the flight came to."""
+    metrics: Mapping[str, float]
+    """Figures of one's own, by the names of their functions."""
+
+    def row(self) -> dict[str, object]:
+        """The flight as one row of a table, such as of `pandas.DataFrame([one.row() for one in found])`."""
+        formation = self.summary.formation
+        figures = {
+            "mean_error_m": formation.mean_error_m,
+            "p95_error_m": formation.p95_error_m,
+            "max_error_m": formation.max_error_m,
+            "intended_error_m": formation.intended_error_m,
+            "settle_1m_s": formation.settle_1m_s,
+            "min_separation_m": formation.min_separation_m,
+        }
+        return {"law": self.law, "seed": self.seed, **self.settings, **figures, **self.metrics}
 
 
 def load_mission(file: str | Path) -> Mission:
@@ -109,8 +165,13 @@ def fly(
     rate_hz: float | None = None,
     seed: int | None = None,
     processes: int = 1,
+    live: bool = False,
+    links: Sequence[str] = (),
+    speedup: float = 1.0,
 ) -> Flight:
     """Fly a mission in virtual time; the same seed gives the same flight, to the last bit.
+
+    Or live: in real time, with a process for each program and real sockets between them.
 
     Args:
         mission: what to fly.
@@ -121,10 +182,17 @@ def fly(
         seed: of everything random instead of the mission's.
         processes: to spread the vehicles over. More than one imports the program that calls this again, whose
             own code then has to stand under `if __name__ == "__main__":`.
+        live: whether to fly in real time. Of a law given as a class its processes know only what is in a file
+            that `VFGUIDE_PLUGINS` names, or in an installed package.
+        links: of a live flight, such as "mqtt://host:1883"; an embedded broker if there are none.
+        speedup: of a live flight: simulation seconds for each real one, at most 100.
 
     Raises:
         InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
+        VfguideError: a live flight broke: a process has ended, or no link stands.
     """
+    if not 0.0 < speedup <= 100.0:
+        raise InputError(f"speedup: {speedup:g} is not above 0 and at most 100")
     overrides = Overrides(
         controller=None if law is None else name_of(law),
         settings=tuple((place_of(field), value) for field, value in (settings or {}).items()),
@@ -136,40 +204,66 @@ def fly(
     impossible = [str(one) for one in check_mission(changed) if one.severity == "error"]
     if impossible:
         raise InputError("\n".join(impossible))
-    return Flight(flown=lockstep.fly_lockstep(changed, processes=processes))
+    if not live:
+        return Flight(flown=lockstep.fly_lockstep(changed, processes=processes))
+    # In a thread of its own: a notebook has an event loop already.
+    with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:
+        flight = flown_live(changed, links, speedup=speedup, directory=Path(scratch))
+        return Flight(flown=thread.submit(asyncio.run, flight).result())
 
 
 def compare(
     mission: Mission,
     *,
-    laws: Iterable[str | type[Law]],
+    laws: Iterable[str | type[Law]] | None = None,
+    settings: Mapping[str, Iterable[object]] | None = None,
     seeds: Iterable[int] = (1,),
+    metrics: Iterable[Metric] = (),
     duration_s: float | None = None,
     processes: int = 1,
+    scheduler: str | None = None,
 ) -> list[Comparison]:
-    """Fly a mission by several laws, each with the same seeds.
+    """Fly a mission by several laws, with each combination of settings and seeds.
 
     Args:
         mission: what to fly.
-        laws: their names or classes.
-        seeds: of everything random, a flight each.
+        laws: their names or classes; the mission's own if absent.
+        settings: values of any fields, such as `{"controller.k_x": [0.2, 0.3]}`: a sweep.
+        seeds: of everything random.
+        metrics: functions of a flight that give a figure of one's own, under their names.
         duration_s: length of the flights, s, instead of the mission's.
-        processes: to spread the flights over; see `fly`.
+        processes: to spread the flights over. More than one imports the program that calls this again, whose
+            own code then has to stand under `if __name__ == "__main__":`; laws and metrics are functions and
+            classes of its top level then.
+        scheduler: of a Dask cluster to spread them over instead, such as "tcp://host:8786".
 
     Returns:
-        The flights, law by law, in the order of the seeds.
+        The flights, law by law, setting by setting, in the order of the seeds.
 
     Raises:
         InputError: as `fly`.
+        VfguideError: no Dask scheduler answers.
     """
-    names = [name_of(one) for one in laws]
+    fields = dict(settings or {})
+    own = tuple(metrics)
+    names = [mission.controller.type] if laws is None else [name_of(one) for one in laws]
+    chosen = [dict(zip(fields, values, strict=True)) for values in product(*fields.values())]
     tasks = [
-        {"mission": mission, "law": law, "seed": seed, "duration_s": duration_s}
-        for law, seed in product(names, seeds)
+        {
+            "fly": {
+                "mission": mission,
+                "law": law,
+                "settings": setting,
+                "seed": seed,
+                "duration_s": duration_s,
+            },
+            "metrics": own,
+        }
+        for law, setting, seed in product(names, chosen, tuple(seeds))
     ]
-    if processes == 1:
+    if processes == 1 and scheduler is None:
         return [fly_one(task) for task in tasks]
-    with executor_on(processes=processes) as executor:
+    with executor_on(scheduler, processes) as executor:
         return list(flown_by(executor, fly_one, tasks))
 
 
@@ -188,4 +282,11 @@ def name_of(law: str | type[Law]) -> str:
 
 def fly_one(task: Mapping[str, Any]) -> Comparison:
     """One flight of a comparison."""
-    return Comparison(law=task["law"], seed=task["seed"], summary=fly(**task).summary)
+    flight = fly(**task["fly"])
+    return Comparison(
+        law=task["fly"]["law"],
+        seed=task["fly"]["seed"],
+        settings=task["fly"]["settings"],
+        summary=flight.summary,
+        metrics={one.__name__: float(one(flight)) for one in task["metrics"]},
+    )

@@ -58,7 +58,7 @@ def fly_live(
         ):
             directory = kept or Path(scratch)
             flight = asyncio.run(
-                _fly(
+                flown_live(
                     mission,
                     links,
                     speedup=speedup,
@@ -71,17 +71,35 @@ def fly_live(
         return conclude(flight, kept, out=out, force=force, as_json=as_json)
 
 
-async def _fly(
+def show_nothing(time_s: float, rows: object) -> None:
+    """Show nothing of a flight while it is flown."""
+    del time_s, rows
+
+
+async def flown_live(
     mission: Mission,
     links: Sequence[str],
     *,
     speedup: float,
     directory: Path,
-    show: Show,
-    stop: Callable[[], bool],
-    tell: Callable[[str], None],
+    show: Show = show_nothing,
+    stop: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Flight:
-    """The flight itself, to its end or until told to stop."""
+    """The flight itself, to its end or until told to stop.
+
+    Args:
+        mission: the mission.
+        links: addresses of the formation's links; an embedded broker if there are none.
+        speedup: simulation seconds for each real one.
+        directory: for what its processes write.
+        show: called with the time and what is known of each vehicle.
+        stop: whether to end now.
+        tell: called with what a user should read.
+
+    Raises:
+        VfguideError: a process that should not has ended, or none of the links stands.
+    """
     async with AsyncExitStack() as stack:
         if not links:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))

@@ -64,11 +64,68 @@ def test_the_public_names_are_those_that_are_documented() -> None:
         vfguide.flee  # noqa: B018
 
 
-def test_the_example_runs_where_it_is_copied_to(tmp_path: Path) -> None:
-    for name in ("fly_in_python.py", "own_law.py"):
+def test_every_combination_of_settings_is_flown_and_is_a_row_of_a_table() -> None:
+    mission = vfguide.load_mission(MISSION)
+    swept = {"controller.k_x": [0.2, 0.4], "rehearsal.link_loss": [0.0, 0.5, 0.9]}
+    found = vfguide.compare(
+        mission, settings=swept, metrics=[flown_s, greatest_bank], duration_s=3.0
+    )
+    assert [tuple(one.settings.values()) for one in found] == [
+        (0.2, 0.0),
+        (0.2, 0.5),
+        (0.2, 0.9),
+        (0.4, 0.0),
+        (0.4, 0.5),
+        (0.4, 0.9),
+    ]
+    row = found[-1].row()
+    assert (row["law"], row["seed"], row["controller.k_x"]) == ("slot", 1, 0.4)
+    assert row["flown_s"] == 3.0
+    assert row["mean_error_m"] == found[-1].summary.formation.mean_error_m
+    assert found[0].metrics["greatest_bank"] != found[3].metrics["greatest_bank"]
+
+
+def flown_s(flight: vfguide.Flight) -> float:
+    return float(flight.time_s[-1])
+
+
+def greatest_bank(flight: vfguide.Flight) -> float:
+    return max(float(np.abs(flight.tracks[name].bank_rad).max()) for name in flight.errors)
+
+
+def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle() -> None:
+    flight = vfguide.fly(vfguide.load_mission(MISSION), duration_s=2.0)
+    frame = flight.to_dataframe()
+    assert len(frame) == 4 * 41
+    mine = frame[frame.vehicle == "f2"]
+    assert mine.north_m.to_numpy() == pytest.approx(flight.tracks["f2"].north_m)
+    assert mine.slot_distance_m.to_numpy() == pytest.approx(flight.errors["f2"].distance_m)
+    assert frame[frame.role == "leader"].slot_distance_m.isna().all()
+    assert set(frame["mode"]) <= set(flight.record.mode_names)
+
+
+def test_a_live_flight_is_flown_from_python_with_real_programs() -> None:
+    mission = vfguide.load_mission(MISSION)
+    flight = vfguide.fly(mission, live=True, speedup=2.0, duration_s=6.0)
+    assert (flight.summary.mode, list(flight.tracks)) == ("live", ["leader", "f1", "f2", "f3"])
+    assert flight.summary.duration_s == pytest.approx(6.0, abs=1.0)
+    with pytest.raises(InputError, match="speedup: 0 is not above 0"):
+        vfguide.fly(mission, live=True, speedup=0.0)
+
+
+@pytest.mark.parametrize(
+    ("example", "said"),
+    [
+        ("fly_in_python.py", "mean error over the last half: 0.0"),
+        ("own_metric.py", "slot: 0.0"),
+        ("sweep.py", "controller.k_x\tcontroller.k_y\tseed\tmean_error_m"),
+    ],
+)
+def test_the_examples_run_where_they_are_copied_to(tmp_path: Path, example: str, said: str) -> None:
+    for name in (example, "own_law.py"):
         shutil.copy(ROOT / "examples" / name, tmp_path)
     ran = subprocess.run(
-        [sys.executable, "fly_in_python.py", MISSION],
+        [sys.executable, example, MISSION],
         cwd=tmp_path,
         env={**os.environ, "VFGUIDE_PLUGINS": ""},
         capture_output=True,
@@ -77,5 +134,7 @@ def test_the_example_runs_where_it_is_copied_to(tmp_path: Path) -> None:
         check=False,
     )
     assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.startswith("mean error over the last half: 0.0")
-    assert "pursuit, seed 1: " in ran.stdout
+    assert ran.stdout.startswith(said)
+    # The last line is the last law, or the worst of all combinations.
+    last = {"fly_in_python.py": "pursuit, seed 1: ", "own_metric.py": "pid: ", "sweep.py": "0."}
+    assert ran.stdout.splitlines()[-1].startswith(last[example])
