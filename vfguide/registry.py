@@ -1,8 +1,8 @@
 """What can be added to vfguide from outside, found by its name.
 
-A law, a path or a link is known by being one of vfguide's own, by the entry point of an installed package, or
-by a file that the user names (`--plugin FILE`). A mission file only says a name: it never makes a file be
-loaded.
+A law, a path, a link or an autopilot is known by being one of vfguide's own, by the entry point of an
+installed package, or by a file that the user names (`--plugin FILE`). A mission file only says a name: it
+never makes a file be loaded.
 """
 
 import importlib
@@ -45,7 +45,7 @@ class Registry:
         """Decorator that makes a class known by a name.
 
         Raises:
-            InputError: another class has this name already.
+            InputError: another class has this name already, or what it has to define is missing.
         """
 
         def add(found: Kind) -> Kind:
@@ -55,6 +55,9 @@ class Registry:
                 raise InputError(
                     f"{name}: there is a {self._kind} of this name already; choose another"
                 )
+            missing = sorted(getattr(found, "__abstractmethods__", ()))
+            if missing:
+                raise InputError(f"the {self._kind} {name} has no {', '.join(missing)}; write it")
             found.name = name
             self._known[name] = found
             return found
@@ -127,9 +130,21 @@ links = Registry(
 )
 """What carries a formation's messages, by the scheme of its address."""
 
+autopilots = Registry(
+    "autopilot",
+    group="vfguide.autopilots",
+    own={
+        "auto": "vfguide.mavlink.detected",
+        "ardupilot": "vfguide.mavlink.ardupilot",
+        "px4": "vfguide.mavlink.px4",
+        "mavsdk": "vfguide.mavlink.px4",
+    },
+)
+"""How autopilots are spoken to."""
+
 
 def use_plugins(files: Sequence[Path]) -> None:
-    """Load files with laws, paths and links of one's own, here and in every process that this one starts.
+    """Load files with classes of one's own, here and in every process that this one starts.
 
     Raises:
         InputError: a file cannot be loaded.
@@ -170,6 +185,9 @@ def load_file(file: Path) -> None:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
+    except InputError as error:
+        del sys.modules[name]
+        raise InputError(f"--plugin {file}{line_in(error, file)}: {error}") from error
     except Exception as error:
         del sys.modules[name]
         place = line_in(error, file)

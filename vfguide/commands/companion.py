@@ -74,7 +74,7 @@ def run_companion(
         record=recording,
         signing_key=key,
         consent=FileStore(state or default_directory(), vehicle),
-        by_mavsdk=mission.vehicles[vehicle].autopilot == "mavsdk",
+        by_mavsdk=mission.vehicles[vehicle].by_mavsdk,
     )
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))

@@ -57,7 +57,7 @@ def identify(
     identification = Identification(
         plan, adapter_of(mission.vehicles[vehicle]), engage=engage, repeats=repeats
     )
-    by_mavsdk = mission.vehicles[vehicle].autopilot == "mavsdk"
+    by_mavsdk = mission.vehicles[vehicle].by_mavsdk
     introduction = Introduction(plan.system_id, plan.component_id)
     asyncio.run(
         flown(identification, address, Clock(rate=speedup), introduction, by_mavsdk=by_mavsdk)

@@ -1,7 +1,6 @@
 """From a mission file to what one companion has to know: radians, metres, and its own part only."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,27 +17,15 @@ from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.laws.base import Law
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
-from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.parameters import AutopilotResponse
-from vfguide.mavlink.px4 import Px4
 from vfguide.mission.controller import gains_of
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.quantity import Section
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
-from vfguide.registry import laws
+from vfguide.registry import autopilots, laws
 from vfguide.state import Airframe
-
-ADAPTERS: dict[str, Callable[[Vehicle], AutopilotAdapter]] = {
-    "auto": DetectedAutopilot,
-    "ardupilot": ArduPlane,
-    "px4": Px4,
-    # What MAVSDK carries are PX4's messages.
-    "mavsdk": Px4,
-}
-"""By what a mission calls an autopilot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +234,8 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
         lateral_acceleration=GRAVITY * math.tan(math.radians(vehicle.max_bank_deg)),
         px4_steering=vehicle.px4_steering,
     )
-    return ADAPTERS[vehicle.autopilot](address)
+    adapter: AutopilotAdapter = autopilots.find(vehicle.autopilot)(address)
+    return adapter
 
 
 def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:

@@ -1,1 +1,23 @@
-"""MAVLink, bytes in and bytes out: what autopilots report, and what they are told."""
+"""MAVLink, bytes in and bytes out: what autopilots report, and what they are told. docs/own-autopilot.md."""
+
+from vfguide.mavlink.adapter import (
+    AutopilotAdapter,
+    AutopilotSetpoint,
+    autopilot,
+    command_int,
+    command_long,
+    compass_degrees,
+    set_mode,
+    telemetry_at,
+)
+
+__all__ = [
+    "AutopilotAdapter",
+    "AutopilotSetpoint",
+    "autopilot",
+    "command_int",
+    "command_long",
+    "compass_degrees",
+    "set_mode",
+    "telemetry_at",
+]

@@ -1,17 +1,23 @@
 """What differs between autopilots, behind one interface; one file for each of them."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import ClassVar, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_course
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
+from vfguide.mavlink.recognition import other_autopilot
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
+from vfguide.registry import autopilots
 from vfguide.state import Hold
+
+autopilot = autopilots.register
+"""`@autopilot("name")` makes a class known as the adapter of `vehicles.*.autopilot: name`."""
 
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
@@ -42,62 +48,99 @@ HEALTH_US = 500_000
 """Between the autopilot's words of its own health: found bad within two seconds."""
 
 
-class AutopilotAdapter(Protocol):
+class AutopilotAdapter(ABC):
     """How one kind of autopilot wants to be spoken to.
 
-    Makes messages and sends none. It remembers what the autopilot is, and nothing of the flight.
+    Makes messages and sends none. It remembers what the autopilot is, and nothing of the flight. A subclass
+    with `@autopilot("name")` is known as `vehicles.*.autopilot: name`.
     """
+
+    name: ClassVar[str]
+    """What a mission calls it; set by `@autopilot`."""
+
+    number: ClassVar[int | None] = None
+    """MAV_AUTOPILOT of those that this adapter can speak to."""
+
+    by_mavsdk: ClassVar[bool] = False
+    """Whether MAVSDK keeps the connection."""
+
+    rehearsed_as: ClassVar[Literal["ardupilot", "px4"]] = "ardupilot"
+    """What flies the vehicle in a rehearsal."""
+
+    def __init__(self, vehicle: "Vehicle") -> None:
+        """Make one that has heard nothing of its autopilot.
+
+        Args:
+            vehicle: whom it speaks to.
+        """
+        self._vehicle = vehicle
 
     @property
     def is_ready(self) -> bool:
         """Whether enough is known of the autopilot to steer it; until then it is not engaged."""
+        return True
 
     @property
     def counts_ground_stations(self) -> bool:
         """Whether only the silence of a ground station can tell the autopilot that a companion has died."""
+        return False
 
     @property
     def streams_before_engaging(self) -> bool:
         """Whether setpoints have to arrive before the autopilot lets itself be engaged."""
+        return False
 
     @property
     def holds_altitude(self) -> bool:
         """Whether `hold_altitude` can be obeyed; if not, the altitude of engaging is kept."""
+        return False
 
     @property
     def keep_alive_s(self) -> float:
         """Longest time between repetitions of setpoints that have not changed, s."""
+        return 0.5
 
     @property
     def parts_belong_together(self) -> bool:
         """Whether each course setpoint cancels the speed, so that neither may be sent without the other."""
+        return False
 
     @property
+    @abstractmethod
     def engaged_name(self) -> str:
         """What ground stations call the mode in which setpoints are obeyed."""
 
     @property
     def heartbeat_shows_flight(self) -> bool:
         """Whether a heartbeat of an armed vehicle is ACTIVE in the air only."""
+        return False
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters that `parameter_warnings` wants to know."""
+        return ()
 
     def recognise(self, autopilot: int) -> str | None:
         """None if this adapter can speak to this MAV_AUTOPILOT, or else what is wrong, in words."""
+        return None if self.number is None else other_autopilot(autopilot, self.number)
 
     def questions(self) -> list[MAVLink_message]:
         """What has to be asked before the autopilot can be steered; to be called once a second."""
+        return []
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
         """Take an answer of the autopilot; one sentence for the operator where it decides the steering."""
+        del report
+        return None
 
     def parameter_value(self, report: ParameterReport) -> float:
         """The value in a report, in the way in which this autopilot packs it."""
+        return report.value
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
         """How the vehicle answers by these parameters; nothing where this autopilot's do not tell."""
+        del parameters, needs
+        return AutopilotResponse()
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What in the autopilot's parameters does not fit the flight, one line each.
@@ -106,39 +149,56 @@ class AutopilotAdapter(Protocol):
             parameters: those of `parameters` that were answered; an autopilot may not know them all.
             needs: what the mission expects of the vehicle.
         """
+        del parameters, needs
+        return []
 
+    @abstractmethod
     def is_engaged(self, custom_mode: int) -> bool:
         """Whether the autopilot obeys setpoints in this mode."""
 
+    @abstractmethod
     def is_handed_back(self, custom_mode: int) -> bool:
         """Whether this is the mode that `hand_back` leads to."""
 
     def mode_name(self, custom_mode: int) -> str:
         """What ground stations call a mode."""
+        return f"mode {custom_mode}"
 
     def goes_home(self, custom_mode: int) -> bool:
         """Whether a vehicle in this mode returns or lands."""
+        del custom_mode
+        return False
 
     def denies_guided(self, report: CommandReport) -> bool:
         """Whether this answer says that the autopilot is not in its guided mode."""
+        del report
+        return False
 
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Ask for position and airspeed at this rate."""
+        return telemetry_at(self._vehicle, rate_hz)
 
+    @abstractmethod
     def engage(self) -> list[MAVLink_message]:
         """Enter the mode in which setpoints are obeyed."""
 
+    @abstractmethod
     def hand_back(self) -> list[MAVLink_message]:
         """Leave it for a loiter that the autopilot flies by itself."""
 
+    @abstractmethod
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """Hold a course over ground and a speed."""
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """What an autopilot that is not engaged has to hear so that it can be; it changes nothing."""
+        del setpoint
+        return []
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """Hold an altitude, m above mean sea level."""
+        del altitude_amsl
+        return []
 
 
 class Vehicle:

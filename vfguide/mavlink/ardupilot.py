@@ -6,8 +6,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.mavlink.adapter import (
+    AutopilotAdapter,
     AutopilotSetpoint,
     Vehicle,
+    autopilot,
     command_int,
     compass_degrees,
     set_mode,
@@ -15,8 +17,7 @@ from vfguide.mavlink.adapter import (
 )
 from vfguide.mavlink.arduplane_parameters import NAMES, arduplane_response, arduplane_warnings
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
-from vfguide.mavlink.recognition import other_autopilot
-from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
+from vfguide.mavlink.reports import CommandReport
 
 GUIDED = 15
 LOITER = 12
@@ -58,41 +59,22 @@ COURSE_OVER_GROUND = 0
 AIRSPEED, GROUND_SPEED = 0, 1
 
 
-class ArduPlane:
+@autopilot("ardupilot")
+class ArduPlane(AutopilotAdapter):
     """Adapter for ArduPlane."""
 
-    is_ready = True
-    counts_ground_stations = False
-    streams_before_engaging = False
+    number = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     holds_altitude = True
     keep_alive_s = 0.5
     """It holds commands for ever: repetitions are for those that were lost on the way."""
-    parts_belong_together = False
     engaged_name = "GUIDED"
     heartbeat_shows_flight = True
     parameters = NAMES
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         # ArduPlane itself denies a ground speed; the article's ideal hold takes one.
         self._speed_type = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
-
-    def recognise(self, autopilot: int) -> str | None:
-        """Anything but ArduPilot is another one."""
-        return other_autopilot(autopilot, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
-
-    def questions(self) -> list[MAVLink_message]:
-        """Nothing: every version is steered alike."""
-        return []
-
-    def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """Nothing depends on it."""
-        del report
-        return None
-
-    def parameter_value(self, report: ParameterReport) -> float:
-        """ArduPilot converts whole numbers to real ones."""
-        return report.value
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
         """By GUIDED_P, TECS_TIME_CONST and its limits."""
@@ -159,11 +141,6 @@ class ArduPlane:
                 vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, setpoint.speed
             ),
         ]
-
-    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """Nothing: GUIDED can be entered at any time."""
-        del setpoint
-        return []
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """GUIDED_CHANGE_ALTITUDE; a climb rate of 0 leaves it to the autopilot."""

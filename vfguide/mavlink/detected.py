@@ -1,34 +1,28 @@
 """An autopilot that tells by its heartbeat what it is: nothing is said to it before."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.mavlink.adapter import (
     AutopilotAdapter,
     AutopilotSetpoint,
     Vehicle,
+    autopilot,
     telemetry_at,
 )
-from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
-from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.recognition import autopilot_name
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
-
-ADAPTERS: dict[int, Callable[[Vehicle], AutopilotAdapter]] = {
-    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPlane,
-    mavlink.MAV_AUTOPILOT_PX4: Px4,
-}
-"""What can be spoken to, by MAV_AUTOPILOT."""
+from vfguide.registry import autopilots
 
 
-class DetectedAutopilot:
+@autopilot("auto")
+class DetectedAutopilot(AutopilotAdapter):
     """Adapter for whichever autopilot is heard first; it stays with that one."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         self._found: AutopilotAdapter | None = None
 
     @property
@@ -80,13 +74,12 @@ class DetectedAutopilot:
         """Settle on the first autopilot that can be spoken to."""
         if self._found is not None:
             return self._found.recognise(autopilot)
-        make = ADAPTERS.get(autopilot)
-        if make is None:
-            return (
-                f"the vehicle is {autopilot_name(autopilot)}, which is not spoken here: not steered"
-            )
-        self._found = make(self._vehicle)
-        return None
+        for name in autopilots.names():
+            adapter: type[AutopilotAdapter] = autopilots.find(name)
+            if adapter.number == autopilot:
+                self._found = adapter(self._vehicle)
+                return None
+        return f"the vehicle is {autopilot_name(autopilot)}, which is not spoken here: not steered"
 
     def questions(self) -> list[MAVLink_message]:
         """As the one that was found."""

@@ -29,9 +29,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.mavlink.adapter import (
+    AutopilotAdapter,
     AutopilotSetpoint,
     Px4Steering,
     Vehicle,
+    autopilot,
     command_long,
     set_mode,
     telemetry_at,
@@ -46,7 +48,6 @@ from vfguide.mavlink.px4_steering import (
     Steering,
     VelocityAlong,
 )
-from vfguide.mavlink.recognition import other_autopilot
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 
 STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
@@ -90,15 +91,18 @@ REFUSALS = 3
 """Of Guided Course in a row, once a second, before it is taken for a mode that this PX4 does not have."""
 
 
-class Px4:
+@autopilot("px4")
+class Px4(AutopilotAdapter):
     """Adapter for PX4."""
 
+    number = mavlink.MAV_AUTOPILOT_PX4
+    rehearsed_as = "px4"
     heartbeat_shows_flight = False
     """It is ACTIVE as soon as it is armed."""
     parameters = NAMES
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         self._steering: Steering | None = None
         self._tries = self._refusals = 0
         self._asked = False
@@ -141,10 +145,6 @@ class Px4:
         if self._steering is None:
             return "its guided mode"
         return self.mode_name(self._steering.main_mode << 16 | self._steering.sub_mode << 24)
-
-    def recognise(self, autopilot: int) -> str | None:
-        """Anything but PX4 is another one."""
-        return other_autopilot(autopilot, mavlink.MAV_AUTOPILOT_PX4)
 
     def questions(self) -> list[MAVLink_message]:
         """Its version, until it is known; one that does not tell it is steered as most can be."""
@@ -250,6 +250,13 @@ class Px4:
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """As it is steered."""
         return [] if self._steering is None else self._steering.hold_altitude(altitude_amsl)
+
+
+@autopilot("mavsdk")
+class Px4ByMavsdk(Px4):
+    """PX4 by way of MAVSDK, which carries PX4's messages."""
+
+    by_mavsdk = True
 
 
 def steering_of(version: VersionReport) -> Px4Steering:

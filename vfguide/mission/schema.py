@@ -4,7 +4,7 @@ import json
 
 from vfguide.mission.flight_path import shape_model
 from vfguide.mission.model import Mission
-from vfguide.registry import laws, paths
+from vfguide.registry import autopilots, laws, paths
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
@@ -25,6 +25,7 @@ def mission_schema() -> dict[str, object]:
         schema["$defs"][gains["title"]] = gains
         group = f"Gains of `{name}`, for when the mission is flown by it."
         controller[name] = {"$ref": f"#/$defs/{gains['title']}", "description": group}
+    schema["$defs"]["Vehicle"]["properties"]["autopilot"]["enum"] = list(autopilots.own)
     del schema["$defs"]["PathShape"]
     mapping = {}
     for name in paths.own:

@@ -3,10 +3,11 @@
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
 from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed, Switch
+from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 
 
@@ -17,6 +18,13 @@ def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
         message = "the lowest airspeed comes first and must be below the highest"
         raise PydanticCustomError(kind, message)
     return airspeed_range
+
+
+def _known_autopilot(name: str) -> str:
+    if name not in autopilots:
+        names = " or ".join(f"'{one}'" for one in autopilots.names())
+        raise PydanticKnownError("literal_error", {"expected": names})
+    return name
 
 
 EngageMode = Literal["LOITER", "CRUISE", "FBWB", "TAKEOFF", "HOLD", "POSITION", "ALTITUDE"]
@@ -34,7 +42,7 @@ class Vehicle(Section):
     component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
     """MAVLink component id of its autopilot."""
 
-    autopilot: Literal["auto", "ardupilot", "px4", "mavsdk"] = "ardupilot"
+    autopilot: Annotated[str, AfterValidator(_known_autopilot)] = "ardupilot"
     """Which autopilot flies it; decides how setpoints and modes are spoken. `auto` finds out from its
     heartbeat, `mavsdk` is PX4 spoken to by way of MAVSDK."""
 
@@ -93,4 +101,10 @@ class Vehicle(Section):
     @property
     def emulated_autopilot(self) -> Literal["ardupilot", "px4"]:
         """What flies it in a rehearsal."""
-        return "px4" if self.autopilot in {"px4", "mavsdk"} else "ardupilot"
+        flown: Literal["ardupilot", "px4"] = autopilots.find(self.autopilot).rehearsed_as
+        return flown
+
+    @property
+    def by_mavsdk(self) -> bool:
+        """Whether MAVSDK keeps the connection to it."""
+        return bool(autopilots.find(self.autopilot).by_mavsdk)
