@@ -6,6 +6,7 @@ from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.faults import Fault
+from sitl_stub.plants import AirPlant, AirRates, AirState, Plant, options_of, plant, plant_of
 from sitl_stub.signing import Signing
 from sitl_stub.truth import Truth
 from sitl_stub.turbulence import TurbulenceField, low_altitude_intensity
@@ -13,6 +14,9 @@ from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
 
 __all__ = [
     "Air",
+    "AirPlant",
+    "AirRates",
+    "AirState",
     "ArticleWind",
     "Autopilot",
     "AutopilotConfig",
@@ -20,6 +24,7 @@ __all__ = [
     "CalmWind",
     "DiscreteGust",
     "Fault",
+    "Plant",
     "PlantParameters",
     "Shear",
     "Signing",
@@ -29,4 +34,7 @@ __all__ = [
     "Wind",
     "air_of",
     "low_altitude_intensity",
+    "options_of",
+    "plant",
+    "plant_of",
 ]

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-PlantKind = Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"]
+from sitl_stub.plant_names import PLANTS
+
 SpeedResponse = Literal["first-order", "tecs", "px4"]
 
 TECS_DEAD_TIME_S = 0.5
@@ -18,8 +19,11 @@ MAX_DEAD_TIME_S = 10.0
 class PlantParameters:
     """One aircraft with its inner loops."""
 
-    kind: PlantKind = "heading-hold"
-    """Which model flies: see `plant`; for `bank` and `npfg`, `lagging_plant`; for `six-dof`, `six_dof`."""
+    kind: str = "heading-hold"
+    """Which model flies: see `plants`."""
+
+    options: tuple[tuple[str, float], ...] = ()
+    """Numbers of a model of one's own, by name."""
 
     alpha_1_s: float = 1.2
     """Gain of the course or heading hold: 1 / time constant."""
@@ -86,13 +90,6 @@ class PlantParameters:
         """Whether roll or speed have a state of their own: see `lagging_plant`."""
         return self.rolls or self.speed_response != "first-order"
 
-    @property
-    def steps_as(self) -> Literal["ideal", "lagging", "six-dof"]:
-        """Which integration it needs."""
-        if self.kind == "six-dof":
-            return "six-dof"
-        return "lagging" if self.lags else "ideal"
-
     def __post_init__(self) -> None:
         """Refuse an aircraft that cannot fly.
 
@@ -127,9 +124,10 @@ class PlantParameters:
             raise ValueError(f"max_bank_rad must be in (0, pi/2), not {self.max_bank_rad!r}")
 
     def _check_models(self) -> None:
-        for name, known in (("kind", PlantKind), ("speed_response", SpeedResponse)):
-            if getattr(self, name) not in get_args(known):
-                wanted = ", ".join(get_args(known))
+        choices = {"kind": tuple(PLANTS), "speed_response": get_args(SpeedResponse)}
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                wanted = ", ".join(known)
                 raise ValueError(f"{name} must be one of {wanted}, not {getattr(self, name)!r}")
         if self.kind == "course-hold" and self.lags:
             held = self.speed_response

@@ -5,12 +5,13 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Coroutine
+from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
 from sitl_stub.address import Address, AddressError
-from sitl_stub.aircraft import PlantKind, SpeedResponse
+from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.bad_link import Emulated
 from sitl_stub.fleet import (
     Aircraft,
@@ -69,13 +70,21 @@ def fly(
         str | None, option("Of px4, 1.14 to 1.18; default: the newest.", FLIES, "X.Y")
     ] = None,
     plant: Annotated[
-        PlantKind,
+        str,
         option(
             "heading-hold: first order, the wind drifts it; course-hold: the article's model; bank:"
-            " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body.",
+            " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body;"
+            " or one of --plugin.",
             FLIES,
+            "NAME",
         ),
     ] = "heading-hold",
+    plant_option: Annotated[
+        list[str] | None, option("A number of a plant of one's own.", FLIES, "NAME=VALUE")
+    ] = None,
+    plugin: Annotated[
+        list[Path] | None, option("A file of Python with a plant of one's own.", FLIES, "FILE")
+    ] = None,
     alpha: Annotated[float, option("Gain of the course or heading hold, 1/s.", FLIES, "A")] = 1.2,
     beta: Annotated[float, option("Gain of the speed hold, 1/s.", FLIES, "B")] = 0.8,
     speed_response: Annotated[
@@ -219,6 +228,8 @@ def fly(
                 airspeed_range=airspeed_range,
                 max_bank_deg=max_bank,
                 max_acceleration_m_s2=max_acceleration,
+                options=tuple(plant_option or ()),
+                plugins=tuple(plugin or ()),
             ),
             weather=Weather(
                 wind=wind,

@@ -3,17 +3,20 @@
 import math
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from sitl_stub.address import Address, parse_address
 from sitl_stub.air import LEAST_HEIGHT_M, Air, air_of
-from sitl_stub.aircraft import PlantKind, PlantParameters, SpeedResponse
+from sitl_stub.aircraft import PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.earth import moved
 from sitl_stub.faults import Fault
 from sitl_stub.options import OptionError, checked, parse_gust, parse_numbers, parse_wind
+from sitl_stub.plant_names import PLANTS
+from sitl_stub.plants import load_installed, load_plugins, options_of
 from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.signing import Signing, key_of
 from sitl_stub.turbulence import Turbulence
@@ -34,7 +37,7 @@ class Aircraft:
     """Whose manners they have."""
     autopilot_version: str | None
     """MAJOR.MINOR of them; None: the newest that is known."""
-    plant: PlantKind
+    plant: str
     """Which model flies."""
     alpha_1_s: float
     """Gain of the course or heading hold."""
@@ -58,6 +61,10 @@ class Aircraft:
     """Limit of the bank."""
     max_acceleration_m_s2: float
     """Limit of the rate of change of speed."""
+    options: tuple[str, ...] = ()
+    """NAME=VALUE of a plant of one's own."""
+    plugins: tuple[Path, ...] = ()
+    """Files with plants of one's own."""
 
     def parameters(self) -> PlantParameters:
         """The plant.
@@ -65,6 +72,13 @@ class Aircraft:
         Raises:
             ValueError: there is no such plant; the message is one line.
         """
+        try:
+            load_plugins(self.plugins)
+            load_installed()
+        except ValueError as error:
+            raise OptionError(f"--plugin {error}") from error
+        if self.plant not in PLANTS:
+            raise OptionError(f"--plant: {self.plant} is not one of {', '.join(PLANTS)}")
         slowest, fastest = parse_numbers("--airspeed-range", self.airspeed_range, "LO,HI")
         if not 0.0 < self.max_bank_deg < 90.0:
             raise OptionError(f"--max-bank: {self.max_bank_deg:g} is not between 0 and 90")
@@ -82,7 +96,21 @@ class Aircraft:
             speed_response=self.speed_response,
             course_dead_time_s=self.course_dead_time_s,
             speed_dead_time_s=self.speed_dead_time_s,
+            options=options_of(dict(map(parse_option, self.options))),
         )
+
+
+def parse_option(text: str) -> tuple[str, float]:
+    """NAME=VALUE as a name and a number.
+
+    Raises:
+        OptionError: it is no such thing.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

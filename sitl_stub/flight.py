@@ -8,13 +8,11 @@ from sitl_stub.air_data import AirData
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commanded import Commanded
 from sitl_stub.home import Home, ahead_of
-from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.modes import Mode
-from sitl_stub.motion import Motion, flying_motion, rolling_motion
+from sitl_stub.motion import Motion, rolling_motion
 from sitl_stub.orbit import Orbit, orbit_lead_rad
-from sitl_stub.plant import MAX_STEP_S, stepped
 from sitl_stub.plant_state import PlantState
-from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, six_dof_stepped
+from sitl_stub.plants import plant_of
 from sitl_stub.take_off import (
     REACHED_WITHIN_M,
     Navigation,
@@ -29,13 +27,6 @@ from sitl_stub.wind import Wind, followed_wind_m_s
 LEAST_AIRSPEED_M_S = 1.0
 GREATEST_BANK_DEG = 80.0
 """No parameter lets it fly slower or bank more: its turns would have no end."""
-
-STEPS = {
-    "ideal": (MAX_STEP_S, stepped),
-    "lagging": (MAX_LAGGING_STEP_S, lagging_stepped),
-    "six-dof": (MAX_SIX_DOF_STEP_S, six_dof_stepped),
-}
-"""Longest step (s) of the integration and the step itself, by what the plant is stepped as."""
 
 CIRCLE_BANK_RAD = math.radians(15.0)
 """Bank of a circle without a centre: 150 m of radius at 20 m/s."""
@@ -223,12 +214,12 @@ class Flight:
     def _motion_now(self) -> Motion:
         if self.on_ground:
             return rolling_motion(self.state, self.wind_m_s)
-        return flying_motion(self.plant, self.targets, self.state, self.wind_m_s)
+        return plant_of(self.plant).motion(self.targets, self.state, self.wind_m_s)
 
     def _integrate(self, to_us: int) -> None:
         """Integrate up to `to_us`, in equal steps no longer than the plant's longest."""
         start_s, span_s = self.time_us * 1e-6, (to_us - self.time_us) * 1e-6
-        longest_s, _ = STEPS[self.plant.steps_as]
+        longest_s = plant_of(self.plant).longest_step_s
         # A span a hair longer than n steps is still n steps.
         steps = math.ceil(span_s / longest_s - 1e-6)
         for index in range(steps):
@@ -242,9 +233,8 @@ class Flight:
             return
         if self._orbit is not None:
             self._steer_around(self._orbit)
-        _, step = STEPS[self.plant.steps_as]
-        self.state = step(
-            self.plant, self.targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
+        self.state = plant_of(self.plant).step(
+            self.targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
         )
         if self.phase == "climbing" and self._has_climbed():
             self.phase = "flying"

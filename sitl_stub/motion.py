@@ -46,14 +46,10 @@ class Motion(NamedTuple):
     """Of the coordinated turn, positive right."""
 
 
-def flying_motion(
+def ideal_motion(
     plant: PlantParameters, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]
 ) -> Motion:
-    """In the air."""
-    if plant.kind == "six-dof":
-        return _body_motion(state, wind_m_s)
-    if plant.lags:
-        return _lagging_motion(plant, targets, state, wind_m_s)
+    """In the air, of the plants of first order."""
     state = with_speed_kind(state, targets.speed.kind, wind_m_s)
     rates = RATES[plant.kind](plant, targets, state.direction_rad, state.speed_m_s, wind_m_s)
     north_m_s, east_m_s = rates.north_m_s, rates.east_m_s
@@ -74,9 +70,10 @@ def flying_motion(
     )
 
 
-def _lagging_motion(
+def lagging_motion(
     plant: PlantParameters, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]
 ) -> Motion:
+    """In the air, of the plants whose roll or speed lag."""
     rates = rates_of(plant, targets, state, wind_m_s)
     return Motion(
         rates.north_m_s,
@@ -91,7 +88,8 @@ def _lagging_motion(
     )
 
 
-def _body_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+def body_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+    """In the air, of the rigid body."""
     body = body_of(state, wind_m_s)
     rotation = body_to_ground(body)
     north_m_s, east_m_s, down_m_s = velocity_ned_m_s(body, rotation)

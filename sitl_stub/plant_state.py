@@ -37,5 +37,8 @@ class PlantState:
     speed_reference_m_s: float | None = None
     """What the `px4` speed hold holds now, on its way to what is commanded; None before its first step."""
 
+    memory: tuple[float, ...] = ()
+    """Of the loops of a plant of one's own; empty before its first step."""
+
     body: Body | None = None
     """Of the `six-dof` plant; None before its first step in the air."""

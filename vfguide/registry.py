@@ -143,6 +143,36 @@ autopilots = Registry(
 """How autopilots are spoken to."""
 
 
+class PlantNames:
+    """Names of the emulator's plants: a mission says one, and a companion imports no emulator.
+
+    What a file or a package has added is found where it was added.
+    """
+
+    own = ("course-hold", "heading-hold", "bank", "npfg", "six-dof")
+    """Those that the emulator has by itself."""
+
+    def names(self) -> tuple[str, ...]:
+        """All known names."""
+        load_plugins_of_the_environment()
+        emulator = sys.modules.get("sitl_stub.plant_names")
+        added = {*installed("sitl_stub.plants"), *getattr(emulator, "PLANTS", ())}
+        return (*self.own, *sorted(added - set(self.own)))
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a plant of this name."""
+        return name in self.own or name in self.names()
+
+
+plants = PlantNames()
+"""Aircraft that emulators fly."""
+
+
+def plugin_files() -> list[str]:
+    """The files that this process or the one that started it was told to use."""
+    return [*filter(None, os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep))]
+
+
 def use_plugins(files: Sequence[Path]) -> None:
     """Load files with classes of one's own, here and in every process that this one starts.
 
@@ -152,8 +182,7 @@ def use_plugins(files: Sequence[Path]) -> None:
     if not files:
         return
     paths = [str(file.resolve()) for file in files]
-    before = os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep)
-    os.environ[PLUGINS_VARIABLE] = os.pathsep.join(dict.fromkeys(filter(None, [*before, *paths])))
+    os.environ[PLUGINS_VARIABLE] = os.pathsep.join(dict.fromkeys([*plugin_files(), *paths]))
     load_plugins_of_the_environment()
 
 
@@ -163,7 +192,7 @@ def load_plugins_of_the_environment() -> None:
     Raises:
         InputError: a file cannot be loaded.
     """
-    for path in filter(None, os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep)):
+    for path in plugin_files():
         load_file(Path(path))
 
 

@@ -9,7 +9,6 @@ import typer
 from vfguide.commands.check import WRONG
 from vfguide.commands.overrides import (
     Overrides,
-    PlantName,
     SpeedResponseName,
     WindName,
     apply_overrides,
@@ -46,7 +45,12 @@ def fly(
     controller: Controller = None,
     settings: Settings = None,
     plant: Annotated[
-        PlantName | None, typer.Option(help="Instead of every vehicle's plant.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Instead of every vehicle's plant: course-hold, heading-hold, bank, npfg, six-dof, or one of"
+            " --plugin.",
+        ),
     ] = None,
     speed_response: Annotated[
         SpeedResponseName | None, typer.Option(help="Instead of the emulators' own.")

@@ -15,7 +15,6 @@ from vfguide.mission.finding import Finding
 from vfguide.mission.location import Location, dotted
 from vfguide.mission.model import Mission
 
-PlantName = Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"]
 SpeedResponseName = Literal["first-order", "tecs", "px4"]
 WindName = Literal["calm", "article"]
 
@@ -23,6 +22,7 @@ OPTIONS: dict[Location, str] = {
     ("rehearsal", "duration_s"): "--duration",
     ("rehearsal", "rate_hz"): "--rate",
     ("rehearsal", "seed"): "--seed",
+    ("rehearsal", "emulator", "plant"): "--plant",
 }
 """Fields that an option overrides, and that may be out of range."""
 
@@ -35,8 +35,8 @@ class Overrides:
     """Instead of `controller.type`."""
     settings: tuple[tuple[Location, object], ...] = ()
     """Values instead of those of any fields."""
-    plant: PlantName | None = None
-    """Instead of every vehicle's `plant`; `bank` is flown as `rehearsal.emulator.plant`."""
+    plant: str | None = None
+    """Instead of every vehicle's `plant`; all but the holds are flown as `rehearsal.emulator.plant`."""
     speed_response: SpeedResponseName | None = None
     """Instead of `rehearsal.emulator.speed_response`."""
     wind: WindName | None = None
@@ -94,7 +94,7 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
         put_law(content, overrides.controller, option="--controller")
     if overrides.plant is not None:
         # A companion takes the others for what they resemble: a hold of heading and airspeed.
-        banks = overrides.plant in {"bank", "npfg", "six-dof"}
+        banks = overrides.plant not in {"heading-hold", "course-hold"}
         hold = "heading-hold" if banks else overrides.plant
         for vehicle in content["vehicles"].values():
             vehicle["plant"] = hold

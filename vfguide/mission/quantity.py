@@ -4,9 +4,13 @@ Numbers are strict: text in quotes, yes/no values, NaN and infinities are not nu
 Units live in the field names (``_m``, ``_m_s``, ``_deg``, ``_s``).
 """
 
+from collections.abc import Callable
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import PydanticKnownError
+
+from vfguide.registry import PlantNames, Registry
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """Any finite number."""
@@ -51,6 +55,18 @@ VehicleName = Annotated[str, Field(pattern=VEHICLE_NAME)]
 
 MissionName = Annotated[str, Field(pattern=MISSION_NAME)]
 """What a mission is called: also the name of its record."""
+
+
+def known_in(registry: Registry | PlantNames) -> Callable[[str], str]:
+    """Validates a name: it is one of a registry's, or an error that lists those."""
+
+    def known(name: str) -> str:
+        if name not in registry:
+            names = " or ".join(f"'{one}'" for one in registry.names())
+            raise PydanticKnownError("literal_error", {"expected": names})
+        return name
+
+    return known
 
 
 class Section(BaseModel):

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from vfguide.mission.quantity import (
     Coordinate,
@@ -13,7 +13,9 @@ from vfguide.mission.quantity import (
     Positive,
     Section,
     WholeNumber,
+    known_in,
 )
+from vfguide.registry import plants
 
 
 class Gust(Section):
@@ -120,10 +122,14 @@ class Start(Section):
 class Emulator(Section):
     """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
 
-    plant: Literal["course-hold", "heading-hold", "bank", "npfg", "six-dof"] | None = None
+    plant: Annotated[str, AfterValidator(known_in(plants))] | None = None
     """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,
     as ArduPlane does it; `npfg`: lateral acceleration from it, as PX4 does; `six-dof`: a rigid body with
-    the Aerosonde's coefficients under attitude and energy loops, which flies 16 to 32 m/s."""
+    the Aerosonde's coefficients under attitude and energy loops, which flies 16 to 32 m/s; or one of one's
+    own (`--plugin`)."""
+
+    plant_options: dict[str, Number] = Field(default_factory=dict)
+    """Numbers of a plant of one's own, by their names."""
 
     guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
     """`bank`, `six-dof`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""

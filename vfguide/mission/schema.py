@@ -4,7 +4,7 @@ import json
 
 from vfguide.mission.flight_path import shape_model
 from vfguide.mission.model import Mission
-from vfguide.registry import autopilots, laws, paths
+from vfguide.registry import autopilots, laws, paths, plants
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
@@ -26,6 +26,8 @@ def mission_schema() -> dict[str, object]:
         group = f"Gains of `{name}`, for when the mission is flown by it."
         controller[name] = {"$ref": f"#/$defs/{gains['title']}", "description": group}
     schema["$defs"]["Vehicle"]["properties"]["autopilot"]["enum"] = list(autopilots.own)
+    plant = schema["$defs"]["Emulator"]["properties"]["plant"]["anyOf"]
+    plant[0]["enum"] = list(plants.own)
     del schema["$defs"]["PathShape"]
     mapping = {}
     for name in paths.own:

@@ -3,10 +3,18 @@
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
-from pydantic_core import PydanticCustomError, PydanticKnownError
+from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
-from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed, Switch
+from vfguide.mission.quantity import (
+    Duration,
+    Gain,
+    Number,
+    Section,
+    Speed,
+    Switch,
+    known_in,
+)
 from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 
@@ -18,13 +26,6 @@ def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
         message = "the lowest airspeed comes first and must be below the highest"
         raise PydanticCustomError(kind, message)
     return airspeed_range
-
-
-def _known_autopilot(name: str) -> str:
-    if name not in autopilots:
-        names = " or ".join(f"'{one}'" for one in autopilots.names())
-        raise PydanticKnownError("literal_error", {"expected": names})
-    return name
 
 
 EngageMode = Literal["LOITER", "CRUISE", "FBWB", "TAKEOFF", "HOLD", "POSITION", "ALTITUDE"]
@@ -42,7 +43,7 @@ class Vehicle(Section):
     component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
     """MAVLink component id of its autopilot."""
 
-    autopilot: Annotated[str, AfterValidator(_known_autopilot)] = "ardupilot"
+    autopilot: Annotated[str, AfterValidator(known_in(autopilots))] = "ardupilot"
     """Which autopilot flies it; decides how setpoints and modes are spoken. `auto` finds out from its
     heartbeat, `mavsdk` is PX4 spoken to by way of MAVSDK."""
 

@@ -4,9 +4,11 @@ import math
 
 import sitl_stub
 from vfguide.companion.plan import local_frame
+from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind, Wind
 from vfguide.mission.starts import StartState, follower_start, leader_start
+from vfguide.registry import load_plugins_of_the_environment
 
 
 def air_of(mission: Mission) -> sitl_stub.Air:
@@ -40,24 +42,35 @@ def wind_of(wind: Wind) -> sitl_stub.Wind:
 
 
 def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
-    """What really flies under this name."""
+    """What really flies under this name.
+
+    Raises:
+        InputError: the plant has no such options, or cannot be as the mission says.
+    """
+    load_plugins_of_the_environment()
     vehicle, emulator = mission.vehicles[name], mission.rehearsal.emulator
     lowest, highest = vehicle.airspeed_range_m_s
-    return sitl_stub.PlantParameters(
-        kind=emulator.plant or vehicle.plant,
-        alpha_1_s=vehicle.alpha_1_s,
-        beta_1_s=vehicle.beta_1_s,
-        airspeed_min_m_s=lowest,
-        airspeed_max_m_s=highest,
-        max_bank_rad=math.radians(vehicle.max_bank_deg),
-        max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
-        guided_p_cdeg_rad=emulator.guided_p,
-        roll_time_s=emulator.roll_time_s,
-        turn_efficiency=emulator.turn_efficiency,
-        speed_response=emulator.speed_response,
-        course_dead_time_s=emulator.course_dead_time_s,
-        speed_dead_time_s=emulator.speed_dead_time_s,
-    )
+    try:
+        parameters = sitl_stub.PlantParameters(
+            kind=emulator.plant or vehicle.plant,
+            alpha_1_s=vehicle.alpha_1_s,
+            beta_1_s=vehicle.beta_1_s,
+            airspeed_min_m_s=lowest,
+            airspeed_max_m_s=highest,
+            max_bank_rad=math.radians(vehicle.max_bank_deg),
+            max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
+            guided_p_cdeg_rad=emulator.guided_p,
+            roll_time_s=emulator.roll_time_s,
+            turn_efficiency=emulator.turn_efficiency,
+            speed_response=emulator.speed_response,
+            course_dead_time_s=emulator.course_dead_time_s,
+            speed_dead_time_s=emulator.speed_dead_time_s,
+            options=sitl_stub.options_of(emulator.plant_options),
+        )
+        sitl_stub.plant_of(parameters)
+    except ValueError as error:
+        raise InputError(f"rehearsal.emulator: {error}") from error
+    return parameters
 
 
 def emulator_of(

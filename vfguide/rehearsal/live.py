@@ -29,6 +29,7 @@ from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import guidance_files
+from vfguide.registry import plugin_files
 from vfguide.rehearsal.emulators import start_of
 from vfguide.rehearsal.judge import Judge
 from vfguide.rehearsal.processes import Process, free_port, python_module
@@ -117,6 +118,9 @@ def emulator_command(
         f"--gust={gust.at_s},{gust.for_s},{gust.north_m_s},{gust.east_m_s}"
         for gust in mission.wind.gusts
     ]
+    pairs += [f"--plant-option={name}={value!r}" for name, value in emulator.plant_options.items()]
+    # A law or a link among them does no harm there.
+    pairs += [f"--plugin={file}" for file in plugin_files()]
     if emulator.indicated_airspeed:
         pairs.append("--indicated-airspeed")
     return python_module("sitl_stub", *pairs, "--airborne")

@@ -6,7 +6,7 @@ import pytest
 
 from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub import aerosonde as craft
-from sitl_stub.motion import flying_motion
+from sitl_stub.motion import body_motion
 from sitl_stub.plant_state import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
@@ -139,12 +139,7 @@ def test_it_begins_trimmed_and_flies_on_level() -> None:
 
 def test_in_a_steady_wind_it_begins_with_its_airspeed() -> None:
     wind = SteadyWind(8.0, math.radians(90.0))
-    motion = flying_motion(
-        PLANT,
-        Targets(TurnTarget("course", 0.0), SpeedTarget("airspeed", 22.0), HeightTarget(500.0)),
-        START,
-        wind.at(0.0),
-    )
+    motion = body_motion(START, wind.at(0.0))
     assert motion.airspeed_m_s == pytest.approx(22.0)
     assert (motion.north_m_s, motion.east_m_s) == pytest.approx((22.0, 8.0), abs=0.01)
 

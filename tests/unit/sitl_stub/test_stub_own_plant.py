@@ -1,0 +1,136 @@
+"""A plant of one's own: it answers as its model says, in the air that carries it."""
+
+import math
+import runpy
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from sitl_stub import (
+    AirPlant,
+    AirRates,
+    AirState,
+    PlantParameters,
+    SteadyWind,
+    options_of,
+    plant,
+    plant_of,
+)
+from sitl_stub.plant_state import PlantState
+from sitl_stub.plants import Plant, load_plugins
+from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "own_plant.py"
+START = PlantState(0.0, 20.0, "airspeed", 0.8, 0.1, 500.0)
+STEP_S = 0.025
+
+
+def measured(**options: float) -> Plant:
+    load_plugins([EXAMPLE])
+    return plant_of(PlantParameters(kind="measured", options=options_of(options)))
+
+
+def flown(
+    aircraft: Plant, targets: Targets, seconds: float, wind: SteadyWind | None = None
+) -> list[PlantState]:
+    state, states = START, []
+    for index in range(round(seconds / STEP_S)):
+        state = aircraft.step(
+            targets, state, wind or SteadyWind(0.0, 0.0), time_s=index * STEP_S, step_s=STEP_S
+        )
+        states.append(state)
+    return states
+
+
+def held(course: float = 0.0, speed: float = 20.0) -> Targets:
+    return Targets(
+        TurnTarget("course", course), SpeedTarget("airspeed", speed), HeightTarget(500.0)
+    )
+
+
+@pytest.mark.parametrize(("damping", "overshoot"), [(0.4, 0.254), (0.8, 0.0152)])
+def test_a_second_order_course_overshoots_by_its_damping(damping: float, overshoot: float) -> None:
+    # exp(-pi D / sqrt(1 - D²)): 0.254 and 0.0152 of a step of 0.1 rad
+    states = flown(measured(course_damping=damping), held(course=0.1), 12.0)
+    courses = [math.remainder(one.direction_rad, math.tau) for one in states]
+    assert max(courses) == pytest.approx(0.1 * (1.0 + overshoot), rel=0.01)
+    assert courses[-1] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn() -> None:
+    aircraft = measured()
+    states = flown(aircraft, held(course=3.0, speed=24.0), 15.0)
+    assert states[-1].speed_m_s == pytest.approx(24.0, abs=0.01)
+    # g tan(45 degrees) / 20 m/s = 0.49 rad/s at most
+    turns = [
+        math.remainder(b.direction_rad - a.direction_rad, math.tau) / STEP_S
+        for a, b in pairwise(states)
+    ]
+    assert 0.35 < max(turns) <= 0.4904
+
+
+def test_it_is_carried_by_the_wind_and_flies_the_course_through_it() -> None:
+    wind = SteadyWind(5.0, math.pi / 2.0)
+    aircraft = measured()
+    last = flown(aircraft, held(course=0.0), 20.0, wind)[-1]
+    motion = aircraft.motion(held(course=0.0), last, wind.at(0.0))
+    # the nose points asin(5/20) = 14.48 degrees into the wind, so that it flies north at sqrt(400 - 25) m/s
+    assert math.degrees(math.remainder(motion.heading_rad, math.tau)) == pytest.approx(
+        -14.48, abs=0.01
+    )
+    assert (motion.north_m_s, motion.east_m_s) == pytest.approx((19.365, 0.0), abs=0.01)
+
+
+def test_an_option_that_it_does_not_have_is_named_with_those_that_it_has() -> None:
+    with pytest.raises(ValueError, match="measured has no option damping; it has course_damping"):
+        measured(damping=0.3)
+    with pytest.raises(ValueError, match="option course_damping must be finite"):
+        measured(course_damping=math.nan)
+
+
+def test_what_leaves_something_out_or_takes_a_name_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "partly.py"
+    file.write_text(
+        "from sitl_stub import AirPlant, plant\n\n@plant('partly')\nclass Partly(AirPlant): pass\n"
+    )
+    with pytest.raises(ValueError, match=r"partly\.py: ValueError: the plant partly has no rates"):
+        load_plugins([file])
+    with pytest.raises(ValueError, match="there is no such file of Python"):
+        load_plugins([tmp_path / "absent.py"])
+    with pytest.raises(ValueError, match="bank: there is a plant of this name already"):
+        plant("bank")(Still)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drag:
+    drag_1_s: float = 0.1
+
+
+class Still(AirPlant):
+    """It answers nothing, and slows down."""
+
+    Options = Drag
+
+    def rates(self, targets: Targets, state: AirState) -> AirRates:
+        del targets
+        return AirRates(
+            turn_rate_rad_s=0.0, acceleration_m_s2=-self.options.drag_1_s * state.airspeed_m_s
+        )
+
+
+def test_a_plant_without_memory_needs_none_and_keeps_to_its_airspeed_range() -> None:
+    plant("still")(Still)
+    aircraft = plant_of(PlantParameters(kind="still", options=options_of({"drag_1_s": 0.5})))
+    states = flown(aircraft, held(), 5.0)
+    # 20 e^-0.5 = 12.13 m/s after a second; 12 m/s is the slowest that is flown
+    assert states[39].speed_m_s == pytest.approx(20.0 * math.exp(-0.5), abs=0.01)
+    assert states[-1].speed_m_s == 12.0
+
+
+def test_the_example_is_one_file_that_needs_nothing_of_vfguide() -> None:
+    assert "vfguide" not in "".join(
+        line for line in EXAMPLE.read_text().splitlines() if line.startswith(("import", "from"))
+    )
+    assert "Measured" in runpy.run_path(str(EXAMPLE))
