@@ -1,4 +1,4 @@
-"""Examples of a link, an autopilot and a plant of one's own in one live flight, from their author's directory."""
+"""Examples of a link, an autopilot and a plant of one's own in one live flight."""
 
 import json
 import os
