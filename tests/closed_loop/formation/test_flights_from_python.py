@@ -1,5 +1,6 @@
 """Flying from Python, as the documentation shows it."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -111,6 +112,30 @@ def test_a_live_flight_is_flown_from_python_with_real_programs() -> None:
     assert flight.summary.duration_s == pytest.approx(6.0, abs=1.0)
     with pytest.raises(InputError, match="speedup: 0 is not above 0"):
         vfguide.fly(mission, live=True, speedup=0.0)
+
+
+def test_the_notebook_prints_the_articles_table(tmp_path: Path) -> None:
+    cells = json.loads((ROOT / "examples" / "article_table.ipynb").read_text())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 40.0")
+    assert script.count("40.0") == 1
+    ran = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "VFGUIDE_PLUGINS": "", "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    rows = {line.split()[0]: line.split()[1:] for line in ran.stdout.splitlines()[1:]}
+    assert list(rows) == ["line-calm", "line-wind", "circle-calm", "circle-wind"]
+    for claimed, article, slot in (map(float, row) for row in rows.values()):
+        assert slot < 0.1 < claimed
+        assert slot < article + 0.1
+    # Round the circle, the article's slots move otherwise than a rigid formation's.
+    assert float(rows["circle-calm"][1]) > 1.0
 
 
 @pytest.mark.parametrize(
