@@ -6,7 +6,16 @@ from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.faults import Fault
-from sitl_stub.plants import AirPlant, AirRates, AirState, Plant, options_of, plant, plant_of
+from sitl_stub.plants import (
+    AirPlant,
+    AirRates,
+    AirState,
+    Plant,
+    load_installed,
+    options_of,
+    plant,
+    plant_of,
+)
 from sitl_stub.signing import Signing
 from sitl_stub.truth import Truth
 from sitl_stub.turbulence import TurbulenceField, low_altitude_intensity
@@ -33,6 +42,7 @@ __all__ = [
     "TurbulenceField",
     "Wind",
     "air_of",
+    "load_installed",
     "low_altitude_intensity",
     "options_of",
     "plant",

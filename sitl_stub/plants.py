@@ -92,12 +92,22 @@ def plant(name: str) -> Callable[[Kind], Kind]:
     """
 
     def add(found: Kind) -> Kind:
-        if name in PLANTS and PLANTS[name].__qualname__ != found.__qualname__:
+        known = PLANTS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (
+            found.__module__,
+            found.__qualname__,
+        ):
             raise ValueError(f"{name}: there is a plant of this name already; choose another")
+        if not issubclass(found, Plant) or not found.longest_step_s > 0.0:
+            raise ValueError(
+                f"{name}: this is no Plant with a longest step; derive it from AirPlant"
+            )
         missing = sorted(getattr(found, "__abstractmethods__", ()))
         if missing:
             raise ValueError(f"the plant {name} has no {', '.join(missing)}; write it")
         PLANTS[name] = found
+        # In a notebook a class may be written anew.
+        plant_of.cache_clear()
         return found
 
     return add
@@ -135,13 +145,18 @@ def load_plugins(files: Sequence[str | Path]) -> None:
         sys.modules[name] = module
         try:
             spec.loader.exec_module(module)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             del sys.modules[name]
-            raise ValueError(f"{file}: {type(error).__name__}: {error}; mend the file") from error
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ValueError(f"{file}: {reason}; mend the file") from error
 
 
 def load_installed() -> None:
-    """Load the plants that installed packages offer by the entry point `sitl_stub.plants`."""
+    """Load the plants that installed packages offer by the entry point `sitl_stub.plants`.
+
+    Raises:
+        Exception: whatever loading them does.
+    """
     for one in entry_points(group=GROUP):
         if one.name not in PLANTS:
             plant(one.name)(one.load())
@@ -300,6 +315,11 @@ class AirPlant(Plant):
         )
         speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
         memory = state.memory or self.memory
+        numbers = (rates.turn_rate_rad_s, rates.acceleration_m_s2, *rates.memory)
+        if len(rates.memory) != len(memory) or not all(map(math.isfinite, numbers)):
+            raise ValueError(
+                f"the plant {parameters.kind} gives rates that are not finite, or not {len(memory)} of memory"
+            )
         return PlantState(
             wrap_to_two_pi(state.direction_rad + span_s * rates.turn_rate_rad_s),
             max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)),

@@ -244,7 +244,12 @@ def compare(
         InputError: as `fly`.
         VfguideError: no Dask scheduler answers.
     """
-    fields = dict(settings or {})
+    fields = {
+        field: values if isinstance(values, list | tuple | range) else refused(field, values)
+        for field, values in (settings or {}).items()
+    }
+    if isinstance(laws, str) or not isinstance(seeds, Iterable):
+        raise InputError('laws and seeds are lists; write laws=["slot"], seeds=[1]')
     own = tuple(metrics)
     names = [mission.controller.type] if laws is None else [name_of(one) for one in laws]
     chosen = [dict(zip(fields, values, strict=True)) for values in product(*fields.values())]
@@ -265,6 +270,15 @@ def compare(
         return [fly_one(task) for task in tasks]
     with executor_on(scheduler, processes) as executor:
         return list(flown_by(executor, fly_one, tasks))
+
+
+def refused(field: str, values: object) -> Sequence[object]:
+    """Refuse a setting that is not a list of values.
+
+    Raises:
+        InputError: always.
+    """
+    raise InputError(f'settings of compare are lists of values; write {{"{field}": [{values!r}]}}')
 
 
 def name_of(law: str | type[Law]) -> str:

@@ -27,14 +27,18 @@ Kind = TypeVar("Kind", bound=type[Any])
 class Registry:
     """Classes of one kind by name."""
 
-    def __init__(self, kind: str, *, group: str, own: Mapping[str, str]) -> None:
+    def __init__(
+        self, kind: str, *, group: str, own: Mapping[str, str], has: Sequence[str] = ()
+    ) -> None:
         """Make a registry in which nothing is loaded yet.
 
         Args:
             kind: what the classes are, for messages, such as "law".
             group: the entry points of installed packages, such as "vfguide.laws".
             own: the module of each class that is part of vfguide, by name.
+            has: what every class has to have.
         """
+        self._has = has
         self._kind = kind
         self._group = group
         self.own = own
@@ -50,11 +54,14 @@ class Registry:
 
         def add(found: Kind) -> Kind:
             known = self._known.get(name)
-            taken = known is not None and known.__qualname__ != found.__qualname__
+            taken = known is not None and not same_class(known, found)
             if taken or self.own.get(name, found.__module__) != found.__module__:
                 raise InputError(
                     f"{name}: there is a {self._kind} of this name already; choose another"
                 )
+            for attribute in self._has:
+                if not hasattr(found, attribute):
+                    raise InputError(f"the {self._kind} {name} has no {attribute}; write it")
             missing = sorted(getattr(found, "__abstractmethods__", ()))
             if missing:
                 raise InputError(f"the {self._kind} {name} has no {', '.join(missing)}; write it")
@@ -87,7 +94,7 @@ class Registry:
         if name not in self._known:
             load_plugins_of_the_environment()
         if name not in self._known and name in installed(self._group):
-            self.register(name)(installed(self._group)[name].load())
+            self.register(name)(loaded(installed(self._group)[name]))
         if name not in self._known:
             names = ", ".join(self.names())
             raise InputError(f"{name}: there is no such {self._kind}; known are {names}")
@@ -100,9 +107,32 @@ def installed(group: str) -> dict[str, EntryPoint]:
     return {one.name: one for one in entry_points(group=group)}
 
 
+def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
+    """What an installed package offers.
+
+    Raises:
+        InputError: it cannot be loaded.
+    """
+    try:
+        return entry.load()
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(
+            f"{entry.name}: {entry.value} of an installed package cannot be loaded ({reason}); mend it"
+        ) from error
+
+
+def same_class(one: type[Any], other: type[Any]) -> bool:
+    """Whether this is the class of one file again: as in a notebook, or in a process that was started."""
+    running = {"__main__", "__mp_main__"}
+    same_file = one.__module__ == other.__module__ or {one.__module__, other.__module__} <= running
+    return same_file and one.__qualname__ == other.__qualname__
+
+
 laws = Registry(
     "law",
     group="vfguide.laws",
+    has=("Gains", "step"),
     own={
         "slot": "vfguide.laws.field",
         "article": "vfguide.laws.field",
@@ -115,6 +145,7 @@ laws = Registry(
 paths = Registry(
     "path",
     group="vfguide.paths",
+    has=("Shape", "of", "nearest", "at"),
     own={
         "line": "vfguide.paths.line",
         "circle": "vfguide.paths.circle",
@@ -126,6 +157,7 @@ paths = Registry(
 links = Registry(
     "link",
     group="vfguide.links",
+    has=("address_of", "run"),
     own={"mqtt": "vfguide.link.mqtt", "mqtts": "vfguide.link.mqtt", "udp": "vfguide.link.udp"},
 )
 """What carries a formation's messages, by the scheme of its address."""
@@ -133,6 +165,7 @@ links = Registry(
 autopilots = Registry(
     "autopilot",
     group="vfguide.autopilots",
+    has=("fly", "hand_back"),
     own={
         "auto": "vfguide.mavlink.detected",
         "ardupilot": "vfguide.mavlink.ardupilot",
@@ -217,10 +250,10 @@ def load_file(file: Path) -> None:
     except InputError as error:
         del sys.modules[name]
         raise InputError(f"--plugin {file}{line_in(error, file)}: {error}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         place = line_in(error, file)
-        reason = f"{type(error).__name__}: {error}"
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"--plugin {file}{place}: {reason}; mend the file") from error
 
 

@@ -86,7 +86,7 @@ Plugins = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE",
-        help="A file of Python with a law of your own; may be given several times.",
+        help="A file of Python with a law, path, link, autopilot or plant of your own; may be repeated.",
     ),
 ]
 

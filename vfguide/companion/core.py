@@ -23,6 +23,7 @@ from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode
+from vfguide.errors import described_error
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
@@ -58,6 +59,9 @@ read first has waited."""
 
 AWAKE_S = 1.0
 """For so long after a hang what waited in buffers arrives."""
+
+FAILURE_S = 10.0
+"""Between two texts that guidance fails."""
 
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
@@ -134,7 +138,7 @@ class Companion:
         self._asked_for_telemetry = False
         self._distance = math.inf
         self._housekeeping_time = -math.inf
-        self._altitude_time = -math.inf
+        self._altitude_time = self._failure_time = -math.inf
         self._altitude = plan.altitude_amsl
         self._setpoint: Setpoint[float] | None = None
         self._lyapunov = math.nan
@@ -335,9 +339,14 @@ class Companion:
             out.to_link += [] if state is None else [state]
             self._change_mode(now, out)
             return []
+        try:
+            step = self._role.step(fix, self._mode)
+        except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
+            # Without a step telemetry counts as lost: the vehicle is handed back soon.
+            self._tell_of_failure(error, now, out)
+            return []
         self._telemetry_time = now
         self._interval = fix.interval
-        step = self._role.step(fix, self._mode)
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
@@ -364,6 +373,16 @@ class Companion:
             ready = self._adapter.stay_ready(self._asked(setpoint, self._plan.altitude_amsl, fix))
             messages += self._stream.due(ready, now)
         return messages
+
+    def _tell_of_failure(self, error: Exception, now: float, out: Outgoing) -> None:
+        """Tell the pilot, now and then, that guidance has failed."""
+        if now - self._failure_time >= FAILURE_S:
+            self._failure_time = now
+            out.warn(
+                f"guidance fails ({described_error(error)}): take over; mend the law or the path",
+                now,
+            )
+        self._change_mode(now, out)
 
     def _asked(self, setpoint: Setpoint[float], altitude: float, fix: Fix) -> AutopilotSetpoint:
         """A setpoint as it is sent to the autopilot, with an altitude (m)."""

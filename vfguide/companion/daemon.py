@@ -7,6 +7,7 @@ import math
 import signal
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -19,6 +20,7 @@ from vfguide.companion.latency import Quantiles
 from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
@@ -111,6 +113,7 @@ class Daemon:
         self._response = Quantiles()
         self._leader_age = Quantiles()
         self._announced = -ANNOUNCE_S
+        self._failure: Exception | None = None
 
     async def run(self, stop: asyncio.Event) -> None:
         """Fly until told to stop; then hand back and close everything."""
@@ -140,18 +143,37 @@ class Daemon:
                     random=random,
                 )
             )
-            while not stop.is_set():
-                self._dispatch(self._companion.poll(self._clock.now()))
-                self._announce()
-                self._tell_of_record()
-                self._tell_of_links()
-                self._complain_of_others()
+            while not stop.is_set() and self._failure is None:
+                self._guarded(self._poll)
                 try:
                     async with asyncio.timeout(self._clock.real_seconds(POLL_S)):
                         await stop.wait()
                 except TimeoutError:
                     continue
-            await self._take_leave()
+            try:
+                await self._take_leave()
+            except Exception as error:  # noqa: BLE001 - as above
+                # What has failed may fail again; the autopilot's own fail-safe is for that.
+                self._failure = self._failure or error
+        if self._failure is not None:
+            raise VfguideError(
+                f"the companion has failed and handed back: {described_error(self._failure)}"
+            ) from self._failure
+
+    def _poll(self) -> None:
+        """What is done again and again."""
+        self._dispatch(self._companion.poll(self._clock.now()))
+        self._announce()
+        self._tell_of_record()
+        self._tell_of_links()
+        self._complain_of_others()
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        """Do something in flight; should it fail, hand back and end, instead of flying on without a step."""
+        try:
+            step()
+        except Exception as error:  # noqa: BLE001 - of whatever was loaded
+            self._failure = self._failure or error
 
     def _member(self, trust: Trust) -> Member:
         """This vehicle as the others hear it."""
@@ -178,6 +200,9 @@ class Daemon:
 
     def _take_mavlink(self, datagram: bytes) -> None:
         """One datagram in, one out, at once."""
+        self._guarded(lambda: self._answer(datagram))
+
+    def _answer(self, datagram: bytes) -> None:
         if not self._introduced:
             self._introduced = self._introduction.is_given_by(datagram)
         began = time.perf_counter()

@@ -33,6 +33,9 @@ AIRSPEED_OFF_M_S = 8.0
 WIND_CHANGE_M_S2 = 0.5
 """And by so much more for each second for which no airspeed was believed."""
 
+UNDERSPEED = 0.6
+"""Of the lowest airspeed: no fixed wing flies slower."""
+
 AIRSPEED_SHARE = 0.6
 """But never by more than this share of it: a blocked tube shows nothing at all."""
 
@@ -65,6 +68,7 @@ class AirspeedGate:
 
     def __init__(self, airframe: Airframe) -> None:
         self._fastest = OVERSPEED * airframe.airspeed_max
+        self._slowest = UNDERSPEED * airframe.airspeed_min
         self._good_time = self._bad_time = self._reported_time = -math.inf
         self._word: str | None = None
         self.counters: Counter[str] = Counter()
@@ -102,6 +106,9 @@ class AirspeedGate:
         if not 0.0 <= airspeed <= self._fastest:
             return f"an airspeed of {airspeed:.0f} m/s"
         if expected is None or not math.isfinite(self._good_time):
+            return None
+        if not self._slowest <= expected <= self._fastest:
+            # No aircraft flies like that: it is the known wind that is wrong.
             return None
         off = AIRSPEED_OFF_M_S + WIND_CHANGE_M_S2 * (now - self._good_time)
         if abs(airspeed - expected) > min(off, max(AIRSPEED_SHARE * expected, AIRSPEED_OFF_M_S)):

@@ -30,7 +30,7 @@ from vfguide.guidance.velocity_error import (
     velocity_error_at_first,
     with_right_velocity,
 )
-from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity, polar
+from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.reports import (
     AirspeedReport,
     EstimatorReport,
@@ -185,6 +185,9 @@ class OwnVehicle:
         """Take an airspeed report."""
         state = self._state
         expected = None if state is None else state.airspeed / self._calibration.scale
+        if self._gate.doubts:
+            # Nor is the wind known that false velocities led to.
+            expected = None
         if not self._airspeed_gate.passes(airspeed, expected, now):
             return
         self._airspeed = airspeed
@@ -407,15 +410,13 @@ class OwnVehicle:
         if heading is None:
             heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
         airspeed = self._calibration.scale * self._airspeed
-        if now - self._airspeed_time > AIRSPEED_FRESH_S:
-            airspeed = airspeed_for_ground_velocity(
-                math.hypot(velocity_north, velocity_east),
-                math.atan2(velocity_east, velocity_north),
-                wind_north,
-                wind_east,
-            )
+        blown = now - self._airspeed_time > AIRSPEED_FRESH_S
         if self._slips and self._calibration.is_settled:
             _, wind_north, wind_east, _ = self._calibration.estimate
+            blown = True
+        if blown:
+            # Heading and airspeed both by the wind that is known. With a measured heading an airspeed that
+            # comes from the wind would change the wind that it comes from, ever more where a compass is off.
             air_north, air_east = velocity_north - wind_north, velocity_east - wind_east
             heading, airspeed = math.atan2(air_east, air_north), math.hypot(air_north, air_east)
         return Sample(

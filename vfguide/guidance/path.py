@@ -3,6 +3,7 @@
 Nothing here or in the laws knows which kind of path it is. The paths themselves are in `vfguide.paths`.
 """
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, Self
@@ -85,5 +86,8 @@ class Path(ABC):
         """The path at a progress (m), of any number of rounds."""
 
     def outline(self, count: int) -> FloatArray:
-        """Values of the progress at which a closed path is looked at, m: to draw it, and for its turns."""
-        return np.linspace(0.0, self.length, count)
+        """Values of the progress at which the path is looked at, m: to draw a closed one, and for its turns.
+
+        One without end is looked at at its beginning, unless a subclass knows better.
+        """
+        return np.linspace(0.0, self.length, count) if math.isfinite(self.length) else np.zeros(1)

@@ -119,11 +119,25 @@ def aimed_error(
     """
     if integral_s <= 0.0:
         return error
-    share = turning_share(motion.turn_rate)
     growth = learning_growth(motion.turn_rate, integral_s)
-    ahead_rate, right_rate = learning_rate(error, integral_s)
+    ahead, right, ahead_rate, right_rate = sum_of(offset, motion)
+    ahead_growth, right_growth = learning_rate(error, integral_s)
+    return replace(
+        error,
+        along_track=error.along_track + clip(ahead, -GREATEST_M, GREATEST_M),
+        cross_track=error.cross_track + clip(right, -GREATEST_M, GREATEST_M),
+        along_track_rate=error.along_track_rate + growth * ahead_growth + ahead_rate,
+        cross_track_rate=error.cross_track_rate + growth * right_growth + right_rate,
+    )
+
+
+def sum_of(
+    offset: Offset[Number], motion: SlotMotion[Number]
+) -> tuple[Number, Number, Number, Number]:
+    """(ahead, right) of all parts together, m, and how they change as the slot turns, m/s."""
+    share = turning_share(motion.turn_rate)
     ahead, right = offset.ahead, offset.right
-    ahead_rate, right_rate = growth * ahead_rate, growth * right_rate
+    ahead_rate = right_rate = ahead * 0.0
     for multiple, one in zip(HARMONICS, offset.harmonics, strict=True):
         cosine, sine = share * cos(multiple * motion.course), share * sin(multiple * motion.course)
         turn_rate = multiple * motion.turn_rate
@@ -131,13 +145,7 @@ def aimed_error(
         right = right + one.right_cosine * cosine + one.right_sine * sine
         ahead_rate = ahead_rate + turn_rate * (one.ahead_sine * cosine - one.ahead_cosine * sine)
         right_rate = right_rate + turn_rate * (one.right_sine * cosine - one.right_cosine * sine)
-    return replace(
-        error,
-        along_track=error.along_track + clip(ahead, -GREATEST_M, GREATEST_M),
-        cross_track=error.cross_track + clip(right, -GREATEST_M, GREATEST_M),
-        along_track_rate=error.along_track_rate + ahead_rate,
-        cross_track_rate=error.cross_track_rate + right_rate,
-    )
+    return ahead, right, ahead_rate, right_rate
 
 
 def learned(
@@ -161,6 +169,11 @@ def learned(
     """
     ahead_rate, right_rate = learning_rate(error, integral_s)
     share = harmonic_share(motion.turn_rate, integral_s)
+    ahead, right, _, _ = sum_of(offset, motion)
+    # Beyond the bound of all parts together each of them would only wind up.
+    still = ahead * 0.0
+    ahead_rate = where((abs(ahead) >= GREATEST_M) & (ahead * ahead_rate > 0.0), still, ahead_rate)
+    right_rate = where((abs(right) >= GREATEST_M) & (right * right_rate > 0.0), still, right_rate)
 
     def grown(part: Number, rate: Number) -> Number:
         return where(held, part, clip(part + rate * period, -GREATEST_M, GREATEST_M))

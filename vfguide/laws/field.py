@@ -125,7 +125,7 @@ class SlotField(Law):
         if not self.gains.rate_feedforward:
             still = like(0.0, motion.speed)
             motion = replace(motion, turn_rate=still, acceleration=still)
-        aimed = aimed_error(view.error, memory, self.integral_s, motion)
+        aimed = aimed_error(view.error, memory, self.integral_s, view.motion)
         field = field_motion(motion, aimed, self.gains)
         layer = sliding.layer(view.period)
         course_rate = motion.turn_rate

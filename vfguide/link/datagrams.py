@@ -6,7 +6,6 @@ is done here: it is opened again after a fault or a silence, presences are repea
 
 import asyncio
 import math
-import os
 from abc import abstractmethod
 from collections import deque
 from contextlib import suppress
@@ -15,6 +14,7 @@ from random import Random
 from typing import Any
 
 from vfguide.backoff import retry_delay
+from vfguide.errors import described_error
 from vfguide.link.carrier import Carrier
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
@@ -76,8 +76,8 @@ class DatagramCarrier(Carrier):
         """Send a datagram to all, without waiting.
 
         Raises:
-            OSError: it cannot be sent. A BlockingIOError loses this datagram, after another one it is opened
-                again.
+            OSError: it cannot be sent. A BlockingIOError loses this datagram; after any other exception it is
+                opened again.
         """
 
     def arrived(self, data: bytes) -> None:
@@ -89,9 +89,9 @@ class DatagramCarrier(Carrier):
             if not self.status.connected:
                 self._up()
 
-    def broke(self, error: OSError) -> None:
-        """Note that hearing failed: it is opened again."""
-        self._broken = error.strerror or os.strerror(error.errno or 0)
+    def broke(self, error: Exception) -> None:
+        """Note that sending or hearing failed: it is opened again."""
+        self._broken = getattr(error, "strerror", None) or described_error(error)
         self._wake.set()
 
     async def run(self) -> None:
@@ -101,7 +101,9 @@ class DatagramCarrier(Carrier):
             try:
                 reason = await self._visit()
             except OSError as error:
-                reason = error.strerror or str(error)
+                reason = error.strerror or described_error(error)
+            except Exception as error:  # noqa: BLE001 - of a link of one's own
+                reason = described_error(error)
             if self._stop.is_set():
                 return
             heard = asyncio.get_running_loop().time() - self._heard_s < SILENCE_S + BEAT_S
@@ -180,6 +182,6 @@ class DatagramCarrier(Carrier):
             self.transmit(data)
         except BlockingIOError:
             self.status.counters["dropped: no room"] += 1
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - of a link of one's own
             self.status.counters["failed to send"] += 1
             self.broke(error)

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 from random import Random
 
+from vfguide.errors import described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.carrier import Carrier
 from vfguide.link.member import Member, Parcel
@@ -102,7 +103,10 @@ class Link:
 
     def _send(self, parcel: Parcel) -> None:
         for carrier in self.carriers:
-            carrier.send(parcel)
+            try:
+                carrier.send(parcel)
+            except Exception as error:  # noqa: BLE001 - of a link of one's own: the others go on
+                carrier.status.warn("failed to send", described_error(error))
 
 
 @asynccontextmanager
@@ -150,7 +154,9 @@ async def open_link(
         asking.cancel()
         for carrier in carriers:
             carrier.stop()
-        await asyncio.gather(*running)
+        for ended in await asyncio.gather(*running, return_exceptions=True):
+            if isinstance(ended, Exception):
+                carriers[0].status.warn("failed", described_error(ended))
         await asyncio.wait([asking])
         for carrier in carriers:
             carrier.status.close()

@@ -105,6 +105,7 @@ class UdpCarrier(DatagramCarrier):
         """Send to the group, or to each peer."""
         if self.opened is None:
             return
+        failed: list[OSError] = []
         for destination in self.address.destinations:
             try:
                 self.opened.sendto(data, destination)
@@ -113,6 +114,12 @@ class UdpCarrier(DatagramCarrier):
             except ConnectionRefusedError:
                 # Word from the computer of a peer whose companion does not run: no fault of the network.
                 self.status.counters["not taken by a peer"] += 1
+            except OSError as error:
+                failed.append(error)
+                self.status.counters["failed to send to a peer"] += 1
+        # While any of the others can be reached the network is there.
+        if len(failed) == len(self.address.destinations):
+            raise failed[-1]
 
     def _read(self) -> None:
         """Take what has arrived, some at a time."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vfguide.elementwise import FloatArray, hypot
+from vfguide.errors import InputError
 from vfguide.guidance.formation import Slot, slot_velocity
 from vfguide.guidance.wind_triangle import compose, ground_speed_on_course
 from vfguide.mission.flight_path import PathShape, path_of
@@ -66,6 +67,10 @@ def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -
     """Every course of the path with every wind."""
     path = path_of(shape)
     places = path.at(path.outline(PLACES))
+    if not (np.all(np.isfinite(places.course)) and np.all(np.isfinite(places.curvature))):
+        raise InputError(
+            f"path {shape.type}: its course or its curvature is not finite everywhere; mend at()"
+        )
     north, east = wind_samples(wind)
     return Conditions(
         np.repeat(places.course, north.size),

@@ -6,7 +6,7 @@ fields are in `vfguide.paths`.
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, ValidationError, create_model
@@ -39,14 +39,18 @@ class PathShape(Section):
         return shape_of, (self.model_dump(exclude_unset=True),)
 
 
-@cache
 def shape_model(name: str) -> type[PathShape]:
     """The fields that `path:` may hold for a kind of path.
 
     Raises:
         InputError: there is no such kind.
     """
-    shape: type[PathShape] = paths.find(name).Shape
+    return named_shape(name, paths.find(name).Shape)
+
+
+@cache
+def named_shape(name: str, shape: type[PathShape]) -> type[PathShape]:
+    """The fields of a shape, and a `type` of this name."""
     kind: Any = (Annotated[Literal[name], Field(description=f"`{name}`.")], ...)
     title = "".join(word.capitalize() for word in name.split("-"))
     return create_model(
@@ -82,8 +86,14 @@ def chosen_path(value: object) -> object:
 
 def path_of(shape: PathShape) -> Path:
     """The path of a mission as guidance sees it."""
-    path: Path = paths.find(shape.type).of(shape)
-    return path
+    kind: Any = paths.find(shape.type)
+    return made_path(kind, shape)
+
+
+@lru_cache(maxsize=8)
+def made_path(kind: type[Path], shape: PathShape) -> Path:
+    """A path of a kind; a curve takes a while to look at."""
+    return kind.of(shape)
 
 
 def shape_models() -> list[type[PathShape]]:

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from vfguide.elementwise import FloatArray, Number
-from vfguide.errors import InputError
+from vfguide.errors import InputError, described_error
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 
 SPACING_M = 1.0
@@ -25,7 +25,13 @@ TRACED_POINTS = 4
 """Points that are traced for each one that is kept."""
 
 COURSE_M = 100.0
-"""m: a branch that runs the other way counts as twice this further away."""
+"""m: a branch that runs the other way counts as twice this further away, on small curves as less."""
+
+CORNER_RAD = 0.5
+"""A greater turn from one point to the next is a corner: a radius of 2 m."""
+
+FARTHEST_M = 1e7
+"""A vehicle that is further away is taken to be so far."""
 
 CLOSED_M = 1e-3
 """m: between the beginning and the end of a curve that is closed."""
@@ -57,7 +63,7 @@ class Curve(Path):
         count = int(min(max(self._length / SPACING_M, FEWEST_POINTS), MOST_POINTS / TRACED_POINTS))
         self._spacing = self._length / count
         progress = np.linspace(0.0, self._length, count + 1)
-        points = np.column_stack(self.trace(shape, np.interp(progress, run, share)))
+        points = np.column_stack(self._traced(shape, np.interp(progress, run, share)))
         points[-1] = points[0]
         spline = CubicSpline(progress, points, bc_type="periodic")
         (north, east), (north_1, east_1) = points[:-1].T, spline(progress[:-1], 1).T
@@ -68,11 +74,37 @@ class Curve(Path):
         following, before = np.roll(self._curvature, -1), np.roll(self._curvature, 1)
         self._growth = (following - before) / (2.0 * self._spacing)
         self._places = cKDTree(points[:-1])
+        turns = np.abs(np.angle(np.exp(1j * np.diff(np.append(self._course, self._course[0])))))
+        if turns.max() > CORNER_RAD:
+            corner = int(turns.argmax())
+            raise InputError(
+                f"path {self.name}: it has a corner near north {north[corner]:.0f} m, east"
+                f" {east[corner]:.0f} m; round it off"
+            )
+        self._course_m = min(COURSE_M, self._length / (4.0 * math.pi))
         self._tree = cKDTree(self._key(north, east, self._course))
+
+    def _traced(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
+        """What the subclass traces.
+
+        Raises:
+            InputError: it fails, or gives something else than two arrays.
+        """
+        try:
+            north, east = (np.asarray(one, dtype=float) for one in self.trace(shape, share))
+        except Exception as error:
+            reason = described_error(error)
+            raise InputError(f"path {self.name}: trace() fails ({reason}); mend it") from error
+        if north.shape != share.shape or east.shape != share.shape:
+            raise InputError(
+                f"path {self.name}: trace() gives {north.shape} and {east.shape} for {share.shape}"
+                " shares; give a north and an east for each"
+            )
+        return north, east
 
     def _run(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
         """Distance along the curve at each share of it, m."""
-        north, east = self.trace(shape, share)
+        north, east = self._traced(shape, share)
         finite = bool(np.all(np.isfinite(north)) and np.all(np.isfinite(east)))
         run = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(north), np.diff(east)))])
         gap = math.hypot(north[-1] - north[0], east[-1] - east[0])
@@ -111,6 +143,7 @@ class Curve(Path):
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
         """The curve abeam of the vehicle, on the branch that it flies along."""
+        north, east = (np.clip(one, -FARTHEST_M, FARTHEST_M) for one in (north, east))
         tree = self._places if course is None else self._tree
         key = np.stack([north, east], axis=-1) if course is None else self._key(north, east, course)
         # From a place that is not a number to a result that is none.
@@ -147,10 +180,18 @@ class Curve(Path):
         error = (2.0 * right - bend * (along * along + right * right)) / (1.0 + distance)
         return run, error, turn
 
-    @staticmethod
-    def _key(north: Any, east: Any, course: Any) -> FloatArray:  # noqa: ANN401
+    def outline(self, count: int) -> FloatArray:
+        """Half of the places by the distance and half by the turn: the tightest bend is among them."""
+        bends = np.abs(self._curvature)
+        turned = np.concatenate([[0.0], np.cumsum(bends)]) / max(float(bends.sum()), 1e-9)
+        run = np.linspace(0.0, self._length, self._course.size + 1)
+        even = 0.5 * turned + 0.5 * run / self._length
+        places = np.interp(np.linspace(0.0, even[-1], count - 1), even, run)
+        return np.sort(np.append(places, self._spacing * float(bends.argmax())))
+
+    def _key(self, north: Any, east: Any, course: Any) -> FloatArray:  # noqa: ANN401
         """A place and a course as one vector, whose distances say how far two are from each other."""
-        ahead, aside = COURSE_M * np.cos(course), COURSE_M * np.sin(course)
+        ahead, aside = self._course_m * np.cos(course), self._course_m * np.sin(course)
         return np.stack([north, east, ahead, aside], axis=-1)
 
     def at(self, progress: Number) -> PathPlace[Number]:

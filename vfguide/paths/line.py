@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, Self
 
-import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vfguide.elementwise import FloatArray, Number, like
+from vfguide.elementwise import Number, like
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.mission import quantity
@@ -120,8 +119,3 @@ class Line(Path):
         still = progress * 0.0
         north, east = compose(progress, still, still + self.course)
         return PathPlace(self.north + north, self.east + east, still + self.course, still)
-
-    def outline(self, count: int) -> FloatArray:
-        """Its point: everywhere else it is as there."""
-        del count
-        return np.zeros(1)

@@ -48,6 +48,7 @@ def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
         InputError: the plant has no such options, or cannot be as the mission says.
     """
     load_plugins_of_the_environment()
+    sitl_stub.load_installed()
     vehicle, emulator = mission.vehicles[name], mission.rehearsal.emulator
     lowest, highest = vehicle.airspeed_range_m_s
     try:

@@ -1,6 +1,7 @@
 """Formations without a broker, and over several links at once, on real sockets."""
 
 import asyncio
+import errno
 import socket
 import struct
 import time
@@ -9,11 +10,13 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from itertools import count
 from random import Random
+from typing import Any
 
 import pytest
 
 from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
-from vfguide.link.address import parse_links
+from vfguide.link import udp
+from vfguide.link.address import UdpAddress, parse_links
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
@@ -21,6 +24,7 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
 from vfguide.link.watch import Watched, presences
+from vfguide.registry import links
 
 PATIENCE_S = 60.0
 
@@ -295,3 +299,62 @@ def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
             assert one.counters["failed to use"] == 0
 
     asyncio.run(scenario())
+
+
+def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    places = peers(LEADER, "f1")
+    (beyond,) = (one.replace("udp://", "udp://127.0.0.9:9,") for one in places[LEADER])
+    opened = udp.open_socket
+
+    class Picky:
+        """A socket from which one of the peers is unreachable."""
+
+        def __init__(self, real: socket.socket) -> None:
+            self._real = real
+
+        def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of the real one
+            return getattr(self._real, name)
+
+        def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
+            if destination[0] == "127.0.0.9":
+                raise OSError(errno.ENETUNREACH, "Network is unreachable")
+            return self._real.sendto(data, destination)
+
+    async def scenario() -> None:
+        ways = {LEADER: (beyond,), "f1": places["f1"]}
+        async with crew_of(LEADER, "f1", **ways) as (leader, follower):
+            await speak(leader, lambda: follower.heard)
+
+    monkeypatch.setattr(udp, "open_socket", lambda address: Picky(opened(address)))
+    asyncio.run(scenario())
+
+
+def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Broken(udp.UdpCarrier):
+        """Raises what no network does."""
+
+        def transmit(self, data: bytes) -> None:
+            raise ValueError(f"no\nradio for {len(data)} bytes")
+
+    links.register("broken")(Broken)
+
+    class Address(UdpAddress):
+        scheme = "broken"
+
+    async def scenario() -> None:
+        crew = Crew(LEADER)
+        address = Address(destinations=(("127.0.0.1", free_port()),), port=free_port())
+        async with open_link(
+            (address,), formation=FORMATION, member=crew.member, random=Random(3)
+        ) as link:
+            await until(lambda: not link.connected and link.detail)
+            link.publish(b"1")
+            assert "ValueError in test_udp_links.py" in link.detail
+            assert "no radio" in link.detail
+
+    asyncio.run(scenario())
+    assert "Traceback" not in caplog.text

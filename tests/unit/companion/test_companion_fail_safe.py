@@ -152,3 +152,22 @@ def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(
     north_m, _ = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # The leader is at 20 m/s times the time, f1's slot 20 m behind; 0.3 s of the leap are an ordinary link's.
     assert abs(20.0 * 30.0 - 20.0 - north_m) < 8.0
+
+
+def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(
+    flight: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = flight()
+    flown.run(DEAF_S)
+    assert flown.autopilot.truth().mode == "GUIDED"
+
+    def fails(*_: object) -> None:
+        raise ValueError("the path\nhas no course here")
+
+    monkeypatch.setattr(flown.companion._role, "step", fails)  # noqa: SLF001
+    flown.run(DEAF_S + 14.0)
+    assert flown.autopilot.truth().mode == "LOITER"
+    said = texts(flown, DEAF_S)
+    assert "guidance fails (ValueError in test_companion_fail_safe.py" in said[0]
+    assert "the path has no course here): take over; mend the law or the path" in said[0]
+    assert sum("guidance fails" in text for text in said) == 1

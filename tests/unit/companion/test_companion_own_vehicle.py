@@ -155,6 +155,50 @@ def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(
     assert old.state.airspeed == pytest.approx(12.0)
 
 
+def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
+    own: OwnVehicle, plan: MakePlan
+) -> None:
+    # Round a circle in calm air, the nose 40 degrees beside the course. By measured headings the airspeed,
+    # which came from the wind that came from it, grew to 107 m/s in a minute: seen of a PX4 in software.
+    north = east = 0.0
+    for number in range(1200):
+        time_s, course = 0.05 * number, 0.15 * 0.05 * number
+        latitude, longitude = plan().frame.to_geodetic(north, east)
+        velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
+        if number == 0:
+            own.note_airspeed(20.0, 40.0)
+        fix = own.take(
+            PositionReport(
+                boot_time_s=5.0 + time_s,
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl=588.0,
+                velocity_north=velocity[0],
+                velocity_east=velocity[1],
+                heading=course + (0.0 if number < 45 else 0.7),
+            ),
+            40.0 + time_s,
+        )
+        assert fix is not None
+        assert fix.state.airspeed < 25.0
+        # The ground velocity is the measured one all the same, a little late.
+        assert fix.state.ground_speed == pytest.approx(20.0, abs=0.5)
+        north += velocity[0] * 0.05
+        east += velocity[1] * 0.05
+
+
+def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(
+    own: OwnVehicle, report: MakeReport
+) -> None:
+    # Of (22, 3) m/s over ground a wind of (2, 3) leaves 20 m/s; of (6, 3) 4 m/s, which is no fixed wing's.
+    taken(own, report(5.0), now=42.0)
+    slow = replace(report(6.9), velocity_north=6.0)
+    for number in range(20):
+        own.take(replace(slow, boot_time_s=5.05 + 0.1 * number), 42.05 + 0.1 * number)
+    own.note_airspeed(20.0, 44.2)
+    assert own.counters["airspeed not believed"] == 0
+
+
 def test_an_unknown_heading_falls_back_on_the_wind(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(5.0), now=42.0)
     # Ground velocity (22, 3) without the wind of (2, 3) points north.

@@ -126,6 +126,16 @@ def test_all_parts_together_aim_no_farther_than_the_bound(parts: list[float]) ->
     assert max(abs(aimed.along_track), abs(aimed.cross_track)) <= GREATEST_M
 
 
+def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up() -> None:
+    one, other = no_offset(0.0).harmonics
+    full = replace(no_offset(0.0), ahead=4.0, harmonics=(replace(one, ahead_cosine=2.0), other))
+    turning = moving(course=0.0, turn_rate=40.0)
+    pushed = learned(full, off(0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    assert pushed == full
+    drawn_back = learned(full, off(-0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    assert drawn_back.ahead < full.ahead
+
+
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in() -> None:
     before = replace(no_offset(0.0), ahead=0.2, right=0.1)
     assert learned(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before

@@ -161,9 +161,65 @@ class Spiral(Curve):
         return shape * (1.0 + share) * np.cos(6.0 * share), shape * np.sin(6.0 * share)
 
 
+class Square(Curve):
+    """A square of 200 m, from the middle of a side, with corners."""
+
+    name = "square"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        corners = np.array([0.0, 0.125, 0.375, 0.625, 0.875, 1.0])
+        north = np.interp(share, corners, [1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
+        east = np.interp(share, corners, [0.0, 1.0, 1.0, -1.0, -1.0, 0.0])
+        return shape * north, shape * east
+
+
+class Failing(Curve):
+    """It cannot be traced."""
+
+    name = "failing"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return share / shape, share[int(shape) :]
+
+
+class Hippodrome(Curve):
+    """Legs of 3000 m, and half circles of 50 m of which a hundred even steps see next to nothing."""
+
+    name = "hippodrome"
+
+    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        track = Racetrack(north=0.0, east=0.0, course=0.0, leg=3000.0, radius=shape, direction=1)
+        place = track.at(share * track.length)
+        return place.north, place.east
+
+
+def test_the_tightest_bend_of_a_curve_is_looked_at_however_short_it_is() -> None:
+    path = Hippodrome(50.0)
+    seen = np.abs(path.at(path.outline(97)).curvature)
+    assert 1.0 / 50.0 <= seen.max() < 1.2 / 50.0
+    assert (seen > 0.5 / 50.0).sum() > 40
+
+
+def test_round_a_small_curve_a_vehicle_that_flies_the_wrong_way_is_beside_its_own_side() -> None:
+    point = Round(60.0).nearest(60.0, 0.0, math.radians(-90.0))
+    assert math.remainder(point.course - math.pi / 2.0, 2.0 * math.pi) == pytest.approx(0, abs=0.01)
+
+
+def test_a_place_beyond_all_bounds_raises_nothing() -> None:
+    for far in (1e12, 1e200, math.inf):
+        assert math.isfinite(EIGHT.nearest(far, 0.0, 0.0).course)
+
+
 @pytest.mark.parametrize(
     ("kind", "shape", "words"),
     [
+        (
+            Square,
+            100.0,
+            r"path square: it has a corner near north -?\d+ m, east -?\d+ m; round it off",
+        ),
+        (Failing, 3.0, r"trace\(\) gives \(100000,\) and \(99997,\) for \(100000,\) shares"),
+        (Failing, math.nan, r"trace\(\) fails \(ValueError in test_paths.py:\d+"),
         (Spiral, 100.0, "path spiral: the curve that it traces ends"),
         (Round, 0.0, "has no length"),
         (Eight, math.nan, "not finite"),
