@@ -332,7 +332,7 @@ def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
 
 
 def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
-    caplog: pytest.LogCaptureFixture,
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Broken(udp.UdpCarrier):
         """Raises what no network does."""
@@ -340,7 +340,7 @@ def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
         def transmit(self, data: bytes) -> None:
             raise ValueError(f"no\nradio for {len(data)} bytes")
 
-    links.register("broken")(Broken)
+    monkeypatch.setitem(links._known, "broken", Broken)  # noqa: SLF001
 
     class Address(UdpAddress):
         scheme = "broken"
