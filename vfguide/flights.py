@@ -9,6 +9,7 @@ from importlib import import_module
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event
 from typing import Any
 
 from vfguide.bench.spread import executor_on, flown_by
@@ -17,7 +18,7 @@ from vfguide.commands.fly_live import flown_live
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError, VfguideError
+from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.export.columns import parts_of
 from vfguide.laws.base import Law
 from vfguide.mission.feasibility import check_mission
@@ -191,6 +192,8 @@ def fly(
         InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
         VfguideError: a live flight broke: a process has ended, or no link stands.
     """
+    if not isinstance(mission, Mission):
+        raise InputError(f"{mission!r} is no mission; write vfguide.load_mission({mission!r})")
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"speedup: {speedup:g} is not above 0 and at most 100")
     overrides = Overrides(
@@ -207,9 +210,16 @@ def fly(
     if not live:
         return Flight(flown=lockstep.fly_lockstep(changed, processes=processes))
     # In a thread of its own: a notebook has an event loop already.
+    stopped = Event()
     with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:
-        flight = flown_live(changed, links, speedup=speedup, directory=Path(scratch))
-        return Flight(flown=thread.submit(asyncio.run, flight).result())
+        flight = flown_live(
+            changed, links, speedup=speedup, directory=Path(scratch), stop=stopped.is_set
+        )
+        try:
+            return Flight(flown=thread.submit(asyncio.run, flight).result())
+        finally:
+            # After Ctrl-C its processes would fly on to the end.
+            stopped.set()
 
 
 def compare(
@@ -250,6 +260,8 @@ def compare(
     }
     if isinstance(laws, str) or not isinstance(seeds, Iterable):
         raise InputError('laws and seeds are lists; write laws=["slot"], seeds=[1]')
+    if callable(metrics) or processes < 1:
+        raise InputError("metrics is a list of functions, and processes 1 or more")
     own = tuple(metrics)
     names = [mission.controller.type] if laws is None else [name_of(one) for one in laws]
     chosen = [dict(zip(fields, values, strict=True)) for values in product(*fields.values())]
@@ -302,5 +314,19 @@ def fly_one(task: Mapping[str, Any]) -> Comparison:
         seed=task["fly"]["seed"],
         settings=task["fly"]["settings"],
         summary=flight.summary,
-        metrics={one.__name__: float(one(flight)) for one in task["metrics"]},
+        metrics={one.__name__: measured(one, flight, task["fly"]) for one in task["metrics"]},
     )
+
+
+def measured(metric: Metric, flight: Flight, flown: Mapping[str, Any]) -> float:
+    """The figure that a metric gives.
+
+    Raises:
+        InputError: it fails, or gives no number; the message says of which flight.
+    """
+    try:
+        return float(metric(flight))
+    except Exception as error:
+        what = f"law {flown['law']}, seed {flown['seed']}, {dict(flown['settings'])}"
+        reason = described_error(error)
+        raise InputError(f"metric {metric.__name__} fails ({reason}) on {what}; mend it") from error

@@ -257,6 +257,16 @@ def load_file(file: Path) -> None:
         raise InputError(f"--plugin {file}{place}: {reason}; mend the file") from error
 
 
+def plugin_fault(error: BaseException) -> str | None:
+    """An exception of a file of one's own in one line; None where no such file led to it."""
+    for path in plugin_files():
+        place = line_in(error, Path(path))
+        if place:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            return f"--plugin {path}{place}: {reason}; mend the file"
+    return None
+
+
 def line_in(error: BaseException, file: Path) -> str:
     """`:LINE` of the last line of a file that led to an error, or nothing."""
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None

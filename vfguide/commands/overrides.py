@@ -1,6 +1,6 @@
 """A mission with what the command line says in the place of what the file says."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
@@ -61,10 +61,18 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
         chosen = {place: f"--set {dotted(place)}" for place, _ in overrides.settings}
         options = {**OPTIONS, **chosen}
         lines = (
-            f"{options.get(one.location, 'command line')}: {one.message}; {one.remedy}"
-            for one in explain(error)
+            f"{named(one.location, options)}: {one.message}; {one.remedy}" for one in explain(error)
         )
         raise InputError("\n".join(lines)) from error
+
+
+def named(location: Location, options: Mapping[Location, str]) -> str:
+    """The option that put a value at a place, or above it."""
+    for length in range(len(location), 0, -1):
+        if location[:length] in options:
+            rest = dotted(location[length:])
+            return f"{options[location[:length]]}" + (f", {rest}" if rest else "")
+    return "command line"
 
 
 def blamed(finding: Finding, overrides: Overrides) -> Finding:

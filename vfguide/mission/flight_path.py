@@ -6,6 +6,7 @@ fields are in `vfguide.paths`.
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, get_args
 
@@ -13,6 +14,7 @@ from pydantic import Field, ValidationError, create_model
 from pydantic_core import InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import ErrorType
 
+from vfguide.errors import InputError
 from vfguide.guidance.path import Path
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
@@ -97,8 +99,12 @@ def made_path(kind: type[Path], shape: PathShape) -> Path:
 
 
 def shape_models() -> list[type[PathShape]]:
-    """The fields of every known kind of path."""
-    return [shape_model(name) for name in paths.names()]
+    """The fields of every known kind of path; of those that cannot be loaded nothing is known."""
+    models = []
+    for name in paths.names():
+        with suppress(InputError):
+            models.append(shape_model(name))
+    return models
 
 
 def fault(kind: str, value: object, **context: str) -> ValidationError:

@@ -7,6 +7,7 @@ are the same as in one process.
 
 import multiprocessing
 import signal
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
+from vfguide.registry import plugin_fault
 from vfguide.rehearsal.aircraft import Aircraft, Instant, fly_window
 
 
@@ -139,9 +141,16 @@ def fly_squad(
     answers: Connection,
 ) -> None:
     """The far end: fly every window that comes, say what was published, at last send home what there is."""
-    squad = launch(mission, names, epoch_s)
-    # Without a near end there is nobody to fly for.
-    with suppress(EOFError, BrokenPipeError):
-        while (window := instants.recv()) is not None:
-            answers.send(fly_window(squad, window))
-        answers.send([outcome_of(aircraft) for aircraft in squad])
+    try:
+        squad = launch(mission, names, epoch_s)
+        # Without a near end there is nobody to fly for.
+        with suppress(EOFError, BrokenPipeError):
+            while (window := instants.recv()) is not None:
+                answers.send(fly_window(squad, window))
+            answers.send([outcome_of(aircraft) for aircraft in squad])
+    except Exception as error:
+        fault = plugin_fault(error)
+        if fault is None:
+            raise
+        sys.stderr.write(f"{fault}\n")
+        raise SystemExit(1) from error

@@ -86,6 +86,26 @@ def test_every_combination_of_settings_is_flown_and_is_a_row_of_a_table() -> Non
     assert found[0].metrics["greatest_bank"] != found[3].metrics["greatest_bank"]
 
 
+def raises(flight: vfguide.Flight) -> float:
+    raise KeyError(flight.summary.mission)
+
+
+def test_what_cannot_be_compared_is_one_line() -> None:
+    mission = vfguide.load_mission(MISSION)
+    with pytest.raises(InputError, match=r'settings of compare are lists of values; write \{"co'):
+        vfguide.compare(mission, settings={"controller.k_x": 0.3})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match="laws and seeds are lists"):
+        vfguide.compare(mission, laws="slot")
+    with pytest.raises(InputError, match="metrics is a list of functions"):
+        vfguide.compare(mission, metrics=raises)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"metric raises fails \(KeyError in .*law slot, seed 1"):
+        vfguide.compare(mission, metrics=[raises], duration_s=2.0)
+    with pytest.raises(
+        InputError, match=r"'circle-calm' is no mission; write vfguide\.load_mission"
+    ):
+        vfguide.fly("circle-calm")  # type: ignore[arg-type]
+
+
 def flown_s(flight: vfguide.Flight) -> float:
     return float(flight.time_s[-1])
 

@@ -73,6 +73,36 @@ def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
     assert "widen the path's turns" in refused.stdout
 
 
+RAISES = """
+from vfguide.paths import Path, PathPlace, PathShape, path
+
+@path("raising")
+class Raising(Path):
+    Shape = PathShape
+    length = 1000.0
+
+    @classmethod
+    def of(cls, shape):
+        return cls()
+
+    def nearest(self, north, east, course=None):
+        return 1.0 / 0.0
+
+    def at(self, progress):
+        return PathPlace(progress, progress, 0.0 * progress, 0.0 * progress)
+"""
+
+
+def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(
+    run: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "raising.py").write_text(RAISES)
+    refused = run("check", "line-calm", "--set", "path={type: raising}", plugin="raising.py")
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert line.endswith("raising.py:14: ZeroDivisionError: float division by zero; mend the file")
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
