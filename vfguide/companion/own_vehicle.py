@@ -186,7 +186,7 @@ class OwnVehicle:
         state = self._state
         expected = None if state is None else state.airspeed / self._calibration.scale
         if self._gate.doubts:
-            # Nor is the wind known that false velocities led to.
+            # False velocities lead to a false wind.
             expected = None
         if not self._airspeed_gate.passes(airspeed, expected, now):
             return
