@@ -157,8 +157,8 @@ class Daemon:
                 self._failure = self._failure or error
         if self._failure is not None:
             raise VfguideError(
-                f"the companion has failed ({described_error(self._failure)}): see that the autopilot loiters,"
-                " or take over"
+                f"the companion has failed ({described_error(self._failure)}): see that the autopilot"
+                " loiters, or take over"
             ) from self._failure
 
     def _poll(self) -> None:
