@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
-
-from sitl_stub.plant_names import PLANTS
+from typing import Any, Literal, get_args
 
 SpeedResponse = Literal["first-order", "tecs", "px4"]
+
+PLANTS: dict[str, type[Any]] = {}
+"""Subclasses of `plants.Plant` by name; `plants` and files of one's own fill it."""
 
 TECS_DEAD_TIME_S = 0.5
 """From a new airspeed to the first change of speed, as measured on ArduPlane."""

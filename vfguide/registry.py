@@ -188,7 +188,7 @@ class PlantNames:
     def names(self) -> tuple[str, ...]:
         """All known names."""
         load_plugins_of_the_environment()
-        emulator = sys.modules.get("sitl_stub.plant_names")
+        emulator = sys.modules.get("sitl_stub.aircraft")
         added = {*installed("sitl_stub.plants"), *getattr(emulator, "PLANTS", ())}
         return (*self.own, *sorted(added - set(self.own)))
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -150,3 +151,25 @@ def flown(process: Command, tmp_path_factory: pytest.TempPathFactory) -> SimpleN
     directory = place / "out"
     outcome = process("fly", mission, "--json", "--out", directory)
     return SimpleNamespace(outcome=outcome, directory=directory)
+
+
+Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Elsewhere:
+    """Runs `python -m PROGRAM ...` in a directory that holds nothing but what a test puts there."""
+
+    def start(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
+        return subprocess.run(
+            [sys.executable, "-m", program, *map(str, arguments)],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+
+    return start

@@ -1,11 +1,9 @@
 """The example of a law of one's own, as its author uses it: by command line, from a directory of theirs."""
 
 import json
-import os
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,24 +16,15 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
+def run(tmp_path: Path, elsewhere: Run) -> Run:
     """Runs vfguide in a directory that holds nothing but the law."""
     shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
 
     def start(
         *arguments: str | Path, plugin: str | None = "own_law.py"
     ) -> subprocess.CompletedProcess[str]:
-        chosen = [] if plugin is None else ["--plugin", plugin]
-        environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
-        return subprocess.run(
-            [sys.executable, "-m", "vfguide", *map(str, arguments), *chosen],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
+        chosen = () if plugin is None else ("--plugin", plugin)
+        return elsewhere("vfguide", *arguments, *chosen)
 
     return start
 

@@ -1,10 +1,8 @@
 """The example of a plant of one's own, as its author uses it: by command line, from a directory of theirs."""
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,22 +14,10 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
+def run(tmp_path: Path, elsewhere: Run) -> Run:
     """Runs a program in a directory that holds nothing but the plant."""
     shutil.copy(ROOT / "examples" / "own_plant.py", tmp_path)
-
-    def start(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", program, *arguments],
-            cwd=tmp_path,
-            env={key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"},
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
-
-    return start
+    return elsewhere
 
 
 def test_a_mission_is_flown_by_it_and_its_numbers_count(run: Run, tmp_path: Path) -> None:

@@ -1,0 +1,53 @@
+"""Three laws in gusts: how near, how calm, and how often at a limit. The table of docs/accuracy.md.
+
+Run with `.venv/bin/python tests/benchmarks/gusts.py [LAW ...]`; a minute and more for each flight.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import vfguide
+
+MISSION = Path(__file__).parents[2] / "missions" / "aerosonde-gusts.yaml"
+LAWS = ("pid", "slot", "mpc")
+SEEDS = (1, 2, 3, 4)
+
+
+def roll_rate_rad_s(flight: vfguide.Flight, name: str) -> float:
+    """Root mean square of a roll rate over the last half of the flight."""
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    bank, time_s = flight.tracks[name].bank_rad[settled], flight.time_s[settled]
+    return float(np.sqrt(np.mean(np.gradient(bank, time_s) ** 2)))
+
+
+def roll_share(flight: vfguide.Flight) -> float:
+    """Roll rate of the followers in parts of their leader's."""
+    squares = [roll_rate_rad_s(flight, name) ** 2 for name in flight.errors]
+    return float(np.sqrt(np.mean(squares))) / roll_rate_rad_s(flight, next(iter(flight.tracks)))
+
+
+def limited_share(flight: vfguide.Flight) -> float:
+    """Share of the followers' setpoints that a limit cut, over the last half of the flight."""
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    return float(np.mean([flight.tracks[name].limited[settled].mean() for name in flight.errors]))
+
+
+def main() -> None:
+    """Fly and print."""
+    mission = vfguide.load_mission(MISSION)
+    metrics = [roll_share, limited_share]
+    for law in sys.argv[1:] or LAWS:
+        for one in vfguide.compare(mission, laws=[law], seeds=SEEDS, metrics=metrics):
+            formation = one.summary.formation
+            sys.stdout.write(
+                f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "
+                f"{formation.mean_error_m:.2f} m as they are, "
+                f"roll {one.metrics['roll_share']:.2f}, limited {one.metrics['limited_share']:.0%}\n"
+            )
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
