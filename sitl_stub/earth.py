@@ -22,7 +22,7 @@ def radii_m(latitude_rad: float) -> tuple[float, float]:
     return transverse_m * (1.0 - ECCENTRICITY_SQUARED) / shrink, transverse_m
 
 
-def moved(
+def displace(
     latitude_rad: float, longitude_rad: float, height_m: float, *, north_m: float, east_m: float
 ) -> tuple[float, float]:
     """Position after a short displacement: dlat = n / (M + h), dlon = e / ((N + h) cos lat).

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sitl_stub.earth import moved
+from sitl_stub.earth import displace
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Home:
 
 def ahead_of(home: Home, course_rad: float, distance_m: float) -> tuple[float, float]:
     """Latitude and longitude (rad) of the point at this distance on this course."""
-    return moved(
+    return displace(
         home.latitude_rad,
         home.longitude_rad,
         home.altitude_amsl_m,

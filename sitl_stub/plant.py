@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.earth import displace
 from sitl_stub.loops import acceleration_m_s2, climb_rate_m_s, turn_rate_rad_s
 from sitl_stub.plant_state import PlantState
 from sitl_stub.targets import SpeedKind, Targets
@@ -179,7 +179,7 @@ def stepped(
     climb_m_s = climb_rate_m_s(parameters, targets.height, state.altitude_amsl_m)
     middle_altitude_m = state.altitude_amsl_m + half_s * climb_m_s
     middle_climb_m_s = climb_rate_m_s(parameters, targets.height, middle_altitude_m)
-    latitude_rad, longitude_rad = moved(
+    latitude_rad, longitude_rad = displace(
         state.latitude_rad,
         state.longitude_rad,
         middle_altitude_m,

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, TypeVar
 
 from sitl_stub.aircraft import PLANTS, PlantParameters
 from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.earth import displace
 from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.loops import bank_of_rad, climb_rate_m_s
 from sitl_stub.motion import Motion, body_motion, ideal_motion, lagging_motion
@@ -305,7 +305,7 @@ class AirPlant(Plant):
         rates = self.rates(targets, seen)
         north, east = over_ground(seen, wind_m_s)
         climb_m_s = climb_rate_m_s(parameters, targets.height, at.altitude_amsl_m)
-        latitude, longitude = moved(
+        latitude, longitude = displace(
             state.latitude_rad,
             state.longitude_rad,
             state.altitude_amsl_m,

@@ -146,7 +146,7 @@ def reported(
     place = fleet.place
     if random is not None and conditions.position_noise_m > 0.0:
         shape = (2, *fleet.direction.shape)
-        place = fleet.ground.moved(
+        place = fleet.ground.advance(
             place, *(conditions.position_noise_m * random.standard_normal(shape))
         )
     velocity_north, velocity_east = moving.north, moving.east

@@ -35,7 +35,7 @@ class Ground(Protocol):
     def place(self, north: FloatArray, east: FloatArray) -> Place:
         """The place at a position in the local frame, m."""
 
-    def moved(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
+    def advance(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
         """A place some metres further."""
 
     def report(self, place: Place, *, rounded: bool) -> Report:
@@ -57,7 +57,7 @@ class Plane:
         """The position itself."""
         return north, east
 
-    def moved(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
+    def advance(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
         """Metres are metres."""
         return place[0] + north, place[1] + east
 
@@ -102,7 +102,7 @@ class Ellipsoid:
         latitude, longitude = np.vectorize(frame.to_geodetic)(north, east)
         return np.radians(latitude), np.radians(longitude)
 
-    def moved(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
+    def advance(self, place: Place, north: FloatArray, east: FloatArray) -> Place:
         """Dlat = n / (M + h), dlon = e / ((N + h) cos lat)."""
         latitude, longitude = place
         meridian, transverse = radii(latitude)

@@ -105,7 +105,7 @@ class Fleet:
             self.speed = self._flyable(self.direction, speed, self.wind.at(time_s + step_s))
         else:
             self.speed = np.clip(speed, self.airframe.airspeed_min, self.airframe.airspeed_max)
-        self.place = self.ground.moved(self.place, step_s * middle.north, step_s * middle.east)
+        self.place = self.ground.advance(self.place, step_s * middle.north, step_s * middle.east)
 
     def _motion(
         self, direction: FloatArray, speed: FloatArray, wind: tuple[FloatArray, FloatArray]

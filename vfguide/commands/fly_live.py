@@ -113,18 +113,20 @@ async def flown_live(
         )
         presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         before, flies, interrupted = flight.accounts(), False, False
-        while (now_s := flight.judge.time_s) < mission.rehearsal.duration_s and not interrupted:
+        while (
+            now_s := flight.truth_collector.time_s
+        ) < mission.rehearsal.duration_s and not interrupted:
             flight.check()
             if now_s >= 0.0 and not flies:
                 # What starting took is not what flying takes.
                 before, flies = flight.accounts(), True
-            seen = flight.judge.record(wall_s=0.0, only_now=True) if flies else None
+            seen = flight.truth_collector.record(wall_s=0.0, only_now=True) if flies else None
             show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
             await asyncio.sleep(LOOK_S)
             interrupted = stop()
         if interrupted:
             tell("stopping: the companions hand their vehicles back")
-        if not flies and flight.judge.time_s < 0.0:
+        if not flies and flight.truth_collector.time_s < 0.0:
             raise VfguideError("stopped before the aircraft were in the air: nothing was flown")
         wall_s = time.perf_counter() - began
         after = flight.accounts()

@@ -5,11 +5,11 @@ import math
 from collections import Counter
 
 from vfguide.companion.avoidance import Intent, KeepClear
-from vfguide.companion.motion_report import MotionReport
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
@@ -36,7 +36,7 @@ class LeaderRole:
         """
         self._plan = plan
         self._task = task
-        self._report = MotionReport(plan)
+        self._report = StatePublisher(plan)
         self._speed_estimate: float | None = None
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
@@ -46,31 +46,33 @@ class LeaderRole:
         """States of followers that were not used, by reason."""
         return self._traffic.counters
 
-    def step(self, fix: Fix, mode: Mode) -> RoleStep:
+    def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
-        if fix.moved:
+        if navigated.moved:
             self._speed_estimate = None
-        guidance = self._guidance(fix.state, self._plan.settings, fix.period)
+        guidance = self._guidance(navigated.state, self._plan.settings, navigated.period)
         setpoint = guidance.setpoint
-        if fix.foresight is not None:
+        if navigated.delay_compensator is not None:
             settings = course_settings(self._plan)
-            setpoint = fix.foresight.course_setpoint(
-                lambda ahead: self._guidance(ahead, settings, fix.period).setpoint
+            setpoint = navigated.delay_compensator.course_setpoint(
+                lambda ahead: self._guidance(ahead, settings, navigated.period).setpoint
             )
         self._speed_estimate = guidance.speed_estimate
-        motion = self._report.note(fix)
+        motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
         avoidance = self._keep_clear.step(
-            fix,
+            navigated,
             motion.turn_rate,
-            lambda: self._intent(fix.state, distance),
+            lambda: self._intent(navigated.state, distance),
             steered=mode.steers,
         )
         return RoleStep(
             setpoint=avoidance.setpoint or setpoint,
             distance=distance,
             lyapunov=math.nan,
-            publish=self._report.message(motion, fix, fix.state.time_s, steered=mode.steers),
+            publish=self._report.message(
+                motion, navigated, navigated.state.time_s, steered=mode.steers
+            ),
             climb_m=avoidance.climb_m,
         )
 

@@ -4,15 +4,15 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from vfguide.companion.supervisor import Patience
+from vfguide.companion.supervisor import Timeouts
 from vfguide.frames import LocalFrame
+from vfguide.guidance.bandwidth_limits import course_delay, limit_bandwidth
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.pace import course_delay, slowed
 from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.laws.base import Law
@@ -86,7 +86,7 @@ class FlightPlan:
     """Whether response and limits are the autopilot's to tell."""
     slips: bool
     """Whether the vehicle's nose leaves the direction of flight in turns."""
-    patience: Patience
+    timeouts: Timeouts
     """How long silences are borne."""
     engage_from: tuple[str, ...]
     """Modes of the autopilot out of which it may be engaged by itself, by name."""
@@ -138,7 +138,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
-        patience=Patience(**mission.patience.model_dump()),
+        timeouts=Timeouts(**mission.patience.model_dump()),
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
@@ -191,7 +191,7 @@ def course_settings(plan: FlightPlan) -> GuidanceSettings:
     """Settings of the leader's law for what goes out as a course, by how late that takes effect."""
     sliding = plan.settings.sliding
     delay = course_delay(sliding, plan.airframe, slips=plan.slips, period=1.0 / plan.rate_hz)
-    return replace(plan.settings, sliding=slowed(sliding, delay))
+    return replace(plan.settings, sliding=limit_bandwidth(sliding, delay))
 
 
 def local_frame(mission: Mission) -> LocalFrame:

@@ -7,7 +7,7 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.response import coordinated_turn_rate, followed
+from vfguide.guidance.response import coordinated_turn_rate, first_order_lag
 from vfguide.identification.samples import Samples, mean_told
 from vfguide.state import Airframe
 
@@ -66,12 +66,12 @@ def turned(
     if vehicle.lag <= 0.0:
         middle = direction + half * turn_rate(direction, target, vehicle)
         return direction + period * turn_rate(middle, target, vehicle), 0.0
-    rolled = followed(bank, bank_wanted(direction, target, vehicle), half, vehicle.lag)
+    rolled = first_order_lag(bank, bank_wanted(direction, target, vehicle), half, vehicle.lag)
     middle = direction + half * coordinated_turn_rate(0.5 * (bank + rolled), vehicle.speed)
     wanted = bank_wanted(middle, target, vehicle)
-    rolled = followed(bank, wanted, half, vehicle.lag)
+    rolled = first_order_lag(bank, wanted, half, vehicle.lag)
     direction += period * coordinated_turn_rate(rolled, vehicle.speed)
-    return direction, followed(bank, wanted, period, vehicle.lag)
+    return direction, first_order_lag(bank, wanted, period, vehicle.lag)
 
 
 def turn_rate(direction: float, target: float, vehicle: Turning) -> float:
@@ -111,8 +111,8 @@ def speed_response(samples: Samples, parameters: Parameters, airframe: Airframe)
         ahead = speed + 0.5 * period * acceleration if lag > 0.0 else speed
         wanted = min(max(beta * (target - ahead), -limit), limit)
         if lag > 0.0:
-            middle = followed(acceleration, wanted, 0.5 * period, lag)
-            acceleration = followed(acceleration, wanted, period, lag)
+            middle = first_order_lag(acceleration, wanted, 0.5 * period, lag)
+            acceleration = first_order_lag(acceleration, wanted, period, lag)
             speed += period * middle
         elif abs(wanted) < limit:
             speed = target + (speed - target) * math.exp(-beta * period)

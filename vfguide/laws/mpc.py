@@ -28,7 +28,7 @@ from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.limits import GRAVITY, ground_speed_range
-from vfguide.guidance.slot_integral import Offset, aimed_error, learned, no_offset
+from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section
@@ -311,7 +311,7 @@ class Mpc(Law):
     ) -> Offset[float]:
         """The offset a step later."""
         integral_s = self.gains.integral_s
-        return learned(
+        return update_offset(
             memory, view.error, integral_s, view.motion, period=view.period, held=limited
         )
 

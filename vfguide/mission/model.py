@@ -9,9 +9,9 @@ from pydantic_core import PydanticCustomError
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
-from vfguide.mission.patience import Patience
 from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
+from vfguide.mission.timeouts import Timeouts
 from vfguide.mission.vehicle import Vehicle
 
 SlotOffset = Annotated[Number, Field(ge=-10e3, le=10e3)]
@@ -94,7 +94,7 @@ class Mission(Section):
     ]
     """The guidance law and its gains."""
 
-    patience: Patience = Patience()
+    patience: Timeouts = Timeouts()
     """How long silences are borne."""
 
     wind: Wind = CalmWind(type="calm")

@@ -31,8 +31,8 @@ from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import guidance_files
 from vfguide.registry import plugin_files
 from vfguide.rehearsal.emulators import start_of
-from vfguide.rehearsal.judge import Judge
 from vfguide.rehearsal.processes import Process, free_port, python_module
+from vfguide.rehearsal.truth_collector import TruthCollector
 from vfguide.rehearsal.usage import Account, accounts_of
 
 LEAD_S = 3.0
@@ -151,7 +151,7 @@ class LiveFlight:
             speedup: simulation seconds for each real one.
         """
         self.mission = mission
-        self.judge = Judge(mission)
+        self.truth_collector = TruthCollector(mission)
         self.emulators: dict[str, Process] = {}
         self.companions: dict[str, Process] = {}
         self._directory = directory
@@ -266,7 +266,7 @@ class LiveFlight:
             if (process.exit_code or 0) > 0:
                 raise VfguideError(f"{process.name} has ended: {process.last_words()}")
         late = self.time_s / self._speedup > START_PATIENCE_S
-        if late and self.judge.time_s < 0.0:
+        if late and self.truth_collector.time_s < 0.0:
             raise VfguideError("no emulator has flown")
 
     def record(self, *, wall_s: float) -> FlightRecord:
@@ -281,7 +281,7 @@ class LiveFlight:
             )
             for name in self.names
         }
-        return self.judge.record(wall_s=wall_s, tracks=tracks)
+        return self.truth_collector.record(wall_s=wall_s, tracks=tracks)
 
 
 @asynccontextmanager
@@ -292,7 +292,7 @@ async def live_flight(
     flight = LiveFlight(mission, directory=directory, links=links, speedup=speedup)
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: flight.judge, local_addr=("127.0.0.1", 0)
+        lambda: flight.truth_collector, local_addr=("127.0.0.1", 0)
     )
     try:
         await flight.start(transport.get_extra_info("sockname")[1])

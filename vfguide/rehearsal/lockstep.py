@@ -14,7 +14,7 @@ from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.aircraft import Instant, fly_window
 from vfguide.rehearsal.exchange import WINDOWS, Exchange, window_length
 from vfguide.rehearsal.recorder import flight_record
-from vfguide.rehearsal.squad import Squad, launch, outcome_of
+from vfguide.rehearsal.worker_process import WorkerProcess, launch, outcome_of
 
 Progress = Callable[[float], None]
 """Called with the virtual time, at each step of the leader: followers fly it up to a window later."""
@@ -77,16 +77,16 @@ def fly_lockstep(
     times: list[float] = []
     interrupted = False
     with ExitStack() as stack:
-        squads = [
-            stack.enter_context(closing(Squad(mission, names[number::processes], epoch_s)))
+        workers = [
+            stack.enter_context(closing(WorkerProcess(mission, names[number::processes], epoch_s)))
             for number in range(1, processes)
         ]
         leader, *followers = launch(mission, names[::processes], epoch_s)
         exchange = Exchange()
         for window, due in enumerate(windows(mission)):
             if window >= WINDOWS:
-                for squad in squads:
-                    exchange.post(window - WINDOWS, squad.published())
+                for worker in workers:
+                    exchange.post(window - WINDOWS, worker.published())
             mail = exchange.collect(window)
             flown: list[Instant] = []
             for now in due:
@@ -98,14 +98,14 @@ def fly_lockstep(
                 times.append(now)
                 if progress is not None:
                     progress(now)
-            for squad in squads:
-                squad.pass_on(flown)
+            for worker in workers:
+                worker.pass_on(flown)
             exchange.post(window, fly_window(followers, flown))
             if interrupted:
                 break
         outcomes = [outcome_of(aircraft) for aircraft in (leader, *followers)]
-        for squad in squads:
-            outcomes += squad.land()
+        for worker in workers:
+            outcomes += worker.land()
     records = {outcome.name: outcome.record for outcome in outcomes}
     return Flight(
         record=flight_record(

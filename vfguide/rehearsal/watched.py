@@ -11,8 +11,8 @@ from vfguide.errors import VfguideError
 from vfguide.link.watch import Watched, presences
 from vfguide.mission.model import Mission
 from vfguide.record.latency import Latency, latency_of
-from vfguide.rehearsal.judge import Judge
 from vfguide.rehearsal.starting_signal import give_start
+from vfguide.rehearsal.truth_collector import TruthCollector
 
 LEAD_S = 5.0
 """Real time that emulators get to start before simulation time 0."""
@@ -36,7 +36,7 @@ class WatchedFlight:
             speedup: simulation seconds for each real one.
         """
         self.mission = mission
-        self.judge = Judge(mission)
+        self.truth_collector = TruthCollector(mission)
         self._watched = watched
         self._speedup = speedup
         self._epoch_s = 0.0
@@ -85,7 +85,7 @@ class WatchedFlight:
             VfguideError: one has not been heard for too long.
         """
         elapsed_s = self.elapsed_s
-        for name, seen_s in self.judge.last_seen_s().items():
+        for name, seen_s in self.truth_collector.last_seen_s().items():
             silence_s = elapsed_s - max(seen_s, 0.0) / self._speedup
             if silence_s > PATIENCE_S:
                 raise VfguideError(f"{name}: no true state for {silence_s:.0f} s; has it ended?")
@@ -103,7 +103,9 @@ async def watched_flight(
     flight = WatchedFlight(mission, watched=watched, speedup=speedup)
     loop = asyncio.get_running_loop()
     try:
-        transport, _ = await loop.create_datagram_endpoint(lambda: flight.judge, local_addr=truth)
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: flight.truth_collector, local_addr=truth
+        )
     except OSError as error:
         host, port = truth
         raise VfguideError(f"udpin://{host}:{port}: cannot listen ({error.strerror})") from error

@@ -143,8 +143,8 @@ def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
 def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
     async def broken() -> tuple[int | None, str]:
         async with under_way(pair_with()) as flight:
-            (squad,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
-            os.kill(squad, signal.SIGKILL)
+            (worker,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
+            os.kill(worker, signal.SIGKILL)
             _, err = await flight.communicate()
             return flight.returncode, err.decode()
 

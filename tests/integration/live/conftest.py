@@ -125,7 +125,7 @@ class Watched:
 
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
-        await wait_until(lambda: self.flight.judge.time_s >= time_s)
+        await wait_until(lambda: self.flight.truth_collector.time_s >= time_s)
 
     async def settle(self) -> None:
         """Wait until everyone is in the slots."""
@@ -156,7 +156,7 @@ class Watched:
 
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""
-        judge = self.flight.judge
+        judge = self.flight.truth_collector
         now_s = max(ended_s, judge.time_s) + STEADY_S
         while True:
             await self.reach(now_s)

@@ -90,4 +90,4 @@ def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
 
 def modes(flight: LiveFlight) -> list[str]:
     """Of each vehicle's autopilot, now."""
-    return [truths[max(truths)].mode for truths in flight.judge.truths.values()]
+    return [truths[max(truths)].mode for truths in flight.truth_collector.truths.values()]

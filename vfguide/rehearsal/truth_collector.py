@@ -30,7 +30,7 @@ UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
 """What a judge of true states knows of a companion."""
 
 
-class Judge(asyncio.DatagramProtocol):
+class TruthCollector(asyncio.DatagramProtocol):
     """Collects the true states of every vehicle at each sample time."""
 
     def __init__(self, mission: Mission) -> None:

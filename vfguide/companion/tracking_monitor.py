@@ -30,7 +30,7 @@ ALTITUDE_M = 20.0
 GAP_S = 1.0
 
 
-class Obedience:
+class TrackingMonitor:
     """Watches one vehicle while it is being steered."""
 
     def __init__(self, airframe: Airframe, altitude_amsl: float) -> None:

@@ -56,7 +56,7 @@ def launch(mission: Mission, names: Sequence[str], epoch_s: float | None) -> lis
     ]
 
 
-class Squad:
+class WorkerProcess:
     """The near end of such a process."""
 
     def __init__(self, mission: Mission, names: Sequence[str], epoch_s: float | None) -> None:
@@ -66,7 +66,7 @@ class Squad:
         self._answers, answers = context.Pipe(duplex=False)
         self._flown = 0
         self._process = context.Process(
-            target=fly_squad, args=(mission, names, epoch_s, instants, answers), daemon=True
+            target=fly_share, args=(mission, names, epoch_s, instants, answers), daemon=True
         )
         # Started by the first process otherwise, and with that it would lift the blocking of signals.
         resource_tracker.ensure_running()
@@ -81,7 +81,7 @@ class Squad:
         answers.close()
 
     def pass_on(self, window: list[Instant]) -> None:
-        """Let the squad fly these instants.
+        """Let the worker fly these instants.
 
         Raises:
             VfguideError: the process died.
@@ -93,7 +93,7 @@ class Squad:
         self._flown += 1
 
     def published(self) -> list[Mail]:
-        """What the squad published in the oldest window for which that was not asked yet; waits for it.
+        """What the worker published in the oldest window for which that was not asked yet; waits for it.
 
         Raises:
             VfguideError: the process died.
@@ -106,7 +106,7 @@ class Squad:
         return mail
 
     def land(self) -> list[Outcome]:
-        """Let the squad fly what was passed on to the end, and take what it brings home.
+        """Let the worker fly what was passed on to the end, and take what it brings home.
 
         Raises:
             VfguideError: the process died.
@@ -133,7 +133,7 @@ class Squad:
         return VfguideError(f"a flight process died (exit code {self._process.exitcode})")
 
 
-def fly_squad(
+def fly_share(
     mission: Mission,
     names: Sequence[str],
     epoch_s: float | None,
@@ -142,12 +142,12 @@ def fly_squad(
 ) -> None:
     """The far end: fly every window that comes, say what was published, at last send home what there is."""
     try:
-        squad = launch(mission, names, epoch_s)
+        share = launch(mission, names, epoch_s)
         # Without a near end there is nobody to fly for.
         with suppress(EOFError, BrokenPipeError):
             while (window := instants.recv()) is not None:
-                answers.send(fly_window(squad, window))
-            answers.send([outcome_of(aircraft) for aircraft in squad])
+                answers.send(fly_window(share, window))
+            answers.send([outcome_of(aircraft) for aircraft in share])
     except Exception as error:
         fault = plugin_fault(error)
         if fault is None:

@@ -9,7 +9,7 @@ from vfguide.mission.quantity import NotNegative, Positive, Section
 Silence = Annotated[Positive, Field(le=3600.0)]
 
 
-class Patience(Section):
+class Timeouts(Section):
     """What happens when telemetry or the leader falls silent, and after how long."""
 
     telemetry_s: Silence = 1.0

@@ -33,7 +33,7 @@ REMEMBERED = 1024
 """States that have been read: more than are on their way at a time in any rehearsal."""
 
 
-class Hearing:
+class StateReceiver:
     """The newest state of one other vehicle."""
 
     def __init__(self, frame: LocalFrame, clock: SharedClock, *, moved_s: float = MOVED_S) -> None:

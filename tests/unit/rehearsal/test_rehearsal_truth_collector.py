@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import sitl_stub
 from vfguide.errors import VfguideError
 from vfguide.mission import load_mission
-from vfguide.rehearsal.judge import Judge, decode_truth
+from vfguide.rehearsal.truth_collector import TruthCollector, decode_truth
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
 
@@ -48,13 +48,13 @@ def test_bytes_that_are_no_true_state_are_none(data: bytes) -> None:
 def test_a_field_of_any_kind_never_breaks_the_judge(value: object, name: str) -> None:
     content = json.loads(datagram(1, 0.0))
     content[name] = value
-    judge = Judge(MISSION)
+    judge = TruthCollector(MISSION)
     judge.datagram_received(json.dumps(content).encode(), NOWHERE)
     assert judge.time_s == -1.0
 
 
 def test_a_judge_knows_the_time_that_all_vehicles_have_reached() -> None:
-    judge = Judge(MISSION)
+    judge = TruthCollector(MISSION)
     for system_id in (1, 2, 3, 4):
         judge.datagram_received(datagram(system_id, 0.05), NOWHERE)
     judge.datagram_received(datagram(1, 0.1), NOWHERE)
@@ -64,7 +64,7 @@ def test_a_judge_knows_the_time_that_all_vehicles_have_reached() -> None:
 
 
 def test_a_record_holds_the_samples_that_are_known_of_everybody() -> None:
-    judge = Judge(MISSION)
+    judge = TruthCollector(MISSION)
     for system_id in (1, 2, 3, 4):
         for time_s in (0.0, 0.05, 0.1):
             if (system_id, time_s) != (2, 0.05):
@@ -76,4 +76,4 @@ def test_a_record_holds_the_samples_that_are_known_of_everybody() -> None:
 
 def test_a_flight_of_which_nothing_was_seen_has_no_record() -> None:
     with pytest.raises(VfguideError, match="nothing was seen"):
-        Judge(MISSION).record(wall_s=1.0)
+        TruthCollector(MISSION).record(wall_s=1.0)

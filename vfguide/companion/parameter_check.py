@@ -16,7 +16,7 @@ TRIES = 4
 Tell = Callable[[str], None]
 
 
-class Inquiry:
+class ParameterCheck:
     """Asks for the parameters that matter, and finds what does not fit the flight."""
 
     def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.companion.foresight import SLIPPING, Foresight, Memory, memory_of, steps
+from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
 from vfguide.companion.plan import flight_plan
 from vfguide.guidance.response import (
+    ActiveSetpoint,
     Bias,
     Inner,
-    Told,
     coordinated_turn_rate,
     course_error_for,
-    followed,
-    inner_after,
-    moved,
+    first_order_lag,
+    propagate,
+    propagate_inner,
     wanted_bank,
 )
 from vfguide.laws.field import SlotField
@@ -59,8 +59,8 @@ def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag: float, turn_r
 
 
 def test_a_lag_leaves_a_third_after_its_time_constant() -> None:
-    assert followed(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
-    assert followed(1.0, 0.0, 0.4, 0.0) == 0.0
+    assert first_order_lag(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
+    assert first_order_lag(1.0, 0.0, 0.4, 0.0) == 0.0
 
 
 def test_a_vehicle_moves_with_the_wind_and_along_its_turn() -> None:
@@ -68,37 +68,37 @@ def test_a_vehicle_moves_with_the_wind_and_along_its_turn() -> None:
     bank = math.atan(0.2 * 20.0 / 9.80665)
     now = state(wind_east=3.0, course=math.atan2(3.0, 20.0), ground_speed=math.hypot(20.0, 3.0))
     for _ in range(100):
-        now = moved(now, Inner(bank=bank), Bias(), 0.01, Airframe())
+        now = propagate(now, Inner(bank=bank), Bias(), 0.01, Airframe())
     assert now.heading == pytest.approx(0.2, abs=1e-9)
     assert now.north == pytest.approx(100.0 * math.sin(0.2), abs=1e-3)
     assert now.east == pytest.approx(100.0 * (1.0 - math.cos(0.2)) + 3.0, abs=1e-3)
 
 
 def flown(
-    foresight: Foresight, airframe: Airframe, bias: Bias, seconds: float
+    delay_compensator: DelayCompensator, airframe: Airframe, bias: Bias, seconds: float
 ) -> VehicleState[float]:
     """Fly 0.3 rad to the right and 2 m/s faster, reporting at 20 Hz, with the setpoints sent at time 0."""
     now, inner = state(), Inner()
-    foresight.observe(now)
+    delay_compensator.observe(now)
     for step in range(round(seconds / PERIOD)):
         time_s = step * PERIOD
         setpoint = Setpoint(course=0.3, speed=22.0, limited=False)
         if step == 0:
-            foresight.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
-        foresight.note(setpoint, time_s)
+            delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        delay_compensator.note(setpoint, time_s)
         for part in range(4):
             at = time_s + part * PERIOD / 4
-            told = Told(
+            told = ActiveSetpoint(
                 course=0.3 if at >= airframe.course_dead_time else 0.0,
                 speed=22.0 if at >= airframe.speed_dead_time else 20.0,
             )
-            inner = inner_after(inner, now, told, PERIOD / 4, airframe)
-            now = moved(now, inner, bias, PERIOD / 4, airframe)
-        foresight.observe(now)
+            inner = propagate_inner(inner, now, told, PERIOD / 4, airframe)
+            now = propagate(now, inner, bias, PERIOD / 4, airframe)
+        delay_compensator.observe(now)
     return now
 
 
-def ahead_of(foresight: Foresight) -> VehicleState[float]:
+def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
     """The state that a law for the speed is shown."""
     seen = []
 
@@ -106,15 +106,15 @@ def ahead_of(foresight: Foresight) -> VehicleState[float]:
         seen.append(ahead)
         return Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False)
 
-    foresight.setpoint(law, law)
+    delay_compensator.setpoint(law, law)
     return seen[1]
 
 
 def test_the_future_is_what_comes() -> None:
-    foresight, later = Foresight(LATE), Foresight(LATE)
-    flown(foresight, LATE, Bias(), 1.0)
+    delay_compensator, later = DelayCompensator(LATE), DelayCompensator(LATE)
+    flown(delay_compensator, LATE, Bias(), 1.0)
     expected = flown(later, LATE, Bias(), 1.5)
-    ahead = ahead_of(foresight)
+    ahead = ahead_of(delay_compensator)
     # Half a second of dead time ahead, of which the last setpoints are still on their way.
     assert ahead.time_s == pytest.approx(1.5)
     assert ahead.airspeed == pytest.approx(expected.airspeed, abs=0.02)
@@ -124,14 +124,14 @@ def test_the_future_is_what_comes() -> None:
 
 
 def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
-    foresight = Foresight(LATE)
-    now = flown(foresight, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
-    still = foresight.setpoint(
+    delay_compensator = DelayCompensator(LATE)
+    now = flown(delay_compensator, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
+    still = delay_compensator.setpoint(
         lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
         lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
     )
     # To neither turn nor accelerate it has to be told to turn left by 0.05 rad/s, to slow by 0.3 m/s².
-    at = ahead_of(foresight)
+    at = ahead_of(delay_compensator)
     assert still.speed - at.airspeed == pytest.approx(-0.3 / 0.55, abs=0.1)
     assert still.course < now.course + 0.1
 
@@ -149,12 +149,12 @@ def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
     wind: dict[str, float], slowest: float, fastest: float
 ) -> None:
     # Half a second late, nothing on its way: northbound, whatever the laws ask for.
-    foresight = Foresight(replace(LATE, hold="course-hold"))
-    foresight.observe(state(**wind))
+    delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
+    delay_compensator.observe(state(**wind))
 
     def told(speed: float) -> float:
         wanted = Setpoint(course=0.0, speed=speed, limited=False)
-        return foresight.setpoint(lambda _: wanted, lambda _: wanted).speed
+        return delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
 
     assert told(3.0) == pytest.approx(slowest)
     assert told(20.0) == pytest.approx(20.0)
@@ -164,12 +164,12 @@ def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
 def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect() -> None:
     # It turns right by 0.2 rad/s, nobody steers it: after the dead time of 0.5 s by 0.1 rad.
     airframe = replace(LATE, hold="course-hold")
-    foresight = Foresight(airframe)
+    delay_compensator = DelayCompensator(airframe)
     for step in range(200):
         course = 0.2 * PERIOD * step
-        foresight.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
+        delay_compensator.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
     wanted = Setpoint(course=0.0, speed=60.0, limited=False)
-    told = foresight.setpoint(lambda _: wanted, lambda _: wanted).speed
+    told = delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
     tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
     # On the course of now it would be 0.4 m/s more.
     assert told == pytest.approx(tail + math.sqrt(32.0**2 - cross**2), abs=0.01)
@@ -214,15 +214,15 @@ def test_a_long_memory_hardly_answers_to_a_swing() -> None:
     """The turn rate swings by 0.1 rad/s at 1 Hz: what of that is sent back as a course."""
     spreads = []
     for memory in (Memory(), SLIPPING):
-        foresight = Foresight(LATE, memory=memory)
-        foresight.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        delay_compensator = DelayCompensator(LATE, memory=memory)
+        delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
         sent = []
         for step in range(400):
             time_s = step * PERIOD
             # The course stays within a sixtieth of a radian: 0.1 / (2 pi).
             swing = 0.1 / math.tau * math.sin(math.tau * time_s)
-            foresight.observe(state(time_s=time_s, course=swing, heading=swing))
-            still = foresight.course_setpoint(
+            delay_compensator.observe(state(time_s=time_s, course=swing, heading=swing))
+            still = delay_compensator.course_setpoint(
                 lambda ahead: Setpoint(course=ahead.course, speed=20.0, limited=False)
             )
             sent.append(still.course - swing)
@@ -233,12 +233,12 @@ def test_a_long_memory_hardly_answers_to_a_swing() -> None:
 
 def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
     """Course errors (rad) sent to a vehicle that flies straight on, for turn rates (rad/s) asked of it."""
-    foresight, airframe = Foresight(Airframe(), memory=memory), Airframe()
+    delay_compensator, airframe = DelayCompensator(Airframe(), memory=memory), Airframe()
     sent = []
     for step, turn_rate in enumerate(asked):
-        foresight.observe(state(time_s=step * PERIOD))
+        delay_compensator.observe(state(time_s=step * PERIOD))
         wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0, limited=False)
-        sent.append(foresight.course_setpoint(lambda _, wanted=wanted: wanted).course)
+        sent.append(delay_compensator.course_setpoint(lambda _, wanted=wanted: wanted).course)
     return sent
 
 
@@ -291,12 +291,12 @@ def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears(
 
 
 def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
-    foresight = Foresight(LATE)
+    delay_compensator = DelayCompensator(LATE)
     bank = math.atan(0.1 * 20.0 / 9.80665)
     now = state()
     for _ in range(200):
-        foresight.observe(now)
-        now = moved(now, Inner(bank=bank), Bias(), PERIOD, LATE)
-    ahead = ahead_of(foresight)
+        delay_compensator.observe(now)
+        now = propagate(now, Inner(bank=bank), Bias(), PERIOD, LATE)
+    ahead = ahead_of(delay_compensator)
     assert ahead.course - (now.course - 0.1 * PERIOD) == pytest.approx(0.05, abs=0.005)
     assert replace(ahead, time_s=0.0).airspeed == pytest.approx(20.0, abs=0.01)

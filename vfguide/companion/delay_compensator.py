@@ -15,15 +15,15 @@ from vfguide.angles import wrap_angle
 from vfguide.guidance.limits import speed_range
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.response import (
+    ActiveSetpoint,
     Bias,
     Inner,
-    Told,
     coordinated_bank,
     course_error_for,
     held_direction,
     held_speed,
-    inner_after,
-    moved,
+    propagate,
+    propagate_inner,
     turning_speed,
 )
 from vfguide.state import Airframe, Setpoint, SpeedHold, VehicleState
@@ -73,7 +73,7 @@ Law = Callable[[VehicleState[float]], Setpoint[float]]
 """Setpoint for a state."""
 
 
-class Foresight:
+class DelayCompensator:
     """The near future of one vehicle."""
 
     def __init__(self, airframe: Airframe, *, memory: Memory | None = None) -> None:
@@ -85,7 +85,7 @@ class Foresight:
         """
         self._airframe = airframe
         self._memory = Memory() if memory is None else memory
-        self._told: deque[tuple[float, Setpoint[float]]] = deque()
+        self._sent: deque[tuple[float, Setpoint[float]]] = deque()
         self._state: VehicleState[float] | None = None
         self._inner = Inner()
         self._bias = Bias()
@@ -94,15 +94,15 @@ class Foresight:
 
     def note(self, setpoint: Setpoint[float], time_s: float) -> None:
         """A setpoint has gone out."""
-        self._told.append((time_s, setpoint))
+        self._sent.append((time_s, setpoint))
         airframe = self._airframe
         oldest = time_s - max(airframe.course_dead_time, airframe.speed_dead_time) - GAP_S
-        while len(self._told) > 1 and self._told[1][0] < oldest:
-            self._told.popleft()
+        while len(self._sent) > 1 and self._sent[1][0] < oldest:
+            self._sent.popleft()
 
     def forget(self) -> None:
         """The vehicle is not steered: nothing is on its way."""
-        self._told.clear()
+        self._sent.clear()
         self._asked = None
 
     def observe(self, state: VehicleState[float]) -> None:
@@ -115,12 +115,12 @@ class Foresight:
             self._inner, self._bias = Inner(), Bias()
             self._direction, self._speed = direction, speed
             return
-        told = self._told_at(before.time_s + 0.5 * period)
-        if told.course is None:
+        active = self._active_at(before.time_s + 0.5 * period)
+        if active.course is None:
             self._watch(before, state, period)
             return
-        self._inner = inner_after(self._inner, before, told, period, airframe)
-        expected = moved(before, self._inner, self._bias, period, airframe)
+        self._inner = propagate_inner(self._inner, before, active, period, airframe)
+        expected = propagate(before, self._inner, self._bias, period, airframe)
         turned = wrap_angle(held_direction(expected, airframe) - held_direction(before, airframe))
         self._learn(
             wrap_angle(direction - self._direction - turned),
@@ -205,27 +205,27 @@ class Foresight:
             raise RuntimeError("nothing was observed yet")
         airframe = self._airframe
         for step in steps(dead_time):
-            told = self._told_at(state.time_s + 0.5 * step)
-            inner = inner_after(inner, state, told, step, airframe)
-            state = moved(state, inner, self._bias, step, airframe)
+            active = self._active_at(state.time_s + 0.5 * step)
+            inner = propagate_inner(inner, state, active, step, airframe)
+            state = propagate(state, inner, self._bias, step, airframe)
         at = state
         for step in steps(lag):
-            state = moved(state, inner, self._bias, step, airframe)
+            state = propagate(state, inner, self._bias, step, airframe)
         return at, state
 
-    def _told_at(self, time_s: float) -> Told:
+    def _active_at(self, time_s: float) -> ActiveSetpoint:
         """The setpoint that the loops act on at a time."""
         airframe = self._airframe
         course = self._newest_before(time_s - airframe.course_dead_time)
         speed = self._newest_before(time_s - airframe.speed_dead_time)
-        return Told(
+        return ActiveSetpoint(
             course=None if course is None else course.course,
             speed=None if speed is None else speed.speed,
         )
 
     def _newest_before(self, time_s: float) -> Setpoint[float] | None:
-        for told_s, setpoint in reversed(self._told):
-            if told_s <= time_s:
+        for sent_s, setpoint in reversed(self._sent):
+            if sent_s <= time_s:
                 return setpoint
         return None
 

@@ -17,7 +17,7 @@ GREATEST_GAIN = 0.45
 kept the yaw swinging at 0.9 Hz for ever."""
 
 
-def slowed(sliding: SlidingGains, delay: float) -> SlidingGains:
+def limit_bandwidth(sliding: SlidingGains, delay: float) -> SlidingGains:
     """Gains for an autopilot that answers after a delay (s); the same ones where there is none."""
     if delay <= 0.0:
         return sliding
