@@ -1,12 +1,11 @@
 """One integration step of the aircraft whose roll and speed lag."""
 
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import displace
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import LaggingRates, lagging_rates
 from sitl_stub.plant_state import PlantState
 from sitl_stub.targets import Targets
-from sitl_stub.wind import Wind
 
 MAX_LAGGING_STEP_S = 0.025
 """Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""

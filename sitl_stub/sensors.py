@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 from numpy.random import default_rng
 
-from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.earth import displace
 from sitl_stub.faults import Faults
 from sitl_stub.flight import Flight
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import Motion
 from sitl_stub.sensor_errors import SensorErrors
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import displace
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import rolling_motion
 from sitl_stub.plant_state import PlantState
 

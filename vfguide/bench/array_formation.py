@@ -3,6 +3,10 @@
 What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step: every
 vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are called,
 with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a formation.
+
+Setpoints on their way from the companions to the autopilots, on arrays.
+
+The companions' calibration of airspeeds, for thousands at once: the same arithmetic on arrays.
 """
 
 import math
@@ -13,20 +17,94 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from vfguide.bench.array_calibration import Calibrations
+from vfguide.angles import TURN, wrap_angle
 from vfguide.bench.array_case import Conditions, Push, Start, Watcher, fleet_at
 from vfguide.bench.array_followers import followers_of
 from vfguide.bench.array_ground import Report
 from vfguide.bench.array_plant import Fleet
-from vfguide.bench.array_stream import Stream
 from vfguide.companion.autopilot_clock import AutopilotClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
-from vfguide.elementwise import FloatArray, clip
+from vfguide.elementwise import FloatArray, clip, hypot
+from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader import leader_step
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.guidance.navigation import Sample, first_state, navigate
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.setpoint_stream import DIGITS
 from vfguide.state import LeaderState, VehicleState
+
+
+class Stream:
+    """Setpoints on their way to ArduPlane: rounded, and sent where they change or have not been for a while.
+
+    As `vfguide.mavlink.setpoint_stream` does it, for each vehicle and for course and speed apart.
+    """
+
+    def __init__(self) -> None:
+        self._content: FloatArray | None = None
+        self._sent: FloatArray | None = None
+        self._told: FloatArray | None = None
+
+    def told(
+        self, course: FloatArray, speed: FloatArray, now: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """(course, speed) that the autopilots hold from now on."""
+        degrees = np.round(np.degrees(course % TURN), 3) % 360.0
+        fresh = np.stack([degrees, speed])
+        content = decimals(fresh)
+        if self._content is None or self._sent is None or self._told is None:
+            self._content, self._told = content, fresh
+            self._sent = np.full_like(fresh, now)
+        else:
+            due = (content != self._content) | (now - self._sent >= ArduPlane.keep_alive_s)
+            self._content = np.where(due, content, self._content)
+            self._sent = np.where(due, now, self._sent)
+            self._told = np.where(due, fresh, self._told)
+        single = self._told.astype(np.float32).astype(np.float64)
+        return np.radians(single[0]), single[1]
+
+
+def decimals(values: FloatArray) -> FloatArray:
+    """Hundredths, to the nearest as Python rounds: a product in double precision would invent ties."""
+    hundredths: FloatArray = np.rint(values.astype(np.longdouble) * 10**DIGITS).astype(np.float64)
+    return hundredths
+
+
+class Calibrations:
+    """One for each vehicle."""
+
+    def __init__(self) -> None:
+        self._known: Calibration = calibration_of(slips=False)
+        self._heading: FloatArray | None = None
+        self._time_s = 0.0
+
+    @property
+    def scale(self) -> FloatArray:
+        """True airspeeds over the reported ones."""
+        return np.asarray(self._known.scale)
+
+    def learn(
+        self,
+        sample: Sample[FloatArray],
+        reported_airspeed: FloatArray,
+        state: VehicleState[FloatArray],
+    ) -> None:
+        """Learn from a report (its airspeed apart, as it came) and the state that it led to."""
+        before, self._heading = self._heading, sample.heading
+        interval, self._time_s = sample.time_s - self._time_s, sample.time_s
+        if before is None:
+            return
+        # Elementwise functions take arrays for what they call floats. Nobody here is too slow to learn from.
+        seen: dict[str, Any] = {
+            "reported_airspeed": reported_airspeed,
+            "heading": sample.heading,
+            "turn_rate": wrap_angle(sample.heading - before) / interval,
+            "velocity_north": sample.velocity_north,
+            "velocity_east": sample.velocity_east,
+            "wind_rate": hypot(state.wind_rate_north, state.wind_rate_east),
+        }
+        self._known = calibrated(self._known, **seen, period=interval)
 
 
 def fly_formations(

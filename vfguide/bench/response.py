@@ -12,10 +12,9 @@ from typing import Any
 import sitl_stub
 from vfguide.bench.figures import figures_of
 from vfguide.bench.formation import formation, write_mission
-from vfguide.bench.peers import PYMAVLINK_ENVIRONMENT, installed_mavsdk
+from vfguide.bench.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
 from vfguide.bench.programs import last_words, program
 from vfguide.bench.usage import Usage, usage_of
-from vfguide.bench.vehicle import TimedVehicle
 from vfguide.errors import VfguideError
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at

@@ -1,25 +1,78 @@
-"""How the cost grows with the number of vehicles, in lockstep in one process."""
+"""How the cost grows with the number of vehicles, in lockstep in one process.
+
+What calls cost: the methods of a class, timed while something runs, by the processor time they take.
+
+What one guidance step of each law costs: as called in a flight, nothing left out.
+"""
 
 import math
 import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
-from vfguide.bench.article import AIRCRAFT, PATHS
-from vfguide.bench.timing import calls_timed
+from vfguide.bench.article import AIRCRAFT, PATHS, article_mission
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
 from vfguide.rehearsal.lockstep import fly_lockstep
+
+
+@contextmanager
+def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
+    """Processor time of every call of a method, s, as they happen; waiting for others does not count."""
+    method: Callable[..., object] = getattr(owner, name)
+    durations: list[float] = []
+
+    def timed(*arguments: object, **options: object) -> object:
+        began = time.thread_time()
+        try:
+            return method(*arguments, **options)
+        finally:
+            durations.append(time.thread_time() - began)
+
+    setattr(owner, name, timed)
+    try:
+        yield durations
+    finally:
+        setattr(owner, name, method)
+
+
+DURATION_S = 15.0
+
+STEADY_FROM = 0.2
+"""Share of the calls that is left out: imports and the first solutions."""
+
+
+def step_costs(laws: Sequence[str], mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
+    """Median and 99th percentile of a follower's step by law, microseconds."""
+    return {law: cost_of(law, mission) for law in laws}
+
+
+def cost_of(law: str, mission: str) -> dict[str, Any]:
+    """Median, 99th percentile and greatest of one law, microseconds."""
+    flown = article_mission(
+        mission, {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
+    )
+    with calls_timed(SlotKeeper, "step") as durations:
+        fly_lockstep(flown)
+    steady = sorted(durations[round(STEADY_FROM * len(durations)) :])
+    return {
+        "calls": len(steady),
+        "median_us": statistics.median(steady) * 1e6,
+        "p99_us": steady[round(0.99 * (len(steady) - 1))] * 1e6,
+        "max_us": steady[-1] * 1e6,
+    }
+
 
 COUNTS = (4, 10, 30, 100)
 FLOWN_S, QUICK_S = 20.0, 4.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from vfguide.bench.ablations import ablation_cases, parts_of
 from vfguide.bench.article import MISSIONS
-from vfguide.bench.comparison_table import metres, seconds
+from vfguide.bench.comparison import metres, seconds
 from vfguide.bench.flown import fly
 from vfguide.bench.monte_carlo import batches, sampled, summary_of
 from vfguide.bench.robustness import SWEEPS, Found, fly_point, points
@@ -101,7 +101,7 @@ def show_robustness(
     write(json_file, content)
     if out is not None:
         # Here, because it brings the plotting library.
-        from vfguide.bench.map_figure import draw_maps
+        from vfguide.bench.figures import draw_maps
 
         draw_maps(found, out)
         write(out / "robustness.json", content)

@@ -17,7 +17,6 @@ from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.course_law import sliding_course_rate
 from vfguide.guidance.formation import extrapolate_by_rates, formation_error, slot_motion
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
@@ -28,6 +27,7 @@ from vfguide.guidance.intended_motion import (
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
+from vfguide.guidance.sliding_laws import sliding_course_rate
 from vfguide.guidance.virtual_leader import extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.state import LeaderState, Setpoint, VehicleState

@@ -23,9 +23,12 @@ from vfguide.companion.plausibility import (
 )
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
-from vfguide.guidance.velocity_error import (
+from vfguide.guidance.navigation import (
+    Sample,
     VelocityError,
+    first_state,
+    navigate,
+    navigate_blind,
     velocity_error,
     velocity_error_at_first,
     with_right_velocity,

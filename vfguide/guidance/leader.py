@@ -6,13 +6,13 @@ from typing import Generic
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import Number
-from vfguide.guidance.course_law import sliding_course_rate
 from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
 from vfguide.guidance.observer import speed_estimate_rate
 from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.sliding_laws import sliding_course_rate
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 

@@ -28,7 +28,6 @@ from vfguide.guidance.bandwidth_limits import (
     loop_delay_for,
     speed_delay,
 )
-from vfguide.guidance.course_law import sliding_course_rate
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -38,8 +37,8 @@ from vfguide.guidance.formation import (
     field_slope,
 )
 from vfguide.guidance.settings import SlidingGains
+from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
-from vfguide.guidance.speed_law import sliding_acceleration
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.conditions import Conditions

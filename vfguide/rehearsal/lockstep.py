@@ -1,4 +1,11 @@
-"""The formation in virtual time: as fast as the computer goes, and the same bytes for the same seed."""
+"""The formation in virtual time: as fast as the computer goes, and the same bytes for the same seed.
+
+Followers' states on their way to the other followers, in virtual time.
+
+The aircraft of a formation may be flown by several processes. They exchange what followers publish at the
+end of each window of some instants; it is handed to the links at the beginning of the window after next, so
+that no process waits for another that is flying the same window. The number of processes changes nothing.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,15 +13,40 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import islice
 
+from vfguide.companion.follower_role import PUBLISH_S
 from vfguide.companion.outgoing import Event
+from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency
 from vfguide.record.tlog import TelemetryLog
 from vfguide.rehearsal.aircraft import Instant, fly_window
-from vfguide.rehearsal.exchange import WINDOWS, Exchange, window_length
 from vfguide.rehearsal.recorder import flight_record
 from vfguide.rehearsal.worker_process import WorkerProcess, launch, outcome_of
+
+WINDOWS = 2
+"""From the window in which something is published to the one in which it is handed to the links."""
+
+
+def window_length(rate_hz: float) -> int:
+    """Instants in a window: a follower publishes about once in it."""
+    return max(round(PUBLISH_S * rate_hz), 1)
+
+
+class Exchange:
+    """Mail by the window in which it is due."""
+
+    def __init__(self) -> None:
+        self._due: dict[int, list[Mail]] = {}
+
+    def post(self, window: int, mail: list[Mail]) -> None:
+        """Mail that was published in this window."""
+        self._due.setdefault(window + WINDOWS, []).extend(mail)
+
+    def collect(self, window: int) -> list[Mail]:
+        """Mail that is due when this window begins."""
+        return self._due.pop(window, [])
+
 
 Progress = Callable[[float], None]
 """Called with the virtual time, at each step of the leader: followers fly it up to a window later."""

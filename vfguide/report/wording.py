@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from vfguide.report.figures import Spread
+from vfguide.report.metrics import reject_error, reject_separation, reject_settling
 from vfguide.report.summary import FollowerSummary, LeaderSummary, Summary
-from vfguide.report.verdict import reject_error, reject_separation, reject_settling
 
 UNKNOWN = "not measured"
 NOT_REQUIRED = "no limit"

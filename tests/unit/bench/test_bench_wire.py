@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.bench.figures import figures_of
 from vfguide.bench.formation import formation
-from vfguide.bench.wire import has_position, has_setpoint
+from vfguide.bench.peers import has_position, has_setpoint
 from vfguide.mission import check_mission
 
 

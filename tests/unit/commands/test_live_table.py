@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.live_table import Row, line_of, live_table, rows_of, table_of
+from vfguide.commands.fly_live import Row, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission

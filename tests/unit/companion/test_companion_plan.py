@@ -12,7 +12,7 @@ from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 from vfguide.mission.model import Mission
-from vfguide.mission.timeouts import Timeouts as MissionTimeouts
+from vfguide.mission.model import Timeouts as MissionTimeouts
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack

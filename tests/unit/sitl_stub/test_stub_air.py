@@ -7,7 +7,7 @@ import pytest
 
 from sitl_stub import ArticleWind, CalmWind, DiscreteGust, Shear, SteadyWind, air_of
 from sitl_stub.air import Air, Place, earth_centred_m, local_axes
-from sitl_stub.earth import displace
+from sitl_stub.geometry import displace
 from sitl_stub.options import parse_gust
 
 HERE = Place(math.radians(47.4), math.radians(8.5), 588.0, 100.0)

@@ -5,7 +5,7 @@ import pytest
 from pymap3d.rcurve import meridian, transverse
 from pymap3d.vincenty import vdist
 
-from sitl_stub.earth import displace, radii_m
+from sitl_stub.geometry import displace, radii_m
 
 
 @pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 47.0, 89.0])
