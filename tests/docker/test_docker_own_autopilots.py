@@ -11,9 +11,9 @@ from typing import Any
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
+from vfguide.lab.rehearsal.truth_collector import TruthCollector
+from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.truth_collector import TruthCollector
-from vfguide.report.geometry import slot_error
 
 FOLLOWERS = ("f1", "f2", "f3")
 

@@ -20,15 +20,15 @@ from rich.text import Text
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import PLAIN_STEPS, Terminal
 from vfguide.errors import InputError, VfguideError
+from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
+from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.processes import broker_process
+from vfguide.lab.report.geometry import slot_error
 from vfguide.link.presence import Presence
 from vfguide.link.watch import check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import latency_of
-from vfguide.rehearsal.live import live_flight, watched_by_anybody
-from vfguide.rehearsal.lockstep import Flight
-from vfguide.rehearsal.processes import broker_process
-from vfguide.report.geometry import slot_error
 
 UNKNOWN = "-"
 

@@ -9,12 +9,12 @@ from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
+from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.link.address import parse_links
 from vfguide.link.watch import Watched
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import Flight
-from vfguide.rehearsal.watched import WatchedFlight, watched_flight
 
 LOOK_S = 0.2
 """Real time between looks at the flight."""

@@ -97,7 +97,7 @@ def test_a_stopped_flight_takes_no_earlier_ones_place(
     command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     directory = tmp_path / "out"
     fly = ("fly", alone_with(), "--duration", 2, "--out", directory)
     assert command(*fly).status == 0

@@ -14,10 +14,10 @@ from typing import Any
 
 from pymavlink import mavutil
 
+from vfguide.lab.rehearsal.live import RECORDINGS
+from vfguide.lab.rehearsal.processes import free_port
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import files_of, find_recordings, read_start
-from vfguide.rehearsal.live import RECORDINGS
-from vfguide.rehearsal.processes import free_port
 
 Flown = Callable[..., Any]
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
+from vfguide.lab.rehearsal.live import RECORDINGS, LiveFlight, live_flight
 from vfguide.mission import Mission
 from vfguide.record.recording import guidance_files
-from vfguide.rehearsal.live import RECORDINGS, LiveFlight, live_flight
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 

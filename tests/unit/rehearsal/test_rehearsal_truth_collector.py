@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import sitl_stub
 from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.truth_collector import TruthCollector, decode_truth
 from vfguide.mission import load_mission
-from vfguide.rehearsal.truth_collector import TruthCollector, decode_truth
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
 
