@@ -82,10 +82,10 @@ def main() -> None:
         complain(f"{place}{error.strerror or error}")
         sys.exit(BROKEN)
     except Exception as error:
-        fault = missing_library(error) or plugin_fault(error)
-        if fault is not None:
-            complain(fault)
-            sys.exit(WRONG_INPUT)
+        for said, status in ((missing_library, BROKEN), (plugin_fault, WRONG_INPUT)):
+            if (fault := said(error)) is not None:
+                complain(fault)
+                sys.exit(status)
         # Status 1 would say that the flight was flown.
         traceback.print_exc()
         raise SystemExit(BROKEN) from error

@@ -11,13 +11,13 @@ from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Any
 
-from vfguide.commands.fly import PLOTTING, keep
+from vfguide.commands.fly import keep
 from vfguide.commands.fly_live import flown_live
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, described_error
-from vfguide.extras import import_extra, require
+from vfguide.extras import PLOTTING, import_extra, require
 from vfguide.lab.export.columns import parts_of
 from vfguide.lab.rehearsal import lockstep
 from vfguide.lab.report.geometry import SlotError, slot_error

@@ -2,7 +2,8 @@
 
 Run with `.venv/bin/python tests/benchmarks/tune_field.py`; some minutes on two processors. Gains are drawn
 around the best so far, ever nearer, none whose field or integral `vfguide check` would find too fast in the
-article's wind. What it finds, rounded, is what the article's missions have and `vfguide/lab/studies/article.py`.
+article's wind. What it finds, rounded, is what the article's missions have, and
+`vfguide/lab/studies/article.py`.
 """
 
 import sys

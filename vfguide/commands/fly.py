@@ -12,7 +12,7 @@ from types import FrameType
 from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kept_in
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import VfguideError
-from vfguide.extras import require
+from vfguide.extras import PLOTTING, require
 from vfguide.lab.rehearsal.lockstep import Flight, fly_lockstep
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import Summary
@@ -21,9 +21,6 @@ from vfguide.mission.model import Mission
 
 EPOCH_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
-
-PLOTTING = ("matplotlib", "PIL")
-"""What a report is drawn by."""
 
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 

@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections import Counter
+from typing import Any
 
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.own_vehicle import NavigatedState
@@ -12,11 +13,10 @@ from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.state import VehicleState
 
 ASTRAY_S = 1.0
@@ -37,7 +37,9 @@ class LeaderRole:
         self._plan = plan
         self._task = task
         self._report = StatePublisher(plan)
-        self._speed_estimate: float | None = None
+        self._law = task.law(task.gains, plan.settings, plan.airframe)
+        self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
+        self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
 
@@ -49,15 +51,14 @@ class LeaderRole:
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
         if navigated.moved:
-            self._speed_estimate = None
-        guidance = self._guidance(navigated.state, self._plan.settings, navigated.period)
+            self._memory = FIRST
+        guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:
-            settings = course_settings(self._plan)
             setpoint = navigated.delay_compensator.course_setpoint(
-                lambda ahead: self._guidance(ahead, settings, navigated.period).setpoint
+                lambda ahead: self._guidance(ahead, self._late_law, navigated.period).setpoint
             )
-        self._speed_estimate = guidance.speed_estimate
+        self._memory = guidance.memory
         motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
         avoidance = self._keep_clear.step(
@@ -103,17 +104,10 @@ class LeaderRole:
         )
 
     def _guidance(
-        self, state: VehicleState[float], settings: GuidanceSettings, period: float
+        self, state: VehicleState[float], law: LeaderLaw, period: float
     ) -> LeaderGuidance[float]:
         """One step of the law, from a state now or ahead."""
-        return leader_step(
-            state,
-            self._task,
-            settings,
-            self._plan.airframe,
-            period=period,
-            speed_estimate=self._speed_estimate,
-        )
+        return leader_step(state, law, self._task, period=period, memory=self._memory)
 
     def receive(self, data: bytes, now: float) -> None:
         """The leader follows no vehicle."""

@@ -262,6 +262,7 @@ class Mpc(Law):
 
     Gains = MpcGains
     arrays = False
+    libraries = ("osqp", "scipy")
     drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
     _programme: Programme | None = None
 

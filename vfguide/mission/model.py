@@ -4,9 +4,16 @@ How long a companion bears silence.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
@@ -20,9 +27,11 @@ from vfguide.mission.quantity import (
     Section,
     Speed,
     VehicleName,
+    known_in,
 )
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
 from vfguide.mission.vehicle import Vehicle
+from vfguide.registry import leader_laws
 
 Silence = Annotated[Positive, Field(le=3600.0)]
 
@@ -70,6 +79,30 @@ class Leader(Section):
 
     airspeed_m_s: Speed
     """Airspeed it keeps, m/s."""
+
+    law: Annotated[str, AfterValidator(known_in(leader_laws))] = "field"
+    """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""
+
+    gains: dict[str, Any] = Field(default_factory=dict)
+    """Of a law of one's own, by their names."""
+
+    @model_validator(mode="after")
+    def know_the_gains(self) -> Self:
+        """Find out whether the law takes these gains.
+
+        Raises:
+            PydanticCustomError: a gain is not known, or out of its range.
+        """
+        try:
+            leader_laws.find(self.law).Gains.model_validate(self.gains)
+        except ValidationError as error:
+            faults = "; ".join(
+                f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()
+            )
+            known = ", ".join(leader_laws.find(self.law).Gains.model_fields) or "none"
+            text = f"the law {self.law} does not take these gains ({faults}); it has {known}"
+            raise PydanticCustomError("leader_gains", "{text}", {"text": text}) from error
+        return self
 
 
 class Slot(Section):

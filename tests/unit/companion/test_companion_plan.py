@@ -6,8 +6,8 @@ import pytest
 from vfguide.companion.plan import FlightPlan, FollowerTask, adapter_of, flight_plan
 from vfguide.companion.supervisor import Timeouts
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.leader import LeaderTask
 from vfguide.laws.field import SlotGains
+from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4

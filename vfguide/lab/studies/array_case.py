@@ -7,13 +7,13 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.lab.studies.array_ground import Ground
 from vfguide.lab.studies.array_plant import Fleet, Targets
 from vfguide.lab.studies.array_wind import SwingingWind
 from vfguide.laws.base import Law
+from vfguide.laws.leader import LeaderTask
 from vfguide.mission.quantity import Section
 from vfguide.state import Airframe, Setpoint
 

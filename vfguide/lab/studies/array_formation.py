@@ -23,13 +23,13 @@ from vfguide.companion.own_vehicle import PERIOD_SHARE
 from vfguide.elementwise import FloatArray, clip, hypot
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.leader import leader_step
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.guidance.navigation import Sample, first_state, navigate
 from vfguide.lab.studies.array_case import Conditions, Push, Start, Watcher, fleet_at
 from vfguide.lab.studies.array_followers import followers_of
 from vfguide.lab.studies.array_ground import Report
 from vfguide.lab.studies.array_plant import Fleet
+from vfguide.laws.leader import leader_step
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.setpoint_stream import DIGITS
 from vfguide.state import LeaderState, VehicleState
@@ -129,6 +129,8 @@ def fly_formations(
     steps = math.floor(conditions.duration_s * conditions.rate_hz + 1e-6)
     state: VehicleState[FloatArray] | None = None
     motion: MotionEstimate[FloatArray] | None = None
+    task = conditions.task
+    leader_law = task.law(task.gains, conditions.settings, conditions.airframe)
     for step in range(steps + 1):
         now = step / conditions.rate_hz
         if step > 0:
@@ -164,9 +166,8 @@ def fly_formations(
         if step >= engaged:
             leading = leader_step(
                 leaders,
+                leader_law,
                 conditions.task,
-                conditions.settings,
-                conditions.airframe,
                 period=clock.period,
             ).setpoint
             course = np.vstack([leading.course[None], following.course])
