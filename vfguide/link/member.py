@@ -135,43 +135,48 @@ class Member:
         Returns:
             Whether it shows that somebody of the formation is heard, be it by a copy of what came before.
         """
-        try:
-            envelope = self.trust.read(data)
-            wanted = self._wants(envelope.kind, envelope.sender, envelope.body)
-            if not (wanted or self._is_sign_of_life(envelope)):
-                return False
-            message = self.trust.believe(envelope, self.clock())
-            self._believed_s = self.clock()
-            if wanted:
-                self._use(message)
-        except RefusedError as refusal:
-            self.note_refusal(str(refusal))
-            return str(refusal) == HEARD_BEFORE
-        except Exception:
-            self._note_failure()
-        return True
+        return self._guarded(lambda: self._take(data))
 
     def accept(self, message: Message) -> None:
         """Take a message that the link itself has found to be true, by tags of its own."""
         self._believed_s = self.clock()
+        if self._wants(message.kind, message.sender, message.body):
+            self._guarded(lambda: self._use(message))
+
+    def _take(self, data: bytes) -> bool:
+        """Take a message, and tell whether it shows that somebody is heard.
+
+        Raises:
+            RefusedError: it is not believed.
+        """
+        envelope = self.trust.read(data)
+        wanted = self._wants(envelope.kind, envelope.sender, envelope.body)
+        if not (wanted or self._is_sign_of_life(envelope)):
+            return False
+        message = self.trust.believe(envelope, self.clock())
+        self._believed_s = self.clock()
+        if wanted:
+            self._use(message)
+        return True
+
+    def _guarded(self, use: Callable[[], object]) -> bool:
+        """Do something with a message; whether it shows that somebody is heard."""
         try:
-            if self._wants(message.kind, message.sender, message.body):
-                self._use(message)
+            return use() is not False
         except RefusedError as refusal:
             self.note_refusal(str(refusal))
+            return str(refusal) == HEARD_BEFORE
         except Exception:
-            self._note_failure()
+            # What comes over the network must not end the link, whatever a receiver makes of it.
+            if not self.counters["failed to use"]:
+                logger.exception("a message from the link could not be used")
+            self.counters["failed to use"] += 1
+        return True
 
     def accept_presence(self, vehicle: str, presence: Presence) -> None:
         """Take a presence that the link itself has found to be true."""
         if self.watches:
             self._receive_presence(vehicle, presence)
-
-    def _note_failure(self) -> None:
-        """Note that what came over the network was too much for a receiver: that must not end the link."""
-        if not self.counters["failed to use"]:
-            logger.exception("a message from the link could not be used")
-        self.counters["failed to use"] += 1
 
     def _is_sign_of_life(self, envelope: Envelope) -> bool:
         """Whether a presence is worth a look only because nothing else was heard for a while."""

@@ -58,6 +58,9 @@ ONLINE, SIGNED = 0x01, 0x02
 LEADER = 0
 """Number of the leader."""
 
+MOST_VEHICLES = 255
+"""Whose numbers fit into a byte, and so does their count."""
+
 TURN = 2.0 * math.pi
 
 
@@ -136,7 +139,9 @@ def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> 
         vehicles: names of its vehicles by their numbers.
     """
     names = "\n".join([formation, *vehicles]).encode()
-    return hashlib.blake2b(names, key=radio_key, digest_size=KEY_SIZE, person=b"vfguide key").digest()
+    return hashlib.blake2b(
+        names, key=radio_key, digest_size=KEY_SIZE, person=b"vfguide key"
+    ).digest()
 
 
 def tag_of(key: bytes, epoch: int, tagged: bytes) -> bytes:
@@ -184,7 +189,8 @@ def encode_motion(message: LeaderMessage) -> bytes:
 
 def limited(value: float, bits: int) -> int:
     """A number that fits into so many bits and a sign."""
-    return min(max(round(value), -(2**bits) + 1), 2**bits - 1)
+    greatest: int = 2**bits - 1
+    return min(max(round(value), -greatest), greatest)
 
 
 def encode_question(number: int) -> bytes:

@@ -1,14 +1,14 @@
 """Who may speak when on a radio that all share: turns that count from the leader's beat.
 
-The leader sends at each beat, ten times a second unless it says otherwise. A cycle is some beats; between two
-of them there are as many slots of equal length as it takes for every follower, and an answer of the leader, to
-have one turn in a cycle. Follower i has slot `1 + i // beats` after beat `i % beats`; the answer comes after
-the last follower, as if it were one more.
+The leader sends at each beat, ten times a second unless it says otherwise. A cycle is some beats; between
+two of them there are as many slots of equal length as it takes for every follower, and an answer of the
+leader, to have one turn in a cycle. Follower i, from 0, has slot `1 + i // beats` after beat `i % beats`;
+the answer comes after the last follower, as if it were one more.
 
-Each follower's turns count from where it hears the beat, less the time that the packet was on its way: no two
-clocks are compared. Where the beat is missed, the own clock goes on counting. Whose leader has been silent for
-two seconds takes the beat from the follower of the least number that it hears, whose turns are known too; who
-hears nobody before itself keeps the beat for the others. Before the first beat nobody but the leader speaks.
+A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
+are not compared. Where a beat is missed, its own clock goes on counting. After two seconds without the leader
+it takes the beat from the follower of the least number that it hears, whose turns are known, too; the one
+that hears nobody before itself keeps the beat for the others. Before the first beat only the leader speaks.
 
 Nothing here reads a clock.
 """
@@ -132,8 +132,8 @@ def make_timetable(
     made = Timetable(members=members, beats=beats, period_s=period_s)
     if made.slot_s < channel.slot_s():
         raise InputError(
-            f"{members} vehicles, a leader at {leader_hz:g} Hz and followers at {followers_hz:g} Hz do not fit"
-            f" {channel.air_bytes_s:g} bytes a second at {channel.baud} baud; write less for leader= or"
+            f"{members} vehicles, a leader at {leader_hz:g} Hz and followers at {followers_hz:g} Hz do not"
+            f" fit {channel.air_bytes_s:g} bytes a second at {channel.baud} baud; write less for leader= or"
             " followers= behind the ?"
         )
     return made
@@ -216,4 +216,3 @@ class Beat:
         expected = not fresh and keeper == self._keeper and 0.0 <= late_s < 0.5 * table.slot_s
         self._origin_s = origin_s - (1.0 - LATE_SHARE) * late_s if expected else origin_s
         self._keeper, self._kept_s = keeper, began_s
-

@@ -1,19 +1,18 @@
 """One member on a radio that all share: bytes from the radio in, a packet for each of its own turns out.
 
-What is to be said waits as one thing of each kind, the newest: a state that has not been sent gives way to the
-next, and one that is a second old is not sent at all. At its turn a follower sends its question if it has one
-and did not ask lately, else now and then its presence, else its state. The leader sends its state at each beat,
-or the beat alone, and answers one question in a cycle: of those that wait, the one whose asker was answered
-longest ago.
+Of each kind only the newest waits: a state that has not been sent gives way to the next, and one that is a
+second old is not sent at all. At its turn a follower sends its question if it has one and did not ask
+lately, else now and then its presence, else its state. The leader sends its state at each beat, or the beat
+alone, and answers one question in a cycle: of those that wait, the one whose asker was answered longest ago.
 
 Stamps of the clock comparison leave the waiting for turns out: the answer is stamped when it leaves, and the
 asker takes the question's arrival for as much earlier as the question had waited for its turn.
 
 What was in a collision, or lost otherwise, is not sent again.
 
-A beat is taken from whoever has its tag right; while there was none for two seconds, also one whose tag says
-nothing, since a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a
-forged beat can do is what every transmitter can do, too: a collision.
+A beat counts if its tag is right. After two seconds without one, a beat counts whose tag cannot be checked:
+a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a forged beat
+can do is what every transmitter can do, too: a collision.
 
 Nothing here owns a port or reads a clock but the member's, for stamps.
 """
@@ -30,8 +29,8 @@ from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
     LEADER,
     TICK_S,
-    Packet,
     PackedKind,
+    Packet,
     decode_packet,
     encode_answer,
     encode_beat,
@@ -59,8 +58,11 @@ ANSWERABLE_S = 1.5
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
 """From one question of a follower to its next: while its clock is not settled, and later."""
 
-PRESENCE_S = 4.0
-"""From one presence to the next: each takes the turn of a state."""
+PRESENCE_S, IDLE_S = 4.0, 1.0
+"""From one presence to the next: where it takes the turn of a state, and where there is none to be sent."""
+
+LEAST_LATE_S = 0.002
+"""s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
 
 ONLY_LEADER = frozenset({PackedKind.BEAT, PackedKind.ANSWER})
 ONLY_FOLLOWERS = frozenset({PackedKind.QUESTION})
@@ -167,6 +169,10 @@ class Station:
     def speak(self, turn: Turn, now: float) -> bytes:
         """What to send in a turn, if it is now; nothing where there is nothing to say."""
         self._beat.spoken(turn)
+        if now - turn.at_s > self._spare_s():
+            # It would run into the next one's.
+            self._member.counters["radio: late for its turn"] += 1
+            return b""
         packet = self._said_by_leader(turn, now) if self._number == LEADER else self._said(now)
         if not packet:
             return b""
@@ -335,7 +341,7 @@ class Station:
         """The leader's packet for a turn."""
         table = self._beat.timetable
         if turn.beat is None or table is None:
-            return self._answer(now) or self._said_of_itself(now)
+            return self._answer(now) or self._said_of_itself(now, PRESENCE_S)
         beat, state = encode_beat(table.info(turn.beat)), self._fresh_state(now)
         if state is None:
             return self._sealed(PackedKind.BEAT, beat, self._member.clock())
@@ -346,11 +352,17 @@ class Station:
         question = self._due_question(now)
         if question:
             return question
-        presence = self._said_of_itself(now)
+        presence = self._said_of_itself(now, PRESENCE_S)
         if presence:
             return presence
         state = self._fresh_state(now)
-        return b"" if state is None else self._sealed_state(state)
+        return self._said_of_itself(now, IDLE_S) if state is None else self._sealed_state(state)
+
+    def _spare_s(self) -> float:
+        """What a slot has more than the longest packet needs, s."""
+        table = self._beat.timetable
+        spare_s = 0.0 if table is None else table.slot_s - self._channel.slot_s()
+        return max(spare_s, LEAST_LATE_S)
 
     def _fresh_state(self, now: float) -> bytes | None:
         """The newest state, if it was not sent yet."""
@@ -405,17 +417,19 @@ class Station:
         body = encode_answer(asker, question.number, session, ticks_of(question.received_s))
         return self._sealed(PackedKind.ANSWER, body, clock_s)
 
-    def _said_of_itself(self, now: float) -> bytes:
+    def _said_of_itself(self, now: float, every_s: float) -> bytes:
         """The presence, where it is time for it."""
         trust, presence = self._member.trust, self._presence
-        if presence is None or not trust.proven or now - self._told_s < PRESENCE_S:
+        if presence is None or not trust.proven or now - self._told_s < every_s:
             return b""
         self._told_s = now
         (session, *_) = trust.epochs(self._member.clock())
         body = encode_packed_presence(presence, session)
         return self._sealed(PackedKind.PRESENCE, body, self._member.formation_time())
 
-    def _sealed(self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True) -> bytes:
+    def _sealed(
+        self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
+    ) -> bytes:
         """A packet with its tag; nothing where the formation's time is not known."""
         epoch = 0
         if kind is not PackedKind.QUESTION:

@@ -152,6 +152,13 @@ class Trust:
         return self._roster is not None
 
     @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the roster's vehicles, the leader first; none without a roster."""
+        if self._roster is None:
+            return ()
+        return (self.leader, *sorted(set(self._roster.vehicles) - {self.leader}))
+
+    @property
     def leads(self) -> bool:
         """Whether this member is the leader."""
         return self.name == self.leader

@@ -1,18 +1,17 @@
 """The formation in virtual time, joined by a radio that all share: the real stations on an emulated channel.
 
-Everything is as in flight but the port: followers learn the leader's session and clock over the radio, wait for
-the beat and speak in their turns. Aircraft hear at each of their steps what has arrived since the last.
+Everything is as in flight but the port: followers learn the leader's session and clock over the radio, wait
+for the beat and speak in their turns. Aircraft hear at each of their steps what has arrived since the last.
 """
 
 import time
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from random import Random
 
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
 from vfguide.link.memory import Mail
 from vfguide.link.peer_clock import PeerClock
@@ -47,18 +46,20 @@ class RadioFlight:
     """What was on the air, in packets and bytes."""
     refused: Counter[str]
     """What members did not believe, by reason."""
-    leader_age_s: list[float]
-    """How old the leader's newest state was at each step of a follower that had heard it, in the last half."""
+    leader_age_s: tuple[float, ...]
+    """How old the leader's newest state was at each step of each follower in the last half, s."""
 
 
 class Crew:
     """One aircraft with its station."""
 
-    def __init__(self, mission: Mission, name: str, air: Air, rates: RadioRates, key: bytes) -> None:
+    def __init__(
+        self, mission: Mission, name: str, air: Air, rates: RadioRates, key: bytes
+    ) -> None:
         """Put the aircraft at its start, and its station on the air."""
         plan, leader = flight_plan(mission, name), mission.leader.vehicle
         seed = f"{mission.rehearsal.seed} {name}"
-        self.inbox: list[Mail] = []
+        self.inbox = list[Mail]()
         chance = count(1 + Random(seed).getrandbits(48))
         self._clock = None if plan.leads else PeerClock(chance=chance.__next__)
         receive = (lambda data: self.inbox.append((leader, data))) if not plan.leads else ignore
@@ -158,4 +159,4 @@ def fly_by_radio(
         logs={},
         interrupted=False,
     )
-    return RadioFlight(flight=flight, air=air.counters, refused=refused, leader_age_s=ages)
+    return RadioFlight(flight=flight, air=air.counters, refused=refused, leader_age_s=tuple(ages))
