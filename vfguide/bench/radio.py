@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from vfguide.bench.article import AIRCRAFT, FOLLOWER_STARTS, LEADER_STARTS, article_mission
+from vfguide.bench.article import AIRCRAFT, LEADER_STARTS, article_mission
 from vfguide.bench.flown import figures_of
 from vfguide.link.radio_schedule import Channel
 from vfguide.mission.model import Mission
@@ -38,6 +38,9 @@ SLOTS = (
     (-60, 20),
 )
 """m ahead and right of the leader: the article's three, and the rest of a grid of three columns."""
+
+BEHIND_M = -60
+"""How far ahead of its slot each follower begins, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,11 +97,7 @@ def radio_mission(size: int, seconds: float) -> Mission:
         "duration_s": seconds,
         "start": {
             "leader": LEADER_STARTS["circle"],
-            **{
-                name: {"forward_m": ahead, "right_m": right}
-                for name, (ahead, right) in FOLLOWER_STARTS.items()
-                if name in followers
-            },
+            **{name: {"forward_m": BEHIND_M} for name in followers},
         },
     }
     return Mission.model_validate(content)

@@ -1,4 +1,4 @@
-"""What a formation says over a radio that all share: packets of at most 60 bytes, each with a short tag.
+"""What a formation says over a radio that all share: packets of at most 45 bytes, each with a short tag.
 
 Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
 first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower), time (u48, 0.1 ms,
@@ -10,7 +10,7 @@ on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 | a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
-| a presence | the leader's session (u64), flags (u8: online, signed), mode and version (24 characters) |
+| a presence | the leader's session (u64), flags (u8: online, signed), mode and version (16 characters) |
 
 The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
 packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
@@ -46,7 +46,10 @@ BEAT = struct.Struct("<BBBH")
 MOTION = struct.Struct("<iiiHHhhh")
 QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
-PRESENCE = struct.Struct("<QB24s")
+PRESENCE_TEXT = 16
+"""Characters of mode and version."""
+
+PRESENCE = struct.Struct(f"<QB{PRESENCE_TEXT}s")
 EPOCH = struct.Struct("<Q")
 
 NOT_STEERED = 0x80
@@ -206,7 +209,7 @@ def encode_answer(to: int, number: int, session: int, received: int) -> bytes:
 def encode_packed_presence(presence: Presence, session: int) -> bytes:
     """The body of a presence: without its figures, its version as far as there is room."""
     flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
-    texts = f"{presence.mode} {presence.version}".encode("ascii", "replace")[:24]
+    texts = f"{presence.mode} {presence.version}".encode("ascii", "replace")[:PRESENCE_TEXT]
     return PRESENCE.pack(session, flags, texts)
 
 

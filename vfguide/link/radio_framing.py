@@ -1,19 +1,18 @@
 """Packets on a stream of bytes that arrive cut and damaged: COBS, with a checksum.
 
 A packet and its CRC-16 (CCITT, u16, little-endian) are stuffed by COBS (Cheshire and Baker, "Consistent
-Overhead Byte Stuffing", 1999), which takes the zeros out for one byte more, and end with a zero. A zero
-therefore always is the end of a packet: damage costs the packet that it hits, and the next one where it hits
-the zero between them.
+Overhead Byte Stuffing", 1999), which takes the zeros out for one byte more, and stand between zeros. A zero
+therefore always is an end: what is left of a damaged packet, with or without its own zero, costs no other.
 """
 
 import binascii
 import struct
 from collections import Counter
 
-OVERHEAD = 4
-"""Bytes that a packet takes more on the wire: checksum, stuffing and the zero."""
+OVERHEAD = 5
+"""Bytes that a packet takes more on the wire: checksum, stuffing and two zeros."""
 
-LARGEST_PACKET = 60
+LARGEST_PACKET = 59
 """Bytes: all of a packet is at most 64 on the wire."""
 
 LARGEST_FRAME = LARGEST_PACKET + OVERHEAD
@@ -32,7 +31,8 @@ def encode_frame(packet: bytes) -> bytes:
     """
     if not 0 < len(packet) <= LARGEST_PACKET:
         raise ValueError(f"{len(packet)} bytes are no packet: at most {LARGEST_PACKET}")
-    return stuffed(packet + CHECKSUM.pack(binascii.crc_hqx(packet, 0xFFFF))) + b"\0"
+    content = packet + CHECKSUM.pack(binascii.crc_hqx(packet, 0xFFFF))
+    return b"\0" + stuffed(content) + b"\0"
 
 
 def decode_frame(frame: bytes) -> bytes | None:

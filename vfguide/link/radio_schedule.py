@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from vfguide.errors import InputError
 from vfguide.link.packed import LEADER, BeatInfo
 
-LONGEST_FRAME = 56
-"""Bytes on the wire of the longest packet that is sent: a slot has to have room for it."""
+SHORTEST_FRAME, LONGEST_FRAME = 28, 50
+"""Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
 
 HANDOVER_S = 2.0
 """After this long without the one that has kept the beat, it is taken from another."""
@@ -53,8 +53,12 @@ class Channel:
         return LONGEST_FRAME * 10.0 / self.baud
 
     def slot_s(self) -> float:
-        """The shortest slot that the longest packet fits into, s."""
-        return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s)
+        """The shortest slot that every packet fits into, s.
+
+        A radio sends once it has all of a packet: a long one begins later than a short one.
+        """
+        later_s = (LONGEST_FRAME - SHORTEST_FRAME) * 10.0 / self.baud
+        return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s + later_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,7 +58,7 @@ def test_addresses(text: str, expected: MqttAddress) -> None:
         ("", "mqtt://HOST:1883/PREFIX"),
         ("broker:1883", "mqtt://HOST:1883/PREFIX"),
         ("mqtt:broker", "mqtt://HOST:1883/PREFIX"),
-        ("http://broker", "begin with mqtt://, mqtts:// or udp://"),
+        ("http://broker", "begin with mqtt://, mqtts://, udp:// or serial://"),
         ("udp://239.0.0.1", "IPv4 addresses and ports"),
         ("udp://[ff02::1]:14700", "IPv4 addresses and ports"),
         ("udp://host:14700", "IPv4 addresses and ports"),
