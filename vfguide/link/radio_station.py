@@ -56,7 +56,8 @@ ANSWERABLE_S = 1.5
 """A question that has waited for so long is not answered: its asker has asked again."""
 
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
-"""From one question of a follower to its next: while its clock is not settled, and later."""
+"""From one question of a follower to its next: while its clock is not settled, and later. One that knows no
+session of the leader has nothing else to say, and asks in each of its turns."""
 
 PRESENCE_S, IDLE_S = 4.0, 1.0
 """From one presence to the next: where it takes the turn of a state, and where there is none to be sent."""
@@ -391,6 +392,7 @@ class Station:
             return b""
         hurried = clock.pause_s <= HURRIED_S or self._member.hurry.is_set()
         cycles = HURRIED_CYCLES if hurried else max(CALM_CYCLES, table.members)
+        cycles = cycles if self._member.trust.proven else 1
         if now - self._asked_s < (cycles - 0.5) * table.cycle_s:
             return b""
         self._question, self._asked_s = None, now
