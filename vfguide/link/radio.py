@@ -244,15 +244,19 @@ class RadioCarrier(DatagramCarrier):
         self._plan()
 
     def _plan(self) -> None:
-        """Wait for the next turn; what is heard moves it."""
-        if self._timer is not None:
-            self._timer.cancel()
+        """Wait for the next turn; what is heard moves it, unless it is due already."""
         loop = asyncio.get_running_loop()
-        turn = self._station.next_turn(loop.time())
+        now = loop.time()
+        if self._timer is not None:
+            if self._timer.when() <= now:
+                return
+            self._timer.cancel()
+        turn = self._station.next_turn(now)
         self._timer = None if turn is None else loop.call_at(turn.at_s, self._take_turn, turn)
 
     def _take_turn(self, turn: Turn) -> None:
         """Say what there is to say."""
+        self._timer = None
         now = max(asyncio.get_running_loop().time(), turn.at_s)
         data = self._station.speak(turn, now)
         if data:

@@ -6,9 +6,10 @@ leader, to have one turn in a cycle. Follower i, from 0, has slot `1 + i // beat
 the answer comes after the last follower, as if it were one more.
 
 A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
-are not compared. Where a beat is missed, its own clock goes on counting. After two seconds without the leader
-it takes the beat from the follower of the least number that it hears, whose turns are known, too; the one
-that hears nobody before itself keeps the beat for the others. Before the first beat only the leader speaks.
+are not compared. Where a beat is missed, its own clock goes on counting. After two seconds, and three beats,
+without the leader it takes the beat from the follower of the least number that it hears, whose turns are
+known, too; the one that hears nobody before itself keeps the beat for the others. Before the first beat only
+the leader speaks.
 
 Nothing here reads a clock.
 """
@@ -22,8 +23,8 @@ from vfguide.link.packed import LEADER, BeatInfo
 SHORTEST_FRAME, LONGEST_FRAME = 28, 50
 """Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
 
-HANDOVER_S = 2.0
-"""After this long without the one that has kept the beat, it is taken from another."""
+HANDOVER_S, MISSED_BEATS = 2.0, 3
+"""After this long, and so many beats, without the one that has kept the beat, it is taken from another."""
 
 LATE_SHARE = 0.1
 """Of what a beat comes later than expected, by which the next is expected later: most of that is the wait of
@@ -177,12 +178,13 @@ class Beat:
         table = self.timetable
         if table is None or self._number is None or not LEADER < number < self._number:
             return
-        if number <= self._keeper or began_s - self._kept_s > HANDOVER_S:
+        if number <= self._keeper or self.is_silent(began_s):
             self._adopt(number, table.offset_s(number), began_s, fresh=False)
 
     def is_silent(self, now: float) -> bool:
         """Whether nobody has kept the beat for a while."""
-        return now - self._kept_s > HANDOVER_S
+        period_s = 0.0 if self.timetable is None else self.timetable.period_s
+        return now - self._kept_s > max(HANDOVER_S, MISSED_BEATS * period_s)
 
     def spoken(self, turn: Turn) -> None:
         """Note that a turn was taken, or let go."""

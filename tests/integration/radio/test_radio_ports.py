@@ -19,6 +19,7 @@ from vfguide.link.keys import key_places, make_radio_key
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
 from vfguide.link.watch import Watched, presences
 
@@ -263,7 +264,7 @@ def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
             air.plug(name)
         async with crews_on(air, LEADER, "f1", "f2") as (_, one, other):
             await until(lambda: one.heard and other.heard)
-            found = {}
+            found = dict[str, Presence]()
             async with asyncio.timeout(PATIENCE_S):
                 while set(found) != {LEADER, "f1", "f2"}:
                     found = await presences(watched, seconds=5.0, random=Random(1))

@@ -141,6 +141,13 @@ def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat() ->
     assert turns(third, late_s, 1)[0].at_s == pytest.approx(late_s + 0.225)
 
 
+def test_a_slow_leader_is_not_silent_between_its_beats() -> None:
+    one = Beat(5)
+    one.hear_leader(beat(0, period_ms=2000), 0.0)
+    assert not one.is_silent(5.9)
+    assert one.is_silent(6.1)
+
+
 def test_while_the_leader_is_heard_no_follower_keeps_the_beat() -> None:
     one = Beat(5)
     one.hear_leader(beat(0), 7.0)
