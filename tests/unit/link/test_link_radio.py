@@ -7,8 +7,9 @@ from random import Random
 
 import pytest
 
+from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import FORMATION, LEADER, trust_of
-from vfguide.link.codec import LeaderMessage, decode, encode
+from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
 from vfguide.link.packed import PackedKind, decode_packet
 from vfguide.link.peer_clock import PeerClock
@@ -25,24 +26,6 @@ NAMES = (LEADER, "f1", "f2")
 
 STEP_S = 0.05
 ASK_S = 0.2
-
-
-def state_at(time_s: float, north_m: float = 0.0) -> bytes:
-    """A state of a time, at a latitude that tells it from others."""
-    return encode(
-        LeaderMessage(
-            sequence=1,
-            time_s=time_s,
-            latitude_deg=47.0 + north_m * 1e-5,
-            longitude_deg=8.0,
-            altitude_amsl=500.0,
-            course=1.0,
-            ground_speed=20.0,
-            acceleration=0.0,
-            turn_rate=0.1,
-            turn_acceleration=0.0,
-        )
-    )
 
 
 class Craft:
