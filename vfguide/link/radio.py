@@ -5,6 +5,7 @@ are the port and the clock.
 """
 
 import asyncio
+import errno
 import math
 import os
 import termios
@@ -237,7 +238,7 @@ class RadioCarrier(DatagramCarrier):
             data = b""
         if not data:
             asyncio.get_running_loop().remove_reader(self._port.fileno())
-            self.broke(OSError("the radio is gone"))
+            self.broke(OSError(errno.ENODEV, "the radio is gone"))
             return
         if self._station.hear(data, asyncio.get_running_loop().time()):
             self.heard()
