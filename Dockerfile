@@ -24,7 +24,7 @@ WORKDIR /source
 # By themselves, so that nothing is downloaded again while they stay the same.
 FROM python AS requirements
 COPY pyproject.toml ./
-RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" \
+RUN python3 -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['lab'], sep='\n')" \
       > requirements.txt
 
 # Left out: tests of packages, all of MAVLink's dialects but the one that is spoken, 80 MB of them, and what installs

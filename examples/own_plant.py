@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 from sitl_stub import AirPlant, AirRates, AirState, plant
-from sitl_stub.angles import wrap_to_pi
+from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.loops import bank_limited_turn_rate_rad_s, clamped
 from sitl_stub.targets import Targets
 

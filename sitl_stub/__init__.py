@@ -1,9 +1,21 @@
 """An autopilot emulator that speaks MAVLink: bytes in, bytes out, no hardware."""
 
-from sitl_stub.air import Air, DiscreteGust, Shear, air_of
+from sitl_stub.air import (
+    Air,
+    ArticleWind,
+    CalmWind,
+    DiscreteGust,
+    Shear,
+    SteadyWind,
+    TurbulenceField,
+    Wind,
+    air_of,
+    low_altitude_intensity,
+)
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
+from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.faults import Fault
 from sitl_stub.plants import (
@@ -16,10 +28,7 @@ from sitl_stub.plants import (
     plant,
     plant_of,
 )
-from sitl_stub.signing import Signing
 from sitl_stub.truth import Truth
-from sitl_stub.turbulence import TurbulenceField, low_altitude_intensity
-from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
 
 __all__ = [
     "Air",

@@ -1,30 +1,51 @@
-"""ArduPlane: its modes, parameters and fail-safe; what it obeys in GUIDED is in `guided`."""
+"""ArduPlane: its modes, parameters and fail-safe; what it obeys in GUIDED is in `guided`.
 
+ArduPlane's parameters, as far as they matter to who flies it from outside; names and types of 4.7.
+
+ArduPlane's GUIDED mode: course, airspeed and altitude by commands that are held for ever.
+"""
+
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.arduplane_parameters import OLD_NAMES, arduplane_parameters
 from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
+    DO_CHANGE_SPEED,
     DO_REPOSITION,
     DO_SET_MODE,
+    GUIDED_CHANGE_ALTITUDE,
+    GUIDED_CHANGE_HEADING,
+    GUIDED_CHANGE_SPEED,
     NAV_LOITER_UNLIM,
     NAV_RETURN_TO_LAUNCH,
     Command,
+    Handler,
     Handlers,
     Result,
     SystemStatus,
     finite,
     height_target,
+    is_flyable_airspeed,
     place,
 )
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
-from sitl_stub.guided import Guided
+from sitl_stub.loops import GRAVITY_M_S2
 from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER, MANUAL, RTL
+from sitl_stub.parameters import (
+    Parameter,
+    Parameters,
+    int8,
+    int16,
+    int32,
+    real,
+    whole_if_possible,
+)
+from sitl_stub.targets import SpeedTarget, TurnTarget
 from sitl_stub.telemetry_ids import (
     ALTITUDE,
     ATTITUDE,
@@ -35,6 +56,214 @@ from sitl_stub.telemetry_ids import (
     SYS_STATUS,
     VFR_HUD,
 )
+
+OLD_NAMES: Mapping[str, tuple[str, float]] = {
+    "AIRSPEED_MIN": ("ARSPD_FBW_MIN", 1.0),
+    "AIRSPEED_MAX": ("ARSPD_FBW_MAX", 1.0),
+    "AIRSPEED_CRUISE": ("TRIM_ARSPD_CM", 100.0),
+    "ROLL_LIMIT_DEG": ("LIM_ROLL_CD", 100.0),
+    "PTCH_LIM_MAX_DEG": ("LIM_PITCH_MAX", 100.0),
+    "PTCH_LIM_MIN_DEG": ("LIM_PITCH_MIN", 100.0),
+    "RTL_ALTITUDE": ("ALT_HOLD_RTL", 100.0),
+    "MAV_GCS_SYSID": ("SYSID_MYGCS", 1.0),
+    "MAV_SYSID": ("SYSID_THISMAV", 1.0),
+}
+"""Name before 4.5 (the last two: before 4.7) and how many of its units make one of today's."""
+
+SETTLED_LOOP_RATE_HZ = 200
+"""SCHED_LOOP_RATE where the emulator is told none: its telemetry is on time anyway."""
+
+
+def arduplane_parameters(config: AutopilotConfig) -> Parameters:
+    """The parameters of an aircraft at its start."""
+    parameters = described(config)
+    if config.old_parameter_names:
+        parameters = [renamed(one) for one in parameters]
+    return Parameters(parameters, "cast")
+
+
+def renamed(parameter: Parameter) -> Parameter:
+    """The parameter by the name and in the unit of old."""
+    name, factor = OLD_NAMES.get(parameter.name, (parameter.name, 1.0))
+    if name == parameter.name:
+        return parameter
+    return whole_if_possible(name, factor * parameter.default)
+
+
+def described(config: AutopilotConfig) -> list[Parameter]:
+    """Every parameter by today's name."""
+    plant = config.plant
+    return [
+        whole_if_possible("AIRSPEED_MIN", plant.airspeed_min_m_s),
+        whole_if_possible("AIRSPEED_MAX", plant.airspeed_max_m_s),
+        real("AIRSPEED_CRUISE", config.airspeed_m_s),
+        real("AIRSPEED_STALL", 0.0),
+        real("GUIDED_P", guided_p(config)),
+        real("GUIDED_I", 0.0),
+        real("GUIDED_D", 0.0),
+        real("ROLL_LIMIT_DEG", math.degrees(plant.max_bank_rad)),
+        real("PTCH_LIM_MAX_DEG", 20.0),
+        real("PTCH_LIM_MIN_DEG", -25.0),
+        real("RLL2SRV_TCONST", plant.roll_time_s),
+        real("NAVL1_PERIOD", 17.0),
+        real("NAVL1_DAMPING", 0.75),
+        real("TECS_CLMB_MAX", plant.climb_rate_max_m_s),
+        real("TECS_SINK_MAX", plant.climb_rate_max_m_s),
+        real("TECS_TIME_CONST", 5.0),
+        real("TECS_SPDWEIGHT", 1.0),
+        int16("SCHED_LOOP_RATE", round(config.loop_rate_hz or SETTLED_LOOP_RATE_HZ)),
+        int8("FS_GCS_ENABL", 0),
+        int8("FS_SHORT_ACTN", 0),
+        real("FS_SHORT_TIMEOUT", 1.5),
+        int8("FS_LONG_ACTN", 0),
+        real("FS_LONG_TIMEOUT", 5.0),
+        int8("THR_FAILSAFE", 1),
+        int16("MAV_GCS_SYSID", 255),
+        int16("MAV_SYSID", config.system_id),
+        int8("ARMING_REQUIRE", 1),
+        int32("ARMING_SKIPCHK", 0),
+        int8("ARSPD_TYPE", 1),
+        int8("ARSPD_USE", 1),
+        real("ARSPD_RATIO", 2.0),
+        real("TKOFF_ALT", 50.0),
+        real("TKOFF_DIST", 200.0),
+        int16("WP_LOITER_RAD", 80),
+        int16("WP_RADIUS", 90),
+        real("RTL_ALTITUDE", 100.0),
+        int16("RTL_RADIUS", 0),
+        int8("FENCE_ENABLE", 0),
+        int8("FENCE_TOTAL", 0),
+        int16("MIS_TOTAL", 0),
+        int8("RALLY_TOTAL", 0),
+        int8("INITIAL_MODE", 0),
+        *(int8(f"FLTMODE{number}", mode) for number, mode in enumerate((11, 11, 5, 5, 0, 0), 1)),
+        int8("AHRS_EKF_TYPE", 3),
+        int8("EK3_ENABLE", 1),
+        int8("BATT_MONITOR", 0),
+        int8("COMPASS_USE", 1),
+        int8("GPS1_TYPE", 1),
+        int16("FORMAT_VERSION", 13),
+        int16("STAT_BOOTCNT", 1),
+        int8("TRIM_THROTTLE", 45),
+        int8("THR_MAX", 100),
+    ]
+
+
+def guided_p(config: AutopilotConfig) -> float:
+    """As flown by the bank plant; else the bank per course error that gives the plant's alpha."""
+    plant = config.plant
+    if plant.banks:
+        return plant.guided_p_cdeg_rad
+    middle_speed_m_s = 0.5 * (plant.airspeed_min_m_s + plant.airspeed_max_m_s)
+    return round(100.0 * math.degrees(plant.alpha_1_s * middle_speed_m_s / GRAVITY_M_S2))
+
+
+MIN_LATERAL_ACCELERATION_M_S2 = 0.05
+"""What a lateral acceleration limit of zero becomes: the aircraft as good as does not turn."""
+
+COURSE, HEADING, CANCEL = 0.0, 1.0, 2.0
+"""param1 of GUIDED_CHANGE_HEADING."""
+
+AIRSPEED, GROUND_SPEED = 0.0, 1.0
+"""SPEED_TYPE."""
+
+NO_CHANGE, DEFAULT_SPEED = -1.0, -2.0
+"""DO_CHANGE_SPEED's special values of a speed."""
+
+
+class Guided:
+    """The commands of one aircraft's GUIDED mode."""
+
+    def __init__(self) -> None:
+        self.commands: Handlers = {
+            DO_CHANGE_SPEED: self._change_speed,
+            GUIDED_CHANGE_HEADING: _only_guided(change_heading),
+            GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
+            GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
+        }
+        self._guided_speed_used = False
+
+    def forget(self) -> None:
+        """The mode was left, or is entered anew."""
+        self._guided_speed_used = False
+
+    def _guided_change_speed(self, flight: Flight, command: Command) -> Result:
+        """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
+        kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
+        if acceleration_m_s2 < 0.0:
+            return Result.DENIED
+        limit = acceleration_m_s2 or math.inf
+        if kind == AIRSPEED:
+            if not is_flyable_airspeed(flight, speed_m_s):
+                return Result.FAILED
+            target = SpeedTarget("airspeed", speed_m_s, limit)
+        elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
+            # The real one denies this; the article's ideal ground speed hold is what takes it.
+            if speed_m_s <= 0.0:
+                return Result.FAILED
+            target = SpeedTarget("ground-speed", speed_m_s, limit)
+        else:
+            return Result.DENIED
+        self._guided_speed_used = True
+        flight.hold_speed(target)
+        return Result.ACCEPTED
+
+    def _change_speed(self, flight: Flight, command: Command) -> Result:
+        """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
+
+        A ground speed would only set a floor, which is not modelled: accepted without effect.
+        """
+        kind, speed_m_s = command.used(1, 2)
+        if self._guided_speed_used:
+            flight.texts.append("DO_CHANGE_SPEED ignored: guided speed in use")
+            return Result.ACCEPTED
+        if kind not in {AIRSPEED, GROUND_SPEED}:
+            return Result.DENIED
+        if kind == GROUND_SPEED or speed_m_s == NO_CHANGE:
+            return Result.ACCEPTED
+        if speed_m_s == DEFAULT_SPEED:
+            flight.cruise()
+            return Result.ACCEPTED
+        if not is_flyable_airspeed(flight, speed_m_s):
+            return Result.FAILED
+        flight.hold_speed(SpeedTarget("airspeed", speed_m_s))
+        return Result.ACCEPTED
+
+
+def _only_guided(handler: Handler) -> Handler:
+    """The handler, failing outside GUIDED."""
+
+    def guarded(flight: Flight, command: Command) -> Result:
+        return handler(flight, command) if flight.mode is GUIDED else Result.FAILED
+
+    return guarded
+
+
+def change_heading(flight: Flight, command: Command) -> Result:
+    """43002: param1 course, heading or cancel; param2 in [0, 360) deg; param3 lateral m/s^2."""
+    (kind,) = command.used(1)
+    if kind == CANCEL:
+        flight.circle()
+        return Result.ACCEPTED
+    angle_deg, acceleration_m_s2 = command.used(2, 3)
+    if kind not in {COURSE, HEADING} or not 0.0 <= angle_deg < 360.0:
+        return Result.DENIED
+    limit = max(acceleration_m_s2, MIN_LATERAL_ACCELERATION_M_S2)
+    hold = TurnTarget("course" if kind == COURSE else "heading", math.radians(angle_deg), limit)
+    flight.hold_turn(hold)
+    return Result.ACCEPTED
+
+
+def change_altitude(flight: Flight, command: Command) -> Result:
+    """43001: `z` in a global frame, param3 climb rate (0: the plant's own)."""
+    (climb_rate_m_s,) = command.used(3)
+    (z,) = finite(command.z)
+    target = height_target(flight, command.frame, z, climb_rate_m_s or math.inf)
+    if target is None or climb_rate_m_s < 0.0:
+        return Result.DENIED
+    flight.hold_height(target)
+    return Result.ACCEPTED
+
 
 LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
 """Below these ArduPlane does not arm."""

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.air import Air
+from sitl_stub.air import Air, Wind
 from sitl_stub.arduplane import ArduPlane
-from sitl_stub.codec import Codec
+from sitl_stub.codec import Codec, Signing
 from sitl_stub.commands import (
     COMPONENT_ARM_DISARM,
     CUSTOM_MODE_FLAG,
@@ -25,19 +25,17 @@ from sitl_stub.courtesies import ping_reply, status_text, timesync_reply
 from sitl_stub.faults import Fault
 from sitl_stub.flight import Flight
 from sitl_stub.mission_protocol import MISSION_MESSAGES, mission_reply
-from sitl_stub.parameter_protocol import ParameterServer
+from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality
 from sitl_stub.px4 import Px4
 from sitl_stub.report import Report
 from sitl_stub.sensors import Sensors
-from sitl_stub.signing import Signing
 from sitl_stub.start import flight_at_start
 from sitl_stub.streams import Streams
 from sitl_stub.targets import TurnTarget
 from sitl_stub.telemetry import POSITION_MESSAGES, TELEMETRY
 from sitl_stub.telemetry_ids import HEARTBEAT
 from sitl_stub.truth import Truth, truth_of
-from sitl_stub.wind import Wind
 
 IGNORED = frozenset(
     {

@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from sitl_stub.address import Address, AddressError
+from sitl_stub.air import Turbulence
 from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.bad_link import Emulated
 from sitl_stub.fleet import (
@@ -26,7 +27,6 @@ from sitl_stub.fleet import (
 from sitl_stub.options import OptionError, checked, checked_epoch
 from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
-from sitl_stub.turbulence import Turbulence
 
 WRONG_INPUT, BROKEN = 2, 3
 

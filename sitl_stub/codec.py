@@ -1,13 +1,181 @@
-"""MAVLink frames in and out, without a socket."""
+"""MAVLink frames in and out, without a socket.
 
+Whole MAVLink frames out of a byte stream that may be cut anywhere.
+
+MAVLink 2 message signing: who has no key is not heard, and cannot shut out who has one.
+
+Time stamps count 10 microseconds from the beginning of 2015. Each stream (system, component, link) has to
+move forward in time, so that nothing can be played back; and only a frame whose signature is right moves
+anything, so that a forged one from the far future locks nobody out.
+"""
+
+import hashlib
+import hmac
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.signing import Signing, frames_of
+MAGIC_1, MAGIC_2 = 0xFE, 0xFD
+"""First byte of a MAVLink 1 and of a MAVLink 2 frame."""
+
+MAGIC = re.compile(b"[\xfd\xfe]")
+
+HEADER_1, HEADER_2 = 6, 10
+"""Bytes before the payload."""
+
+CHECKSUM = 2
+"""Bytes after the payload."""
+
+SIGNED, SIGNATURE = 0x01, 13
+"""MAVLink 2: the flag of a signed frame, and the bytes that this adds."""
+
+
+class StreamFramer:
+    """Cuts one connection's bytes into frames.
+
+    Only frames of known messages with a right checksum come out, so a byte of garbage that looks like
+    the start of a frame costs itself alone and not the good frames behind it. It never holds back more
+    than one frame (280 bytes).
+    """
+
+    def __init__(self) -> None:
+        self._pending = b""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take what arrived; returns the frames that are complete with it, one after the other."""
+        stream = self._pending + data
+        frames = []
+        start = next_magic(stream, 0)
+        while start < len(stream):
+            length = frame_length(stream, start)
+            if length is None:
+                break
+            if length == 0:
+                start = next_magic(stream, start + 1)
+                continue
+            frames.append(stream[start : start + length])
+            start = next_magic(stream, start + length)
+        self._pending = stream[start:]
+        return b"".join(frames)
+
+
+def next_magic(stream: bytes, start: int) -> int:
+    """Where a frame may begin, at `start` or after it; the end of the stream if nowhere."""
+    match = MAGIC.search(stream, start)
+    return len(stream) if match is None else match.start()
+
+
+def frame_length(stream: bytes, start: int) -> int | None:
+    """Length of the frame that begins at `start`: 0 if none does, None if more bytes must tell."""
+    header = HEADER_2 if stream[start] == MAGIC_2 else HEADER_1
+    if len(stream) < start + header:
+        return None
+    payload = stream[start + 1]
+    flags = 0
+    if header == HEADER_2:
+        flags = stream[start + 2]
+        message_id = int.from_bytes(stream[start + 7 : start + 10], "little")
+    else:
+        message_id = stream[start + 5]
+    message = mavlink.mavlink_map.get(message_id)
+    if message is None or flags not in {0, SIGNED} or payload > message.unpacker.size:
+        return 0
+    end = start + header + payload + CHECKSUM
+    length = end - start + (SIGNATURE if flags else 0)
+    if len(stream) < start + length:
+        return None
+    checksum = mavlink.x25crc(stream[start + 1 : end - CHECKSUM])
+    checksum.accumulate(bytes((message.crc_extra,)))
+    return length if checksum.crc == int.from_bytes(stream[end - CHECKSUM : end], "little") else 0
+
+
+KEY_BYTES = 32
+EPOCH_UNIX_S = 1_420_070_400
+TICKS_PER_S = 100_000
+NEW_STREAM_MAY_LAG_TICKS = 60 * TICKS_PER_S
+"""By how much a stream that was not heard before may be behind, by the specification."""
+
+LONGEST_TIMESTAMP = 2**48 - 1
+
+Stream = tuple[int, int, int]
+"""System, component and link."""
+
+
+def key_of(text: str) -> bytes:
+    """The key in 64 hexadecimal digits, or, as ground stations make it, of a passphrase: its SHA-256."""
+    if len(text) == 2 * KEY_BYTES:
+        try:
+            return bytes.fromhex(text)
+        except ValueError:
+            pass
+    return hashlib.sha256(text.encode()).digest()
+
+
+def ticks_of(unix_s: float) -> int:
+    """A Unix time as a time stamp of signing."""
+    return max(0, min(LONGEST_TIMESTAMP, round((unix_s - EPOCH_UNIX_S) * TICKS_PER_S)))
+
+
+class Signing:
+    """One end of a signed link."""
+
+    def __init__(self, key: bytes, *, link_id: int = 0) -> None:
+        """Take a key.
+
+        Raises:
+            ValueError: it has not 32 bytes.
+        """
+        if len(key) != KEY_BYTES:
+            raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
+        self._key = key
+        self._link_id = link_id
+        self._newest = 0
+        self._streams: dict[Stream, int] = {}
+
+    def accepts(self, frame: bytes, unix_s: float) -> bool:
+        """Whether a whole frame is signed with the key and newer than what came before it."""
+        if frame[0] != MAGIC_2 or not frame[2] & SIGNED:
+            return False
+        signed, signature = frame[:-6], frame[-6:]
+        if not hmac.compare_digest(hashlib.sha256(self._key + signed).digest()[:6], signature):
+            return False
+        timestamp = int.from_bytes(frame[-12:-6], "little")
+        stream = (frame[5], frame[6], frame[-13])
+        known = self._streams.get(stream)
+        oldest = (
+            max(self._newest, ticks_of(unix_s)) - NEW_STREAM_MAY_LAG_TICKS
+            if known is None
+            else known + 1
+        )
+        if timestamp < oldest:
+            return False
+        self._streams[stream] = timestamp
+        self._newest = max(self._newest, timestamp)
+        return True
+
+    def prepare(self, encoder: mavlink.MAVLink, unix_s: float) -> None:
+        """Let an encoder sign what it packs next: its clock follows the time and never stands still."""
+        signing = encoder.signing
+        signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
+        self._newest = max(self._newest, ticks_of(unix_s), signing.timestamp)
+        signing.timestamp = self._newest
+
+
+def frames_of(data: bytes) -> list[bytes]:
+    """The frames of known messages with a right checksum in a datagram."""
+    frames = []
+    start = next_magic(data, 0)
+    while start < len(data):
+        length = frame_length(data, start)
+        if length:
+            frames.append(data[start : start + length])
+        start = next_magic(data, start + (length or 1))
+    return frames
+
 
 COMPONENT_ID = 1
 """MAV_COMP_ID_AUTOPILOT1."""

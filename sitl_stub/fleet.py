@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Literal
 
 from sitl_stub.address import Address, parse_address
-from sitl_stub.air import LEAST_HEIGHT_M, Air, air_of
+from sitl_stub.air import LEAST_HEIGHT_M, Air, Turbulence, air_of
 from sitl_stub.aircraft import PLANTS, PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
+from sitl_stub.codec import Signing, key_of
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.earth import moved
 from sitl_stub.faults import Fault
+from sitl_stub.geometry import displace
 from sitl_stub.options import OptionError, checked, parse_gust, parse_numbers, parse_wind
 from sitl_stub.plants import load_installed, load_plugins, options_of
 from sitl_stub.sensor_errors import SensorGrade
-from sitl_stub.signing import Signing, key_of
-from sitl_stub.turbulence import Turbulence
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -323,7 +322,7 @@ def place_of(start: Start, index: int) -> tuple[float, float, float, float]:
     if index == 0 or abs(latitude_deg) > 89.0:
         return latitude_deg, longitude_deg, altitude_m, course_deg
     right_rad = math.radians(course_deg + 90.0)
-    latitude_rad, longitude_rad = moved(
+    latitude_rad, longitude_rad = displace(
         math.radians(latitude_deg),
         math.radians(longitude_deg),
         altitude_m,

@@ -1,16 +1,22 @@
-"""One aircraft: its state, what its loops hold, the mode that decides about them."""
+"""One aircraft: its state, what its loops hold, the mode that decides about them.
+
+Loitering around a point: a course for every place, by a vector field.
+
+What was commanded and what the loops know of it yet: commands may have a dead time.
+"""
 
 import math
-from dataclasses import replace
+from collections import deque
+from dataclasses import dataclass, replace
 
-from sitl_stub.air import Air, Place
+from sitl_stub.air import Air, Place, Wind, followed_wind_m_s
 from sitl_stub.air_data import AirData
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.commanded import Commanded
-from sitl_stub.home import Home, ahead_of
+from sitl_stub.geometry import Home, ahead_of, radii_m, wrap_to_pi
+from sitl_stub.lagging_plant import CENTIDEGREE_RAD
+from sitl_stub.loops import GRAVITY_M_S2
 from sitl_stub.modes import Mode
 from sitl_stub.motion import Motion, rolling_motion
-from sitl_stub.orbit import Orbit, orbit_lead_rad
 from sitl_stub.plant_state import PlantState
 from sitl_stub.plants import plant_of
 from sitl_stub.take_off import (
@@ -22,7 +28,108 @@ from sitl_stub.take_off import (
     rolled,
 )
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
-from sitl_stub.wind import Wind, followed_wind_m_s
+
+FIELD_GAIN = 2.0
+"""Of the field around the circle, in parts of 1 / radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class Orbit:
+    """A circle to fly."""
+
+    latitude_rad: float
+    """Geodetic latitude of its centre."""
+
+    longitude_rad: float
+    """Longitude of its centre."""
+
+    radius_m: float
+    """Above zero."""
+
+    clockwise: bool = True
+    """Seen from above."""
+
+    def course_rad(self, latitude_rad: float, longitude_rad: float, *, lead_rad: float) -> float:
+        """Course over ground from here: to the circle, then along it.
+
+        chi = beta + s (pi/2 + atan(k (d - R)) + lead), beta and d bearing and distance of the aircraft
+        from the centre, s = 1 clockwise (Nelson et al., Vector Field Path Following, 2007). The lead
+        makes up for the lag with which a course is followed on a circle.
+        """
+        meridian_m, transverse_m = radii_m(self.latitude_rad)
+        north_m = (latitude_rad - self.latitude_rad) * meridian_m
+        east_m = wrap_to_pi(longitude_rad - self.longitude_rad)
+        east_m *= transverse_m * math.cos(self.latitude_rad)
+        outside_m = math.hypot(north_m, east_m) - self.radius_m
+        inward_rad = math.atan(FIELD_GAIN / self.radius_m * outside_m)
+        sense = 1.0 if self.clockwise else -1.0
+        # The lead belongs to the circle itself: on the way to it nothing turns.
+        led_rad = lead_rad * math.cos(inward_rad)
+        return math.atan2(east_m, north_m) + sense * (0.5 * math.pi + inward_rad + led_rad)
+
+
+def orbit_lead_rad(plant: PlantParameters, airspeed_m_s: float, radius_m: float) -> float:
+    """How far ahead of the course a command has to be for the turn of a circle, in calm air.
+
+    First order: (V / R) / alpha. `bank`: the turn's bank over GUIDED_P.
+    """
+    if plant.banks:
+        turning_m_s2 = airspeed_m_s * airspeed_m_s / (radius_m * plant.turn_efficiency)
+        bank_rad = min(math.atan(turning_m_s2 / GRAVITY_M_S2), plant.max_bank_rad)
+        return min(1.0, bank_rad / (plant.guided_p_cdeg_rad * CENTIDEGREE_RAD))
+    return min(1.0, airspeed_m_s / radius_m / plant.alpha_1_s)
+
+
+class Commanded:
+    """The loops' targets now, and those on their way to the loops."""
+
+    def __init__(self, plant: PlantParameters, targets: Targets) -> None:
+        self.now = targets
+        """What the loops hold."""
+        self._turn_delay_us = round(plant.course_dead_time_s * 1e6)
+        self._speed_delay_us = round(plant.speed_delay_s * 1e6)
+        self._turns: deque[tuple[int, TurnTarget]] = deque()
+        self._speeds: deque[tuple[int, SpeedTarget]] = deque()
+
+    @property
+    def next_us(self) -> int | None:
+        """When the loops learn of something next; None if nothing is on its way."""
+        first = [queue[0][0] for queue in (self._turns, self._speeds) if queue]
+        return min(first, default=None)
+
+    def set_all(self, targets: Targets) -> None:
+        """Change everything at once, as a change of mode does; what was on its way is forgotten."""
+        self.now = targets
+        self._turns.clear()
+        self._speeds.clear()
+
+    def turn(self, target: TurnTarget, now_us: int) -> None:
+        """A command to the lateral loop."""
+        if self._turn_delay_us == 0:
+            self.now = Targets(target, self.now.speed, self.now.height)
+        else:
+            self._turns.append((now_us + self._turn_delay_us, target))
+
+    def speed(self, target: SpeedTarget, now_us: int) -> None:
+        """A command to the speed loop."""
+        if self._speed_delay_us == 0:
+            self.now = Targets(self.now.turn, target, self.now.height)
+        else:
+            self._speeds.append((now_us + self._speed_delay_us, target))
+
+    def height(self, target: HeightTarget) -> None:
+        """A command to the height loop, which has no dead time."""
+        self.now = Targets(self.now.turn, self.now.speed, target)
+
+    def take_effect(self, time_us: int) -> None:
+        """Let the loops know what has reached them by now."""
+        while self._turns and self._turns[0][0] <= time_us:
+            turn = self._turns.popleft()[1]
+            self.now = Targets(turn, self.now.speed, self.now.height)
+        while self._speeds and self._speeds[0][0] <= time_us:
+            speed = self._speeds.popleft()[1]
+            self.now = Targets(self.now.turn, speed, self.now.height)
+
 
 LEAST_AIRSPEED_M_S = 1.0
 GREATEST_BANK_DEG = 80.0

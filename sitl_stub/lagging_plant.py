@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_pi
+from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.loops import (
     GRAVITY_M_S2,
     acceleration_m_s2,

@@ -1,12 +1,11 @@
 """One integration step of the aircraft whose roll and speed lag."""
 
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import LaggingRates, lagging_rates
 from sitl_stub.plant_state import PlantState
 from sitl_stub.targets import Targets
-from sitl_stub.wind import Wind
 
 MAX_LAGGING_STEP_S = 0.025
 """Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
@@ -32,11 +31,11 @@ def rates_of(
     )
 
 
-def moved_by(
+def displace_by(
     parameters: PlantParameters, state: PlantState, rates: LaggingRates, span_s: float
 ) -> PlantState:
     """The state after a span at constant rates, within what the aircraft can do."""
-    latitude_rad, longitude_rad = moved(
+    latitude_rad, longitude_rad = displace(
         state.latitude_rad,
         state.longitude_rad,
         state.altitude_amsl_m,
@@ -75,6 +74,6 @@ def lagging_stepped(
     """The state one midpoint (second-order Runge-Kutta) step later."""
     half_s = 0.5 * step_s
     start = rates_of(parameters, targets, state, wind.at(time_s))
-    middle = moved_by(parameters, state, start, half_s)
+    middle = displace_by(parameters, state, start, half_s)
     rates = rates_of(parameters, targets, middle, wind.at(time_s + half_s))
-    return moved_by(parameters, state, rates, step_s)
+    return displace_by(parameters, state, rates, step_s)

@@ -11,7 +11,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, Protocol, cast
 
 from sitl_stub.address import Address
-from sitl_stub.framing import StreamFramer
+from sitl_stub.codec import StreamFramer
 
 PEER_REMEMBERED_S = 10.0
 """How long a UDP peer that has spoken is spoken to; the last one that spoke stays for good."""

@@ -3,7 +3,7 @@
 import math
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_pi
+from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
 
 GRAVITY_M_S2 = 9.80665

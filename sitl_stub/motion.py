@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
+from sitl_stub.geometry import wrap_to_two_pi
 from sitl_stub.lagging_plant import shown_bank_rad
 from sitl_stub.lagging_step import rates_of
 from sitl_stub.loops import bank_of_rad, climb_rate_m_s

@@ -9,7 +9,7 @@ import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.angles import wrap_to_pi, wrap_to_two_pi
+from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.report import Report, centidegrees, centimetres_per_second, degrees_e7, millimetres
 
 SATELLITES = 14

@@ -3,8 +3,7 @@
 import math
 import time
 
-from sitl_stub.air import DiscreteGust
-from sitl_stub.wind import ArticleWind, CalmWind, SteadyWind, Wind
+from sitl_stub.air import ArticleWind, CalmWind, DiscreteGust, SteadyWind, Wind
 
 MAX_WIND_M_S = 50.0
 """Stronger than any wind an aircraft of this size is flown in."""

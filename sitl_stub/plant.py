@@ -12,14 +12,18 @@ in the ground speed (below 1 % at 3 m/s of climb) is left out.
 import math
 from typing import NamedTuple
 
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.geometry import (
+    MIN_GROUND_SPEED_M_S,
+    airspeed_of_m_s,
+    displace,
+    ground_speed_along_m_s,
+    wrap_to_two_pi,
+)
 from sitl_stub.loops import acceleration_m_s2, climb_rate_m_s, turn_rate_rad_s
 from sitl_stub.plant_state import PlantState
 from sitl_stub.targets import SpeedKind, Targets
-from sitl_stub.triangle import MIN_GROUND_SPEED_M_S, airspeed_of_m_s, ground_speed_along_m_s
-from sitl_stub.wind import Wind
 
 __all__ = [
     "MAX_STEP_S",
@@ -179,7 +183,7 @@ def stepped(
     climb_m_s = climb_rate_m_s(parameters, targets.height, state.altitude_amsl_m)
     middle_altitude_m = state.altitude_amsl_m + half_s * climb_m_s
     middle_climb_m_s = climb_rate_m_s(parameters, targets.height, middle_altitude_m)
-    latitude_rad, longitude_rad = moved(
+    latitude_rad, longitude_rad = displace(
         state.latitude_rad,
         state.longitude_rad,
         middle_altitude_m,

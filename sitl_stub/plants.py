@@ -16,9 +16,9 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PLANTS, PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.loops import bank_of_rad, climb_rate_m_s
 from sitl_stub.motion import Motion, body_motion, ideal_motion, lagging_motion
@@ -26,7 +26,6 @@ from sitl_stub.plant import MAX_STEP_S, stepped
 from sitl_stub.plant_state import PlantState
 from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, six_dof_stepped
 from sitl_stub.targets import Targets
-from sitl_stub.wind import Wind
 
 Kind = TypeVar("Kind", bound="type[Plant]")
 
@@ -305,7 +304,7 @@ class AirPlant(Plant):
         rates = self.rates(targets, seen)
         north, east = over_ground(seen, wind_m_s)
         climb_m_s = climb_rate_m_s(parameters, targets.height, at.altitude_amsl_m)
-        latitude, longitude = moved(
+        latitude, longitude = displace(
             state.latitude_rad,
             state.longitude_rad,
             state.altitude_amsl_m,

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 from numpy.random import default_rng
 
-from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.earth import moved
 from sitl_stub.faults import Faults
 from sitl_stub.flight import Flight
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import Motion
 from sitl_stub.sensor_errors import SensorErrors
 
@@ -58,7 +57,7 @@ class Sensors:
         if with_position:
             north_m, east_m = self._position_error_m(time_s)
             if north_m or east_m:
-                latitude_rad, longitude_rad = moved(
+                latitude_rad, longitude_rad = displace(
                     latitude_rad,
                     longitude_rad,
                     flight.state.altitude_amsl_m,

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 from sitl_stub import aerosonde as craft
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import wanted_bank_rad
 from sitl_stub.loops import GRAVITY_M_S2, acceleration_m_s2, clamped, climb_rate_m_s
 from sitl_stub.plant_state import PlantState
@@ -27,7 +27,6 @@ from sitl_stub.rigid_body import (
     velocity_ned_m_s,
 )
 from sitl_stub.targets import Targets
-from sitl_stub.wind import Wind
 
 MAX_SIX_DOF_STEP_S = 0.0125
 """Longest step: a fifth of the roll's own time constant at 32 m/s; a test measures what it costs."""
@@ -218,7 +217,7 @@ def six_dof_stepped(
         altitude - half_s * start.down_m_s,
         wind.at(time_s + half_s),
     )
-    latitude, longitude = moved(
+    latitude, longitude = displace(
         state.latitude_rad,
         state.longitude_rad,
         altitude,

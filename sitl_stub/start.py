@@ -2,17 +2,14 @@
 
 import math
 
-from sitl_stub.air import Air, Place
+from sitl_stub.air import Air, Place, Wind
 from sitl_stub.air_data import AirData
-from sitl_stub.angles import wrap_to_two_pi
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import Flight
-from sitl_stub.home import Home
+from sitl_stub.geometry import Home, ground_speed_along_m_s, wrap_to_two_pi
 from sitl_stub.personality import Personality
 from sitl_stub.plant_state import PlantState
 from sitl_stub.sensor_errors import SensorErrors
-from sitl_stub.triangle import ground_speed_along_m_s
-from sitl_stub.wind import Wind
 
 
 def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:

@@ -1,9 +1,15 @@
-"""Which messages are sent how often, and those that are asked for once."""
+"""Which messages are sent how often, and those that are asked for once.
 
-from collections.abc import Mapping
+When each message is due: exact multiples of its interval, so that nothing drifts.
+
+Messages of MAVLink's common set that pymavlink's dialect for ArduPilot does not have.
+"""
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from sitl_stub.codec import whole_number
 from sitl_stub.commands import (
@@ -18,15 +24,9 @@ from sitl_stub.commands import (
     Handlers,
     Result,
 )
-from sitl_stub.extra_messages import (
-    AVAILABLE_MODES,
-    PROTOCOL_VERSION,
-    available_modes,
-    protocol_version,
-)
 from sitl_stub.flight import Flight
+from sitl_stub.modes import Mode
 from sitl_stub.personality import Personality
-from sitl_stub.schedule import Schedule
 from sitl_stub.telemetry import TELEMETRY
 from sitl_stub.telemetry_ids import (
     ATTITUDE,
@@ -45,6 +45,100 @@ from sitl_stub.telemetry_ids import (
     VFR_HUD,
     WIND,
 )
+
+
+class Schedule:
+    """Periodic messages by id, in whole microseconds of simulation time.
+
+    Messages due at the same instant come in the order in which the ids were given, not in the
+    order in which they were asked for. With a tick longer than a microsecond they leave at the first
+    tick at which they are due, as a scheduler's tasks do: 50 ms on ticks of 20 ms come 40 and 60 ms apart.
+    """
+
+    def __init__(self, order: Iterable[int], *, sent_until_us: int = -1, tick_us: int = 1) -> None:
+        self._rank = {message_id: rank for rank, message_id in enumerate(order)}
+        self._intervals_us: dict[int, int] = {}
+        self._due_us: dict[int, int] = {}
+        self._sent_until_us = sent_until_us
+        self._tick_us = tick_us
+        self.next_due_us: int | None = None
+        """The next instant at which anything is due; None while nothing is scheduled."""
+
+    def every(self, message_id: int, interval_us: int) -> None:
+        """Send a message at each multiple of the interval from now on."""
+        self._intervals_us[message_id] = interval_us
+        self._due_us[message_id] = (self._sent_until_us // interval_us + 1) * interval_us
+        self._due_us = dict(sorted(self._due_us.items(), key=lambda item: self._rank[item[0]]))
+        self._look_ahead()
+
+    def stop(self, message_id: int) -> None:
+        """Send a message no more."""
+        self._due_us.pop(message_id, None)
+        self._look_ahead()
+
+    def interval_us(self, message_id: int) -> int | None:
+        """How often a message is sent; None if it is not."""
+        return self._intervals_us[message_id] if message_id in self._due_us else None
+
+    def pop_due(self, instant_us: int) -> list[int]:
+        """The ids due up to and including an instant, each then moved on to after it."""
+        self._sent_until_us = instant_us
+        if self.next_due_us is None or instant_us < self.next_due_us:
+            return []
+        tick_us = instant_us // self._tick_us * self._tick_us
+        due = [message_id for message_id, due_us in self._due_us.items() if due_us <= tick_us]
+        for message_id in due:
+            interval_us = self._intervals_us[message_id]
+            self._due_us[message_id] = (instant_us // interval_us + 1) * interval_us
+        self._look_ahead()
+        return due
+
+    def _look_ahead(self) -> None:
+        first_us = min(self._due_us.values(), default=None)
+        if first_us is not None:
+            first_us = -(-first_us // self._tick_us) * self._tick_us
+        self.next_due_us = first_us
+
+
+PROTOCOL_VERSION = 300
+AVAILABLE_MODES = 435
+
+MAVLINK_2 = 200
+"""MAVLink 2.0 as PROTOCOL_VERSION says it; 100 is the oldest that is understood."""
+
+
+class ExtraMessage(MAVLink_message):  # type: ignore[misc] # pymavlink is not typed
+    """A message given by its number, the extra byte of its checksum, and its payload."""
+
+    def __init__(self, message_id: int, name: str, crc_extra: int, payload: bytes) -> None:
+        super().__init__(message_id, name)
+        self._extra = crc_extra
+        self._content = payload
+
+    def pack(self, mav: MAVLink) -> bytes:
+        """The frame."""
+        packed: bytes = self._pack(mav, self._extra, self._content)
+        return packed
+
+
+def protocol_version() -> MAVLink_message:
+    """PROTOCOL_VERSION: MAVLink 1 and 2; no hashes of specification and library."""
+    payload = struct.pack("<HHH16x", MAVLINK_2, 100, MAVLINK_2)
+    return ExtraMessage(PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, payload)
+
+
+def available_modes(modes: Sequence[Mode], index: int) -> list[MAVLink_message]:
+    """AVAILABLE_MODES of the mode with this number (from 1), or of all for 0."""
+    numbers = range(1, len(modes) + 1) if index == 0 else range(index, index + 1)
+    messages: list[MAVLink_message] = []
+    for number in numbers:
+        if 1 <= number <= len(modes):
+            mode = modes[number - 1]
+            name = mode.name.encode("ascii")
+            payload = struct.pack("<IIBBB35s", mode.custom_mode, 0, len(modes), number, 0, name)
+            messages.append(ExtraMessage(AVAILABLE_MODES, "AVAILABLE_MODES", 134, payload))
+    return messages
+
 
 MIN_INTERVAL_US = 10_000
 """Fastest stream where no scheduler limits it: 100 Hz."""

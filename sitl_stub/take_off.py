@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.angles import wrap_to_two_pi
-from sitl_stub.earth import moved
+from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import rolling_motion
 from sitl_stub.plant_state import PlantState
 
@@ -44,7 +43,7 @@ def rolled(state: PlantState, step_s: float) -> PlantState:
     """One step further along the runway."""
     speed_m_s = state.speed_m_s + ROLL_ACCELERATION_M_S2 * step_s
     way_m = 0.5 * (state.speed_m_s + speed_m_s) * step_s
-    latitude_rad, longitude_rad = moved(
+    latitude_rad, longitude_rad = displace(
         state.latitude_rad,
         state.longitude_rad,
         state.altitude_amsl_m,

@@ -2,7 +2,11 @@
 
 import os
 import re
+import subprocess
+import sys
+import sysconfig
 import time
+import venv
 from pathlib import Path
 
 import pytest
@@ -121,3 +125,22 @@ def pytest_terminal_summary(
     terminalreporter.write_line(
         f"processor: waited for {waited / passed:.0%} of the time, {stolen:.0f} s of it had by other machines"
     )
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Python that has vfguide from its wheel, and of this environment the libraries alone."""
+    place = tmp_path_factory.mktemp("installed")
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
+    build = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", place, TESTS.parent)
+    subprocess.run([*pip, *build], check=True)
+    (wheel,) = place.glob("*.whl")
+    venv.create(place / "venv", symlinks=True)
+    python = place / "venv" / "bin" / "python"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", python, *pip[3:], "install", "--no-deps", wheel],
+        check=True,
+    )
+    (packages,) = (place / "venv").glob("lib/python*/site-packages")
+    (packages / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return python

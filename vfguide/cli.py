@@ -16,6 +16,7 @@ from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.commands.vehicle_options import companion, identify
 from vfguide.errors import InputError, VfguideError
+from vfguide.extras import missing_library
 from vfguide.registry import plugin_fault
 
 WRONG_INPUT, BROKEN = 2, 3
@@ -81,10 +82,10 @@ def main() -> None:
         complain(f"{place}{error.strerror or error}")
         sys.exit(BROKEN)
     except Exception as error:
-        fault = plugin_fault(error)
-        if fault is not None:
-            complain(fault)
-            sys.exit(WRONG_INPUT)
+        for said, status in ((missing_library, BROKEN), (plugin_fault, WRONG_INPUT)):
+            if (fault := said(error)) is not None:
+                complain(fault)
+                sys.exit(status)
         # Status 1 would say that the flight was flown.
         traceback.print_exc()
         raise SystemExit(BROKEN) from error

@@ -5,21 +5,25 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Any
 
-from vfguide.bench.spread import executor_on, flown_by
 from vfguide.commands.fly import keep
 from vfguide.commands.fly_live import flown_live
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError, VfguideError, described_error
-from vfguide.export.columns import parts_of
+from vfguide.errors import InputError, described_error
+from vfguide.extras import PLOTTING, import_extra, require
+from vfguide.lab.export.columns import parts_of
+from vfguide.lab.rehearsal import lockstep
+from vfguide.lab.report.geometry import SlotError, slot_error
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.summary import Summary
+from vfguide.lab.studies.spread import executor_on, flown_by
 from vfguide.laws.base import Law
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
@@ -27,10 +31,6 @@ from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import laws as known_laws
-from vfguide.rehearsal import lockstep
-from vfguide.report.geometry import SlotError, slot_error
-from vfguide.report.metrics import summarise
-from vfguide.report.summary import Summary
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,10 +77,7 @@ class Flight:
         Raises:
             VfguideError: pandas is not installed.
         """
-        try:
-            pandas = import_module("pandas")
-        except ImportError as error:
-            raise VfguideError("this needs pandas: pip install 'vfguide[lab]'") from error
+        pandas = import_extra("pandas")
         return pandas.concat(
             [
                 pandas.DataFrame(
@@ -107,7 +104,9 @@ class Flight:
 
         Raises:
             InputError: it cannot be written to, or holds something else.
+            VfguideError: there is nothing to plot by.
         """
+        require(*PLOTTING)
         names = list(self.tracks)
         with kept_in(
             Path(directory), mission=self.record.mission, vehicles=names, force=force

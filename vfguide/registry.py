@@ -142,6 +142,14 @@ laws = Registry(
 )
 """Laws by which followers keep their slots."""
 
+leader_laws = Registry(
+    "leader's law",
+    group="vfguide.leader_laws",
+    has=("Gains", "step"),
+    own={"field": "vfguide.laws.leader"},
+)
+"""Laws by which the leader follows its path."""
+
 paths = Registry(
     "path",
     group="vfguide.paths",

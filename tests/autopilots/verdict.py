@@ -9,11 +9,11 @@ import numpy as np
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.true_tracks import TrueTrack
 from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import Acceptance as RecordedAcceptance
 from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.report.geometry import intended_leader, slot_error
 
 END_S = 5.0
 """At the end of a flight, to see where everybody was then."""

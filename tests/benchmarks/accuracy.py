@@ -7,10 +7,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.summary import Summary
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.metrics import summarise
-from vfguide.report.summary import Summary
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 ARTICLE = ("line-calm", "line-wind", "circle-calm", "circle-wind")

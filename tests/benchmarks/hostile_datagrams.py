@@ -21,7 +21,7 @@ from typing import TypeVar
 
 import aiomqtt
 
-from vfguide.bench.programs import broker
+from vfguide.lab.studies.programs import broker
 from vfguide.link.address import MqttAddress, UdpAddress, parse_link
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import Roster, public_bytes

@@ -14,12 +14,12 @@ from itertools import combinations
 from math import hypot, inf
 from pathlib import Path
 
-import vfguide.rehearsal.aircraft
+import vfguide.lab.rehearsal.aircraft
 from sitl_stub import Autopilot, Fault, Truth
 from vfguide.companion.plan import local_frame
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.aircraft import Aircraft, step_all
-from vfguide.rehearsal.emulators import emulator_of
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -151,14 +151,14 @@ def fly(
         stopped = (stops or {}).get(name)
         return Stopped(emulators[name], stopped) if stopped else emulators[name]
 
-    original = vfguide.rehearsal.aircraft.emulator_of
-    vfguide.rehearsal.aircraft.emulator_of = emulator
+    original = vfguide.lab.rehearsal.aircraft.emulator_of
+    vfguide.lab.rehearsal.aircraft.emulator_of = emulator
     try:
         aircraft = [
             Aircraft(mission, name) for name in (mission.leader.vehicle, *mission.followers_by_name)
         ]
     finally:
-        vfguide.rehearsal.aircraft.emulator_of = original
+        vfguide.lab.rehearsal.aircraft.emulator_of = original
     frame = local_frame(mission)
     places: dict[str, list[Place]] = {one.name: [] for one in aircraft}
     mail: list[tuple[str, bytes]] = []

@@ -15,10 +15,10 @@ from pathlib import Path
 from sitl_stub import Autopilot
 from vfguide.companion.core import Companion
 from vfguide.companion.roles import FollowerRole, LeaderRole
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.mavlink.codec import Codec
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.rehearsal.recorder import VehicleRecorder
 
 MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
 RUNS = 5

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from vfguide.commands.overrides import Overrides, apply_overrides
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission import load_mission
-from vfguide.rehearsal.lockstep import fly_lockstep
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 LAWS = ("slot", "article", "pid", "mpc")

@@ -27,7 +27,7 @@ from tests.benchmarks.strays import (
     approaches,
     mission_in_place,
 )
-from vfguide.mission.separation_limits import least_guarantee
+from vfguide.mission.feasibility import least_guarantee
 
 BEGIN_S = 12.0
 """Vehicles that start in their slots have settled by then."""

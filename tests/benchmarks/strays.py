@@ -13,7 +13,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
-import vfguide.rehearsal.aircraft
+import vfguide.lab.rehearsal.aircraft
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, airframe_of, flight_plan
@@ -26,14 +26,14 @@ from vfguide.guidance.predicted_tracks import (
     OwnMotion,
 )
 from vfguide.guidance.separation import escape_tracks
+from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.codec import decode, encode
 from vfguide.mission.load import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
-from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
-from vfguide.rehearsal.emulators import emulator_of
-from vfguide.rehearsal.recorder import flight_record
 
 MODES = {"RTL": 11, "LOITER": 12, "MANUAL": 0, "GUIDED": 15}
 METRES_PER_DEGREE = 111_320.0
@@ -163,12 +163,12 @@ class Strays:
             made = Disturbed(emulator_of(mission, name, faults))
             return self.emulators.setdefault(name, made)
 
-        usual = vfguide.rehearsal.aircraft.emulator_of
-        vfguide.rehearsal.aircraft.emulator_of = emulator  # type: ignore[assignment]
+        usual = vfguide.lab.rehearsal.aircraft.emulator_of
+        vfguide.lab.rehearsal.aircraft.emulator_of = emulator  # type: ignore[assignment]
         try:
             self.formation = {name: Aircraft(self.mission, name) for name in names}
         finally:
-            vfguide.rehearsal.aircraft.emulator_of = usual
+            vfguide.lab.rehearsal.aircraft.emulator_of = usual
         rate_hz, waiting = self.mission.rehearsal.rate_hz, sorted(self.events)
         times: list[float] = []
         mail: list[Mail] = []

@@ -1,4 +1,4 @@
-"""The weights of the baseline `mpc`: a search on the calm missions, by the rule of `vfguide.bench.tuning`.
+"""The weights of the baseline `mpc`: a search on the calm missions, by the rule of `studies.tuning`.
 
 Run with `.venv/bin/python tests/benchmarks/tune_mpc.py`; ten minutes on two processors. First over a grid,
 then up and down from the best, each weight and the integral's time alone. How far it looks makes no
@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
 from vfguide.laws.mpc import MpcGains
 
 INTERVAL_S = 1.0 / 7.0

@@ -1,4 +1,4 @@
-"""The gains of the baseline `pid`: a search on the calm missions, by the rule of `vfguide.bench.tuning`.
+"""The gains of the baseline `pid`: a search on the calm missions, by the rule of `studies.tuning`.
 
 Run with `.venv/bin/python tests/benchmarks/tune_pid.py`; some minutes. Thousands of gains fly both missions
 at once in the array form: first drawn at random over decades, then again and again around the best of them.
@@ -12,8 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from vfguide.bench.tuning import CALM, Trials, fly_trials, ranked, told
 from vfguide.elementwise import FloatArray
+from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
 
 CANDIDATES = 1024
 SEED = 5

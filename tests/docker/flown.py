@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.record.flight import FlightRecord
-from vfguide.report.geometry import pair_separations, slot_error
 
 
 @dataclass(frozen=True, kw_only=True)

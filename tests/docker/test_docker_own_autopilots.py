@@ -11,9 +11,9 @@ from typing import Any
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
+from vfguide.lab.rehearsal.truth_collector import TruthCollector
+from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.judge import Judge
-from vfguide.report.geometry import slot_error
 
 FOLLOWERS = ("f1", "f2", "f3")
 
@@ -37,7 +37,7 @@ RECENT = 5 * 20 * 4
 
 def slot_errors(mission: Mission, truth: Path) -> dict[str, float]:
     """How far each follower was from its slot at most, lately, m, by what the autopilots themselves know."""
-    judge = Judge(mission)
+    judge = TruthCollector(mission)
     for line in truth.read_bytes().splitlines()[-RECENT:]:
         judge.datagram_received(line, None)
     if not judge.common_samples():

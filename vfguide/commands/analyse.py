@@ -20,7 +20,7 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
     Raises:
         InputError: a log cannot be read, they do not fit together, or nothing can be written there.
     """
-    from vfguide.debrief.logged_flight import logged_flight, read_log
+    from vfguide.lab.debrief.logged_flight import logged_flight, read_log
 
     refuse_foreign(out, mission.name, (*REPORT_NAMES, RECORD_NAME), force=force)
     record = logged_flight(mission, [log for path in paths for log in read_log(path, mission)])

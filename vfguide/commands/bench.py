@@ -3,9 +3,9 @@
 import json
 from collections.abc import Sequence
 
-from vfguide.bench.latency import render, run_latency
-from vfguide.bench.trust_cost import AIRCRAFT, render_trust_cost, run_trust_cost
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.studies.latency import render, run_latency
+from vfguide.lab.studies.trust_cost import AIRCRAFT, render_trust_cost, run_trust_cost
 
 
 def measure_trust(*, seconds: float, aircraft: Sequence[int] | None, as_json: bool) -> None:

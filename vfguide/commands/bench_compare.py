@@ -10,12 +10,20 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from vfguide.bench.comparison import FULL, PLANTS, QUICK, Row, compare, row_json
-from vfguide.bench.comparison_table import long_table, short_table
-from vfguide.bench.flown import Tracks
-from vfguide.bench.spread import executor_on
-from vfguide.bench.step_cost import step_costs
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.studies.comparison import (
+    FULL,
+    PLANTS,
+    QUICK,
+    Row,
+    compare,
+    long_table,
+    row_json,
+    short_table,
+)
+from vfguide.lab.studies.flown import Tracks
+from vfguide.lab.studies.scale import step_costs
+from vfguide.lab.studies.spread import executor_on
 from vfguide.registry import laws
 
 CONDITIONS = ("shipped", "bad link")
@@ -77,7 +85,7 @@ def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[
 def keep(out: Path, text: str, written: str, tracks: dict[tuple[str, str], Tracks]) -> None:
     """Tables, figures and JSON in a directory."""
     # Here, because it brings the plotting library.
-    from vfguide.bench.case_figure import draw_case, draw_laws
+    from vfguide.lab.studies.figures import draw_case, draw_laws
 
     (out / "bench.md").write_text(text, encoding="utf-8")
     (out / "bench.json").write_text(written, encoding="utf-8")

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vfguide.commands.shared_options import directory, with_plugins
+from vfguide.extras import PLOTTING, require
 
 # What measures is imported where it is called: every command reads these options, few measure.
 
@@ -48,6 +49,7 @@ def compare(
 
     As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
     """
+    require(*PLOTTING, "osqp", "scipy")
     if context.invoked_subcommand is None:
         from vfguide.commands.bench_compare import compare_laws
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from vfguide.bench.radio import RATES_HZ, SIZES, RadioCase, RadioFigures, fly
-from vfguide.bench.spread import executor_on, flown_by
 from vfguide.commands.bench_studies import write
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures, fly
+from vfguide.lab.studies.spread import executor_on, flown_by
 
 
 def show_radio(

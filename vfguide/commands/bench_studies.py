@@ -7,16 +7,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from vfguide.bench.ablations import ablation_cases, parts_of
-from vfguide.bench.article import MISSIONS
-from vfguide.bench.comparison_table import metres, seconds
-from vfguide.bench.flown import fly
-from vfguide.bench.monte_carlo import batches, sampled, summary_of
-from vfguide.bench.robustness import SWEEPS, Found, fly_point, points
-from vfguide.bench.scale import measure_all
-from vfguide.bench.spread import executor_on, flown_by
 from vfguide.commands.bench_compare import flown_laws, machine
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.studies.ablations import ablation_cases, parts_of
+from vfguide.lab.studies.article import MISSIONS
+from vfguide.lab.studies.comparison import metres, seconds
+from vfguide.lab.studies.flown import fly
+from vfguide.lab.studies.monte_carlo import batches, sampled, summary_of
+from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
+from vfguide.lab.studies.scale import measure_all
+from vfguide.lab.studies.spread import executor_on, flown_by
 from vfguide.registry import laws
 
 SCALE_COLUMNS = (
@@ -101,7 +101,7 @@ def show_robustness(
     write(json_file, content)
     if out is not None:
         # Here, because it brings the plotting library.
-        from vfguide.bench.map_figure import draw_maps
+        from vfguide.lab.studies.figures import draw_maps
 
         draw_maps(found, out)
         write(out / "robustness.json", content)

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from vfguide.commands.vehicles import check_flies
+from vfguide.lab.rehearsal.live import emulator_command
+from vfguide.lab.rehearsal.watched import await_start
 from vfguide.mission import Mission
-from vfguide.rehearsal.live import emulator_command
-from vfguide.rehearsal.starting_signal import await_start
 
 PATIENCE_S = 180.0
 """Real time that a judge may take to start the flight."""

@@ -9,6 +9,7 @@ from vfguide.commands.output import refuse_file, whole_file
 from vfguide.commands.report import read_flight
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
+from vfguide.extras import missing_library
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord, Origin
 
@@ -58,24 +59,23 @@ def writer_for(out: Path) -> Write:
     try:
         match out.suffix.lower():
             case ".mcap":
-                from vfguide.export.foxglove import write_mcap
+                from vfguide.lab.export.foxglove import write_mcap
 
                 return write_mcap
             case ".csv":
-                from vfguide.export.comma_separated import write_csv
+                from vfguide.lab.export.comma_separated import write_csv
 
                 return write_csv
             case ".parquet":
-                from vfguide.export.parquet import write_parquet
+                from vfguide.lab.export.parquet import write_parquet
 
                 return write_parquet
             case ".kml" | ".kmz" as ending:
-                from vfguide.export.earth import write_earth
+                from vfguide.lab.export.earth import write_earth
 
                 return partial(write_earth, compressed=ending == ".kmz")
     except ImportError as error:
-        raise InputError(
-            f"{out.suffix} needs {error.name}, which is not installed: pip install 'vfguide[files]',"
-            " or write a .csv"
-        ) from error
+        if (remedy := missing_library(error)) is None:
+            raise
+        raise InputError(f"{out}: {remedy}, or write a .csv") from error
     raise InputError(f"{out}: ends in none of {', '.join(ENDINGS)}; the ending is the format")

@@ -12,11 +12,12 @@ from types import FrameType
 from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kept_in
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import VfguideError
+from vfguide.extras import PLOTTING, require
+from vfguide.lab.rehearsal.lockstep import Flight, fly_lockstep
+from vfguide.lab.report.metrics import summarise, summary_json
+from vfguide.lab.report.summary import Summary
+from vfguide.lab.report.table import summary_table
 from vfguide.mission.model import Mission
-from vfguide.rehearsal.lockstep import Flight, fly_lockstep
-from vfguide.report.metrics import summarise, summary_json
-from vfguide.report.summary import Summary
-from vfguide.report.table import summary_table
 
 EPOCH_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
@@ -31,6 +32,8 @@ def fly(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> in
         InputError: the directory cannot be written to, or holds something else.
         VfguideError: the flight was stopped, and an earlier one stays.
     """
+    if out is not None:
+        require(*PLOTTING)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:
@@ -102,7 +105,7 @@ def conclude(
 def keep(flight: Flight, summary: Summary, out: Path) -> None:
     """Write everything about a flight into its directory."""
     # Here, because it brings the plotting library: a daemon on an aircraft has no use for 30 MB of it.
-    from vfguide.report.page import write_report
+    from vfguide.lab.report.page import write_report
 
     flight.record.save(out / RECORD_NAME)
     for name, log in flight.logs.items():

@@ -9,12 +9,12 @@ from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
+from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.link.address import parse_links
 from vfguide.link.watch import Watched
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import Flight
-from vfguide.rehearsal.watched import WatchedFlight, watched_flight
 
 LOOK_S = 0.2
 """Real time between looks at the flight."""
@@ -96,12 +96,12 @@ async def _watch(
     async with watched_flight(mission, truth=truth, watched=watched, speedup=speedup) as flight:
         await _until_online(flight, patience_s=patience_s, stop=stop)
         flight.start(start)
-        while flight.judge.time_s < mission.rehearsal.duration_s and not stop():
+        while flight.truth_collector.time_s < mission.rehearsal.duration_s and not stop():
             flight.check()
-            progress(max(flight.judge.time_s, 0.0))
+            progress(max(flight.truth_collector.time_s, 0.0))
             await asyncio.sleep(LOOK_S)
         interrupted = stop()
-        record = flight.judge.record(wall_s=flight.elapsed_s)
+        record = flight.truth_collector.record(wall_s=flight.elapsed_s)
         latency = await flight.latency()
     return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
 

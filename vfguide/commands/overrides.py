@@ -12,7 +12,7 @@ from vfguide.errors import InputError
 from vfguide.mission.controller import with_law
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import Finding
-from vfguide.mission.location import Location, dotted
+from vfguide.mission.flight_path import Location, dotted
 from vfguide.mission.model import Mission
 
 SpeedResponseName = Literal["first-order", "tecs", "px4"]

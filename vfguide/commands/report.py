@@ -20,12 +20,12 @@ from vfguide.commands.output import (
 )
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
+from vfguide.lab.report.metrics import summarise, summary_json
+from vfguide.lab.report.table import summary_table
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
 from vfguide.regular_file import open_regular
-from vfguide.report.metrics import summarise, summary_json
-from vfguide.report.table import summary_table
 
 
 def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool) -> None:
@@ -72,7 +72,7 @@ def animate_flight(
         InputError: there is no flight in them, nothing to show, or the file cannot be written.
     """
     # Here, for the same reason as below.
-    from vfguide.report.animation import write_animation
+    from vfguide.lab.report.animation import write_animation
 
     refuse_file(file, force=force)
     record = read_flight(directories)
@@ -114,8 +114,8 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
             f"{first}: holds neither {RECORD_NAME} nor recordings; give a directory that "
             "`vfguide fly --out` wrote, or companions recorded into"
         )
-    from vfguide.debrief.flight import flight_of
-    from vfguide.debrief.recordings import collect
+    from vfguide.lab.debrief.flight import flight_of
+    from vfguide.lab.debrief.recordings import collect
 
     return flight_of(collect(directories))
 
@@ -127,7 +127,7 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
         InputError: it cannot be written to.
     """
     # Here, because it brings the plotting library, which no other command needs.
-    from vfguide.report.page import write_report
+    from vfguide.lab.report.page import write_report
 
     summary = summarise(record)
     text = json.dumps(summary_json(summary), indent=2)

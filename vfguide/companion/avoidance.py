@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.companion.traffic import Traffic, reaction_time
@@ -101,7 +101,7 @@ class KeepClear:
 
     def step(
         self,
-        fix: Fix,
+        navigated: NavigatedState,
         turn_rate: float,
         intent: Callable[[], Intent],
         *,
@@ -110,60 +110,62 @@ class KeepClear:
         """Check what is wanted, and change it if it would come too near to another vehicle.
 
         Args:
-            fix: the vehicle now.
+            navigated: the vehicle now.
             turn_rate: of its course, rad/s.
             intent: finds what it would fly alone.
             steered: whether the vehicle flies by it, so that its pilot sees what is done.
         """
-        now, clear = fix.state.time_s, self._clear
+        now, clear = navigated.state.time_s, self._clear
         aim = None
-        if not 0.0 <= now - self._looked_s < LOOK_S - 0.5 * fix.period:
+        if not 0.0 <= now - self._looked_s < LOOK_S - 0.5 * navigated.period:
             self._looked_s, aim = now, intent()
-            self._clear = clear = self._look_around(fix, turn_rate, aim, steered=steered)
+            self._clear = clear = self._look_around(navigated, turn_rate, aim, steered=steered)
         if clear is None or not clear.changed:
             return Avoidance(setpoint=None, climb_m=self._climb_m)
         setpoint = setpoint_of(
             clear,
             (aim or intent()).wanted,
-            own_motion(fix.state, turn_rate, self._plan.airframe),
-            self._agility(fix),
+            own_motion(navigated.state, turn_rate, self._plan.airframe),
+            self._agility(navigated),
             self._plan.airframe,
         )
         return Avoidance(setpoint=setpoint, climb_m=self._climb_m)
 
-    def _agility(self, fix: Fix) -> Agility:
+    def _agility(self, navigated: NavigatedState) -> Agility:
         """How fast the vehicle answers now."""
-        return agility_of(fix.state, self._plan.airframe, slips=self._plan.slips, period=fix.period)
+        return agility_of(
+            navigated.state, self._plan.airframe, slips=self._plan.slips, period=navigated.period
+        )
 
     def _look_around(
-        self, fix: Fix, turn_rate: float, aim: Intent, *, steered: bool
+        self, navigated: NavigatedState, turn_rate: float, aim: Intent, *, steered: bool
     ) -> Clearance | None:
         """What to fly, and at which height; None where no vehicle can come near. See `step`."""
-        state, airframe = fix.state, self._plan.airframe
+        state, airframe = navigated.state, self._plan.airframe
         here = Viewpoint(
             time_s=state.time_s,
             place=complex(state.north, state.east),
             velocity=cmath.rect(state.ground_speed, state.course),
             wanted=aim.wanted.velocity,
-            altitude_amsl=fix.altitude_amsl,
+            altitude_amsl=navigated.altitude_amsl,
             wind=complex(state.wind_north, state.wind_east),
             astray=aim.astray,
             reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
         )
         found = self._traffic.possibilities(here, aim.leader)
         if found is None:
-            self._climb_m = self._height_for(None, fix)
+            self._climb_m = self._height_for(None, navigated)
             self._report(None, 0.0, state.time_s)
             return None
         others, rows = found
         own = own_motion(state, turn_rate, airframe)
         side = 0.0 if self._clear is None else self._clear.turn
-        clear = keep_clear(own, aim.wanted, others, self._agility(fix), side=side)
+        clear = keep_clear(own, aim.wanted, others, self._agility(navigated), side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
         room_m = float((clear.nearest - others.floor).min()) if clear.changed else math.inf
         tight = self._is_tight(room_m, state.time_s)
         row = int(rows[clear.nearest.argmin()]) if tight else None
-        self._climb_m = self._height_for(row, fix)
+        self._climb_m = self._height_for(row, navigated)
         nearest = int(rows[clear.wanted_nearest.argmin()])
         step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
@@ -198,16 +200,16 @@ class KeepClear:
         self._tight_since = min(self._tight_since, now)
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
 
-    def _height_for(self, row: int | None, fix: Fix) -> float:
+    def _height_for(self, row: int | None, navigated: NavigatedState) -> float:
         """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
-        now = fix.state.time_s
+        now = navigated.state.time_s
         if row is None:
             return self._climb_m if now - self._stepped_s <= STAY_S else 0.0
         self._stepped_s = now
         if self._climb_m != 0.0:
             return self._climb_m
         plan = self._plan
-        above = fix.altitude_amsl - self._traffic.altitude_of(row)
+        above = navigated.altitude_amsl - self._traffic.altitude_of(row)
         ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
         up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
         return STEP_M if up else -min(STEP_M, STEP_SHARE * max(plan.height, 0.0))

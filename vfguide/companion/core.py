@@ -14,15 +14,15 @@ from vfguide.companion.announcer import Announcer, mode_sentence
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
-from vfguide.companion.inquiry import Inquiry
-from vfguide.companion.obedience import Obedience
 from vfguide.companion.outgoing import Event, Outgoing, Snapshot
-from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
+from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode
+from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
@@ -125,7 +125,7 @@ class Companion:
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0
-        self._patience = plan.patience
+        self._timeouts = plan.timeouts
         self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
         self._own = OwnVehicle(plan)
         self._clock = clock
@@ -147,8 +147,10 @@ class Companion:
         self._guard = SetpointGuard(plan)
         self._stream = SetpointStream(adapter)
         self._commands = Acknowledgements()
-        self._inquiry = Inquiry(plan, adapter) if inspect or plan.asks_response else None
-        self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
+        self._parameter_check = (
+            ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
+        )
+        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -276,7 +278,7 @@ class Companion:
         self._own = OwnVehicle(plan)
         self._role = role_of(plan, self._clock)
         self._guard = SetpointGuard(plan)
-        self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
@@ -308,8 +310,8 @@ class Companion:
             case VersionReport():
                 out.tell(self._adapter.hear(report), now)
             case ParameterReport():
-                if self._inquiry is not None:
-                    self._inquiry.take(report)
+                if self._parameter_check is not None:
+                    self._parameter_check.take(report)
             case TextReport():
                 worrying = report.severity <= mavlink.MAV_SEVERITY_WARNING
                 text = f"autopilot: {report.text}"
@@ -321,32 +323,32 @@ class Companion:
     ) -> list[MAVLink_message]:
         """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
         reboots = self._own.reboots
-        fix = self._own.take(report, now)
+        navigated = self._own.take(report, now)
         if self._own.reboots > reboots:
             self._authority.rebooted()
         if self._own.doubts:
             self._phase.doubt_position()
-        elif fix is not None:
-            self._phase.hear_position(report, fix.state, now)
+        elif navigated is not None:
+            self._phase.hear_position(report, navigated.state, now)
         for words in [*self._own.words(), *self._role.words()]:
             out.warn(words, now)
-        return [] if fix is None else self._guide(fix, now, out)
+        return [] if navigated is None else self._guide(navigated, now, out)
 
-    def _guide(self, fix: Fix, now: float, out: Outgoing) -> list[MAVLink_message]:
+    def _guide(self, navigated: NavigatedState, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
-        if not fix.steerable:
-            state = self._role.step(fix, Mode.WAITING).publish
+        if not navigated.steerable:
+            state = self._role.step(navigated, Mode.WAITING).publish
             out.to_link += [] if state is None else [state]
             self._change_mode(now, out)
             return []
         try:
-            step = self._role.step(fix, self._mode)
+            step = self._role.step(navigated, self._mode)
         except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
             # Without a step telemetry counts as lost: the vehicle is handed back soon.
             self._tell_of_failure(error, now, out)
             return []
         self._telemetry_time = now
-        self._interval = fix.interval
+        self._interval = navigated.interval
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
@@ -364,13 +366,15 @@ class Companion:
             altitude = self._plan.altitude_amsl + step.climb_m
             if step.climb_m != 0.0 and not self._adapter.holds_altitude:
                 out.warn(CANNOT_CLIMB, now)
-            messages += self._steer(self._asked(setpoint, altitude, fix), now)
+            messages += self._steer(self._asked(setpoint, altitude, navigated), now)
             out.steered = True
-            out.warn(self._obedience.watch(fix.state, setpoint), now)
+            out.warn(self._tracking.watch(navigated.state, setpoint), now)
             if not self._adapter.holds_altitude:
-                out.warn(self._obedience.watch_altitude(fix.place.altitude_amsl), now)
+                out.warn(self._tracking.watch_altitude(navigated.place.altitude_amsl), now)
         elif self._mode is not Mode.LOST and self._authority.recognised:
-            ready = self._adapter.stay_ready(self._asked(setpoint, self._plan.altitude_amsl, fix))
+            ready = self._adapter.stay_ready(
+                self._asked(setpoint, self._plan.altitude_amsl, navigated)
+            )
             messages += self._stream.due(ready, now)
         return messages
 
@@ -384,14 +388,16 @@ class Companion:
             )
         self._change_mode(now, out)
 
-    def _asked(self, setpoint: Setpoint[float], altitude: float, fix: Fix) -> AutopilotSetpoint:
+    def _asked(
+        self, setpoint: Setpoint[float], altitude: float, navigated: NavigatedState
+    ) -> AutopilotSetpoint:
         """A setpoint as it is sent to the autopilot, with an altitude (m)."""
         return AutopilotSetpoint(
             course=setpoint.course + self._own.course_offset,
             speed=self._reported(setpoint.speed),
             altitude_amsl=altitude,
-            latitude_deg=fix.place.latitude_deg,
-            longitude_deg=fix.place.longitude_deg,
+            latitude_deg=navigated.place.latitude_deg,
+            longitude_deg=navigated.place.longitude_deg,
         )
 
     def _steer(self, setpoint: AutopilotSetpoint, now: float) -> list[MAVLink_message]:
@@ -424,7 +430,7 @@ class Companion:
             steered=self._authority.answers_for_vehicle,
             distance=self._distance,
         )
-        before, self._mode = self._mode, next_mode(self._mode, situation, self._patience)
+        before, self._mode = self._mode, next_mode(self._mode, situation, self._timeouts)
         if self._mode.steers or control is not Control.GUIDED:
             self._idle_since = now
         self._announcer.watch(self._mode, control, lambda: self._sentence(situation, now), now)
@@ -435,14 +441,14 @@ class Companion:
             self._altitude_time = -math.inf
         if self._mode.steers is not before.steers:
             self._stream.reset()
-            self._obedience.reset()
+            self._tracking.reset()
 
     def _sentence(self, situation: Situation, now: float) -> str:
         """What this companion does, and what the pilot can do."""
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
         # Only what is known to be of now is answered with a command.
         returns = situation.steered and math.isfinite(self._own.greatest_age(now))
-        returns_s = self._patience.telemetry_lost_s if returns else None
+        returns_s = self._timeouts.telemetry_lost_s if returns else None
         return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
     def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
@@ -463,18 +469,18 @@ class Companion:
         """What this companion would like of the autopilot."""
         if self._stopped:
             return Wish.RETURN if self._leaving else Wish.NONE
-        lost_s = self._patience.telemetry_lost_s
+        lost_s = self._timeouts.telemetry_lost_s
         deaf = now - max(self._telemetry_time, self._awake_since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
-        longest_s = self._patience.prediction_s + self._patience.breakaway_s
+        longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._role.leader_age(now) < math.inf
         if gone or self._guard.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
         ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)
-        followable = self._role.leader_age(now) <= self._patience.leader_s
-        heard = now - self._telemetry_time <= self._patience.telemetry_s
+        followable = self._role.leader_age(now) <= self._timeouts.leader_s
+        heard = now - self._telemetry_time <= self._timeouts.telemetry_s
         informed = followable and heard and math.isfinite(self._interval)
         waiting = self._mode in {Mode.WAITING, Mode.PILOT}
         return Wish.STEER if waiting and ready and informed else Wish.NONE
@@ -490,7 +496,7 @@ class Companion:
             messages += self._heartbeats()
         if self._stopped:
             return messages
-        silent = now - self._telemetry_time > self._patience.telemetry_s
+        silent = now - self._telemetry_time > self._timeouts.telemetry_s
         slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
         authority = self._authority
         # What comes unasked may have another rate, or its parts each their own.
@@ -511,7 +517,7 @@ class Companion:
         heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
         """
         authority = self._authority
-        unheard = authority.silence_s(now) > self._patience.telemetry_lost_s
+        unheard = authority.silence_s(now) > self._timeouts.telemetry_lost_s
         wanted = authority.answers_for_vehicle and (unheard or self._wish(now) is Wish.RETURN)
         self._return_since = min(self._return_since, now) if wanted else math.inf
         if now - self._return_since <= FAIL_SAFE_S:
@@ -528,7 +534,7 @@ class Companion:
     def _questions(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What is not known of the autopilot yet."""
         messages = self._adapter.questions()
-        if self._inquiry is not None:
-            messages += self._inquiry.requests(lambda text: out.warn(text, now))
-            self._adopt(self._inquiry.plan)
+        if self._parameter_check is not None:
+            messages += self._parameter_check.requests(lambda text: out.warn(text, now))
+            self._adopt(self._parameter_check.plan)
         return messages

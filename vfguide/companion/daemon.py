@@ -1,4 +1,7 @@
-"""The companion as a process: the one place with tasks, sockets and a clock."""
+"""The companion as a process: the one place with tasks, sockets and a clock.
+
+How long a companion took, and how old what it used was: a few numbers that stay small for ever.
+"""
 
 import asyncio
 import gc
@@ -16,7 +19,6 @@ from random import Random
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.latency import Quantiles
 from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -34,6 +36,38 @@ from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.signing import Signing
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
+
+
+class Quantiles:
+    """Median, 99th percentile and greatest of the newest values of a series."""
+
+    def __init__(self, size: int = 2000) -> None:
+        """Keep this many of the newest values."""
+        self._size = size
+        self._newest: list[float] = []
+        self._next = 0
+        self.greatest = 0.0
+        """Of all values ever."""
+        self.last: float | None = None
+        """The newest."""
+
+    def add(self, value: float) -> None:
+        """Note a value."""
+        self.last = value
+        self.greatest = max(self.greatest, value)
+        if len(self._newest) < self._size:
+            self._newest.append(value)
+        else:
+            self._newest[self._next] = value
+            self._next = (self._next + 1) % self._size
+
+    def quantiles(self, *shares: float) -> list[float]:
+        """For each share the value that it of the newest ones does not exceed; empty without any values."""
+        ordered = sorted(self._newest)
+        if not ordered:
+            return []
+        return [ordered[min(len(ordered) - 1, int(share * len(ordered)))] for share in shares]
+
 
 logger = logging.getLogger(__name__)
 

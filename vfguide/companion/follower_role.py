@@ -7,18 +7,17 @@ from dataclasses import replace
 
 from vfguide.angles import wrap_angle
 from vfguide.companion.avoidance import Intent, KeepClear
-from vfguide.companion.foresight import Law
-from vfguide.companion.hearing import Hearing
-from vfguide.companion.motion_report import GAP_S, MotionReport
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.delay_compensator import Law
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, follower_law, late_laws
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.state_publisher import GAP_S, StatePublisher
+from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.course_law import sliding_course_rate
-from vfguide.guidance.formation import formation_error, predict_leader, slot_motion
+from vfguide.guidance.formation import extrapolate_by_rates, formation_error, slot_motion
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     intended_at_first,
@@ -28,7 +27,8 @@ from vfguide.guidance.intended_motion import (
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
-from vfguide.guidance.virtual_leader import carry_along_path
+from vfguide.guidance.sliding_laws import sliding_course_rate
+from vfguide.guidance.virtual_leader import extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.state import LeaderState, Setpoint, VehicleState
 
@@ -79,12 +79,12 @@ class FollowerRole:
         self._task = task
         self._clock = clock
         # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
-        broken_up_s = plan.patience.prediction_s + plan.patience.breakaway_s + HANDED_BACK_S
-        self._leader = Hearing(plan.frame, clock, moved_s=broken_up_s)
+        broken_up_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
+        self._leader = StateReceiver(plan.frame, clock, moved_s=broken_up_s)
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._leader_name = next(one.name for one in plan.others if one.leads)
-        self._report = MotionReport(plan)
+        self._report = StatePublisher(plan)
         self._published_time = -math.inf
         self._distance = math.inf
         self._avoiding = False
@@ -146,34 +146,38 @@ class FollowerRole:
         """Age of the newest leader state, s; infinite before the first."""
         return math.inf if self.leader is None else now - self.leader.time_s
 
-    def step(self, fix: Fix, mode: Mode) -> RoleStep:
+    def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
-        motion = self._report.note(fix)
-        self._note_wind(fix)
-        publish = self._own_state(fix, motion, mode)
-        leader = self._leader_at(fix)
+        motion = self._report.note(navigated)
+        self._note_wind(navigated)
+        publish = self._own_state(navigated, motion, mode)
+        leader = self._leader_at(navigated)
         if leader is None:
             return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=publish)
         breaks_away = mode is Mode.BREAKAWAY
-        if fix.moved or not mode.steers or breaks_away:
+        if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):
                 keeper.reset()
-        guidance = self._keeper.step(fix.state, leader, period=fix.period, held=self._avoiding)
+        guidance = self._keeper.step(
+            navigated.state, leader, period=navigated.period, held=self._avoiding
+        )
         setpoint = guidance.setpoint
-        if fix.foresight is not None:
+        if navigated.delay_compensator is not None:
             course_law, speed_law = (
-                self._late_law(keeper, fix, leader) for keeper in self._late_keepers
+                self._late_law(keeper, navigated, leader) for keeper in self._late_keepers
             )
-            setpoint = fix.foresight.setpoint(course_law, speed_law)
+            setpoint = navigated.delay_compensator.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
         if breaks_away:
-            setpoint = self._away(fix, leader)
+            setpoint = self._away(navigated, leader)
         away = setpoint if breaks_away else None
         avoidance = self._keep_clear.step(
-            fix,
+            navigated,
             motion.turn_rate,
-            lambda: self._intent(fix, predict_leader(leader, fix.state.time_s), away),
+            lambda: self._intent(
+                navigated, extrapolate_by_rates(leader, navigated.state.time_s), away
+            ),
             steered=mode.steers,
         )
         self._avoiding = mode.steers and avoidance.setpoint is not None
@@ -185,34 +189,40 @@ class FollowerRole:
             climb_m=avoidance.climb_m,
         )
 
-    def _note_wind(self, fix: Fix) -> None:
+    def _note_wind(self, navigated: NavigatedState) -> None:
         """The mean wind, in which the leader's speed is planned."""
-        state, (north, east) = fix.state, self._wind
-        if not math.isfinite(fix.interval):
+        state, (north, east) = navigated.state, self._wind
+        if not math.isfinite(navigated.interval):
             self._wind = state.wind_north, state.wind_east
             return
         self._wind = (
-            low_pass(north, state.wind_north, fix.interval, WIND_S),
-            low_pass(east, state.wind_east, fix.interval, WIND_S),
+            low_pass(north, state.wind_north, navigated.interval, WIND_S),
+            low_pass(east, state.wind_east, navigated.interval, WIND_S),
         )
 
-    def _late_law(self, keeper: SlotKeeper[float], fix: Fix, leader: LeaderState[float]) -> Law:
+    def _late_law(
+        self, keeper: SlotKeeper[float], navigated: NavigatedState, leader: LeaderState[float]
+    ) -> Law:
         """What a law asks for of the vehicle as it will be."""
 
         def law(ahead: VehicleState[float]) -> Setpoint[float]:
-            return keeper.step(ahead, leader, period=fix.period, held=self._avoiding).setpoint
+            return keeper.step(ahead, leader, period=navigated.period, held=self._avoiding).setpoint
 
         return law
 
-    def _intent(self, fix: Fix, leader: LeaderState[float], away: Setpoint[float] | None) -> Intent:
+    def _intent(
+        self, navigated: NavigatedState, leader: LeaderState[float], away: Setpoint[float] | None
+    ) -> Intent:
         """What it would fly if it were alone with its leader."""
-        return Intent(wanted=self._wanted(fix, leader, away), leader=leader, astray=self._distance)
+        return Intent(
+            wanted=self._wanted(navigated, leader, away), leader=leader, astray=self._distance
+        )
 
     def _wanted(
-        self, fix: Fix, leader: LeaderState[float], away: Setpoint[float] | None
+        self, navigated: NavigatedState, leader: LeaderState[float], away: Setpoint[float] | None
     ) -> WantedMotion:
         """Where guidance goes: onto the slot as its law does, or straight away from the others."""
-        state = fix.state
+        state = navigated.state
         if away is not None and self._breakaway_course is not None:
             velocity = cmath.rect(state.ground_speed, self._breakaway_course)
             return WantedMotion(
@@ -231,9 +241,11 @@ class FollowerRole:
             settle_s=min(max(settle_s, LEAST_SETTLE_S), GREATEST_SETTLE_S),
         )
 
-    def _own_state(self, fix: Fix, motion: LeaderState[float], mode: Mode) -> bytes | None:
+    def _own_state(
+        self, navigated: NavigatedState, motion: LeaderState[float], mode: Mode
+    ) -> bytes | None:
         """The own state for the other vehicles, now and then; most often of a vehicle that is not steered."""
-        now = fix.state.time_s
+        now = navigated.state.time_s
         time_s = self._clock.from_own(now)
         in_slot = self._distance < IN_SLOT_M and not self._avoiding
         straight = abs(motion.turn_rate) < STRAIGHT_RAD_S
@@ -241,45 +253,45 @@ class FollowerRole:
         if not mode.steers:
             interval = PUBLISH_FREE_S
         # Half a period early is nearer to the time than half a period late.
-        due = now - self._published_time >= interval - 0.5 * fix.period
+        due = now - self._published_time >= interval - 0.5 * navigated.period
         if not (due and math.isfinite(time_s)):
             return None
         self._published_time = now
-        return self._report.message(motion, fix, time_s, steered=mode.steers)
+        return self._report.message(motion, navigated, time_s, steered=mode.steers)
 
-    def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
+    def _leader_at(self, navigated: NavigatedState) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path."""
         heard = self.leader
-        if heard is None or self.leader_age(fix.state.time_s) <= self._plan.patience.leader_s:
+        if heard is None or self.leader_age(navigated.state.time_s) <= self._plan.timeouts.leader_s:
             return heard
-        now = fix.state.time_s
+        now = navigated.state.time_s
         carried = self._carried
         if carried is None:
-            carried = predict_leader(heard, min(now, heard.time_s + GAP_S))
+            carried = extrapolate_by_rates(heard, min(now, heard.time_s + GAP_S))
         # One step, or many after a gap in telemetry.
         count = min(math.ceil((now - carried.time_s) / CARRY_S), MOST_STEPS)
         for left in range(count, 0, -1):
             time_s = carried.time_s + (now - carried.time_s) / left
-            carried = carry_along_path(
-                carried, replace(fix.state, time_s=time_s), self._task.leader
+            carried = extrapolate_along_path(
+                carried, replace(navigated.state, time_s=time_s), self._task.leader
             )
         self._carried = carried
         return carried
 
-    def _away(self, fix: Fix, leader: LeaderState[float]) -> Setpoint[float]:
+    def _away(self, navigated: NavigatedState, leader: LeaderState[float]) -> Setpoint[float]:
         """Setpoint of the breakaway: a fixed course to the side of the slot."""
         if self._breakaway_course is None:
             self._breakaway_course = breakaway_course(leader.course, self._task.slot)
         plan = self._plan
         sliding = plan.settings.sliding
         course_rate = sliding_course_rate(
-            wrap_angle(fix.state.course - self._breakaway_course),
+            wrap_angle(navigated.state.course - self._breakaway_course),
             0.0,
             sliding.kappa,
-            sliding.layer(fix.period),
+            sliding.layer(navigated.period),
         )
         return cruise_setpoint(
-            fix.state,
+            navigated.state,
             self._task.airspeed,
             course_rate,
             plan.airframe,

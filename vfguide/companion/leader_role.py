@@ -3,20 +3,20 @@
 import cmath
 import math
 from collections import Counter
+from typing import Any
 
 from vfguide.companion.avoidance import Intent, KeepClear
-from vfguide.companion.motion_report import MotionReport
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.state import VehicleState
 
 ASTRAY_S = 1.0
@@ -36,8 +36,10 @@ class LeaderRole:
         """
         self._plan = plan
         self._task = task
-        self._report = MotionReport(plan)
-        self._speed_estimate: float | None = None
+        self._report = StatePublisher(plan)
+        self._law = task.law(task.gains, plan.settings, plan.airframe)
+        self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
+        self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
 
@@ -46,31 +48,32 @@ class LeaderRole:
         """States of followers that were not used, by reason."""
         return self._traffic.counters
 
-    def step(self, fix: Fix, mode: Mode) -> RoleStep:
+    def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
-        if fix.moved:
-            self._speed_estimate = None
-        guidance = self._guidance(fix.state, self._plan.settings, fix.period)
+        if navigated.moved:
+            self._memory = FIRST
+        guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
-        if fix.foresight is not None:
-            settings = course_settings(self._plan)
-            setpoint = fix.foresight.course_setpoint(
-                lambda ahead: self._guidance(ahead, settings, fix.period).setpoint
+        if navigated.delay_compensator is not None:
+            setpoint = navigated.delay_compensator.course_setpoint(
+                lambda ahead: self._guidance(ahead, self._late_law, navigated.period).setpoint
             )
-        self._speed_estimate = guidance.speed_estimate
-        motion = self._report.note(fix)
+        self._memory = guidance.memory
+        motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
         avoidance = self._keep_clear.step(
-            fix,
+            navigated,
             motion.turn_rate,
-            lambda: self._intent(fix.state, distance),
+            lambda: self._intent(navigated.state, distance),
             steered=mode.steers,
         )
         return RoleStep(
             setpoint=avoidance.setpoint or setpoint,
             distance=distance,
             lyapunov=math.nan,
-            publish=self._report.message(motion, fix, fix.state.time_s, steered=mode.steers),
+            publish=self._report.message(
+                motion, navigated, navigated.state.time_s, steered=mode.steers
+            ),
             climb_m=avoidance.climb_m,
         )
 
@@ -101,17 +104,10 @@ class LeaderRole:
         )
 
     def _guidance(
-        self, state: VehicleState[float], settings: GuidanceSettings, period: float
+        self, state: VehicleState[float], law: LeaderLaw, period: float
     ) -> LeaderGuidance[float]:
         """One step of the law, from a state now or ahead."""
-        return leader_step(
-            state,
-            self._task,
-            settings,
-            self._plan.airframe,
-            period=period,
-            speed_estimate=self._speed_estimate,
-        )
+        return leader_step(state, law, self._task, period=period, memory=self._memory)
 
     def receive(self, data: bytes, now: float) -> None:
         """The leader follows no vehicle."""

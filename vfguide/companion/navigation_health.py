@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 
 BAD_S = 1.0
-"""Something has to be bad for so long: estimators change lanes, and a receiver may drop one fix."""
+"""Something has to be bad for so long: estimators change lanes, and a receiver may drop one navigated."""
 
 FRESH_S = 10.0
 """What was said longer ago than this says nothing any more."""

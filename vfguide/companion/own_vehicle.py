@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from vfguide.angles import wrap_angle
 from vfguide.companion.altitude_gate import AltitudeGate
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
+from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import AirspeedGate, Doubt, FrozenPosition
-from vfguide.companion.foresight import Foresight, memory_of
 from vfguide.companion.navigation_health import NavigationHealth
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
@@ -23,9 +23,12 @@ from vfguide.companion.plausibility import (
 )
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.navigation import Sample, first_state, navigate, navigate_blind
-from vfguide.guidance.velocity_error import (
+from vfguide.guidance.navigation import (
+    Sample,
     VelocityError,
+    first_state,
+    navigate,
+    navigate_blind,
     velocity_error,
     velocity_error_at_first,
     with_right_velocity,
@@ -88,7 +91,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fix:
+class NavigatedState:
     """A report, navigated."""
 
     state: VehicleState[float]
@@ -105,7 +108,7 @@ class Fix:
     """Whether the vehicle is believed to be elsewhere than by the report before: what was learned is void."""
     steerable: bool = True
     """Whether it is certain enough to steer by; where it is not, it is published all the same."""
-    foresight: Foresight | None = None
+    delay_compensator: DelayCompensator | None = None
     """Where the vehicle will be when setpoints take effect; None where they do at once."""
 
 
@@ -144,7 +147,9 @@ class OwnVehicle:
         self._period = self._nominal_period
         airframe = plan.airframe
         memory = memory_of(slips=plan.slips, speed_hold=airframe.speed_hold)
-        self._foresight = None if airframe.is_ideal else Foresight(airframe, memory=memory)
+        self._delay_compensator = (
+            None if airframe.is_ideal else DelayCompensator(airframe, memory=memory)
+        )
 
     @property
     def doubts(self) -> bool:
@@ -174,12 +179,12 @@ class OwnVehicle:
 
     def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
-        if self._foresight is None:
+        if self._delay_compensator is None:
             return
         if setpoint is None:
-            self._foresight.forget()
+            self._delay_compensator.forget()
         else:
-            self._foresight.note(setpoint, now)
+            self._delay_compensator.note(setpoint, now)
 
     def note_airspeed(self, airspeed: float, now: float) -> None:
         """Take an airspeed report."""
@@ -193,7 +198,7 @@ class OwnVehicle:
         self._airspeed = airspeed
         self._airspeed_time = now
 
-    def take(self, report: PositionReport, now: float) -> Fix | None:
+    def take(self, report: PositionReport, now: float) -> NavigatedState | None:
         """What a position report leads to; None where it is not newer than the one before, or false."""
         reading, before = self._clock.read(report.boot_time_s, now), self._reading
         if reading is None:
@@ -236,9 +241,9 @@ class OwnVehicle:
             state = step(previous, used, self._filters)
         self._state = state
         self._calibrate(report, interval, now)
-        if self._foresight is not None:
-            self._foresight.observe(state)
-        return Fix(
+        if self._delay_compensator is not None:
+            self._delay_compensator.observe(state)
+        return NavigatedState(
             state=state,
             place=self._place(report, sample, judgement, state),
             period=self._period,
@@ -246,7 +251,7 @@ class OwnVehicle:
             altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
             moved=moved,
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
-            foresight=self._foresight,
+            delay_compensator=self._delay_compensator,
         )
 
     def _with_right_velocity(

@@ -4,18 +4,19 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from vfguide.companion.supervisor import Patience
+from vfguide.companion.supervisor import Timeouts
+from vfguide.extras import require
 from vfguide.frames import LocalFrame
+from vfguide.guidance.bandwidth_limits import course_delay, limit_bandwidth
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
-from vfguide.guidance.leader import LeaderTask
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.pace import course_delay, slowed
 from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.laws.base import Law
+from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.controller import gains_of
@@ -24,7 +25,7 @@ from vfguide.mission.model import Mission
 from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.quantity import Section
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
-from vfguide.registry import autopilots, laws
+from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe
 
 
@@ -86,7 +87,7 @@ class FlightPlan:
     """Whether response and limits are the autopilot's to tell."""
     slips: bool
     """Whether the vehicle's nose leaves the direction of flight in turns."""
-    patience: Patience
+    timeouts: Timeouts
     """How long silences are borne."""
     engage_from: tuple[str, ...]
     """Modes of the autopilot out of which it may be engaged by itself, by name."""
@@ -115,6 +116,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
 
     Raises:
         KeyError: the mission has no vehicle of this name.
+        VfguideError: a library of its law is not installed.
     """
     vehicle = mission.vehicles[name]
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
@@ -125,6 +127,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         offset = mission.followers_by_name[name].slot
         height += offset.up_m
         task = follower_task(mission, vehicle, offset)
+        require(*laws.find(mission.controller.type).libraries)
     return FlightPlan(
         name=name,
         system_id=vehicle.system_id,
@@ -138,7 +141,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
-        patience=Patience(**mission.patience.model_dump()),
+        timeouts=Timeouts(**mission.patience.model_dump()),
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
@@ -191,7 +194,7 @@ def course_settings(plan: FlightPlan) -> GuidanceSettings:
     """Settings of the leader's law for what goes out as a course, by how late that takes effect."""
     sliding = plan.settings.sliding
     delay = course_delay(sliding, plan.airframe, slips=plan.slips, period=1.0 / plan.rate_hz)
-    return replace(plan.settings, sliding=slowed(sliding, delay))
+    return replace(plan.settings, sliding=limit_bandwidth(sliding, delay))
 
 
 def local_frame(mission: Mission) -> LocalFrame:
@@ -285,11 +288,14 @@ def slot_of(mission: Mission, name: str) -> Slot[float]:
 
 
 def leader_task(mission: Mission) -> LeaderTask:
-    """Path, field, cruise, and whom to give way to."""
+    """Path, law, cruise, and whom to give way to."""
+    law = leader_laws.find(mission.leader.law)
     return LeaderTask(
         path=path_of(mission.path),
         path_gains=PathGains(gain=mission.path.gain, approach_angle=mission.path.approach_angle),
         airspeed=mission.leader.airspeed_m_s,
+        law=law,
+        gains=law.Gains.model_validate(mission.leader.gains),
         followers=tuple(
             SlotLimits(
                 slot=Slot(forward=follower.slot.forward_m, right=follower.slot.right_m),

@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Protocol
 
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.supervisor import Mode
 from vfguide.state import Setpoint
 
@@ -32,7 +32,7 @@ class Role(Protocol):
     def counters(self) -> Counter[str]:
         """What came over the link and was not used, by reason."""
 
-    def step(self, fix: Fix, mode: Mode) -> RoleStep:
+    def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """Guidance for a navigated report, in the supervisor's present mode."""
 
     def receive(self, data: bytes, now: float) -> None:

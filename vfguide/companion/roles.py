@@ -4,7 +4,7 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.leader_role import LeaderRole
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.guidance.leader import LeaderTask
+from vfguide.laws.leader import LeaderTask
 
 
 def role_of(plan: FlightPlan, clock: SharedClock) -> LeaderRole | FollowerRole:

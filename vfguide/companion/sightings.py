@@ -68,7 +68,7 @@ class Sightings:
             setattr(part, name, getattr(self, name)[begin:end])
         return part
 
-    def moved(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
+    def propagate(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
         """(places, velocities) of all, these times (s) after they were heard: along their arcs.
 
         A wind (m/s) that is not the one of when they fell silent carries them with it.

@@ -72,7 +72,7 @@ class Situation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patience:
+class Timeouts:
     """How long each kind of silence is borne, and what counts as being in place."""
 
     telemetry_s: float = 1.0
@@ -91,36 +91,36 @@ class Patience:
     """Farther than this is not any more."""
 
 
-def next_mode(mode: Mode, situation: Situation, patience: Patience) -> Mode:
+def next_mode(mode: Mode, situation: Situation, timeouts: Timeouts) -> Mode:
     """The mode that follows from a mode and a situation."""
     if situation.control is not Control.GUIDED:
-        return mode_when_not_guided(mode, situation, patience)
+        return mode_when_not_guided(mode, situation, timeouts)
     # Not "above": an age that is no number counts as silence.
-    if not situation.telemetry_age <= patience.telemetry_s:
+    if not situation.telemetry_age <= timeouts.telemetry_s:
         return Mode.WAITING
     if not math.isfinite(situation.leader_age):
         return Mode.WAITING
-    if situation.leader_age > patience.leader_s:
-        return mode_when_leader_is_silent(situation, patience)
-    bound = patience.strayed_m if mode is Mode.TRACKING else patience.arrived_m
+    if situation.leader_age > timeouts.leader_s:
+        return mode_when_leader_is_silent(situation, timeouts)
+    bound = timeouts.strayed_m if mode is Mode.TRACKING else timeouts.arrived_m
     return Mode.TRACKING if situation.distance <= bound else Mode.JOINING
 
 
-def mode_when_not_guided(mode: Mode, situation: Situation, patience: Patience) -> Mode:
+def mode_when_not_guided(mode: Mode, situation: Situation, timeouts: Timeouts) -> Mode:
     """The autopilot does not obey: a pilot flies, it was handed back, or it never did."""
     if situation.control is Control.PILOT:
         return Mode.PILOT
     if situation.control is Control.UNKNOWN and mode in {Mode.PILOT, Mode.LOST}:
         return mode
     returned = mode is Mode.LOST and situation.control is Control.RETURNED
-    return Mode.LOST if returned and not situation.leader_age <= patience.leader_s else Mode.WAITING
+    return Mode.LOST if returned and not situation.leader_age <= timeouts.leader_s else Mode.WAITING
 
 
-def mode_when_leader_is_silent(situation: Situation, patience: Patience) -> Mode:
+def mode_when_leader_is_silent(situation: Situation, timeouts: Timeouts) -> Mode:
     """First the leader is predicted, then the formation breaks up, then every autopilot is on its own."""
-    if situation.leader_age <= patience.prediction_s:
+    if situation.leader_age <= timeouts.prediction_s:
         return Mode.PREDICTING
-    breaking_up = situation.leader_age <= patience.prediction_s + patience.breakaway_s
+    breaking_up = situation.leader_age <= timeouts.prediction_s + timeouts.breakaway_s
     if breaking_up:
         return Mode.BREAKAWAY
     return Mode.LOST if situation.steered else Mode.WAITING

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vfguide.companion.hearing import Hearing
 from vfguide.companion.plan import OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
@@ -20,6 +19,7 @@ from vfguide.companion.possibilities import (
 )
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.sightings import SILENT_S, Sightings
+from vfguide.companion.state_receiver import StateReceiver
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.frames import LocalFrame
 from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of
@@ -76,7 +76,7 @@ class Traffic:
         """
         self.vehicles = tuple(others)
         self._rows = {one.name: row for row, one in enumerate(others)}
-        self._hearing = {one.name: Hearing(frame, clock) for one in others if not one.leads}
+        self._receivers = {one.name: StateReceiver(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
         self._link_lost_s = -math.inf
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
@@ -98,18 +98,18 @@ class Traffic:
     def counters(self) -> Counter[str]:
         """States of others that were not used, by reason."""
         total: Counter[str] = Counter()
-        for hearing in self._hearing.values():
-            total += hearing.counters
+        for receiver in self._receivers.values():
+            total += receiver.counters
         return total
 
     def receive(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower; those of strangers are passed over."""
-        hearing = self._hearing.get(vehicle)
-        if hearing is None:
+        receiver = self._receivers.get(vehicle)
+        if receiver is None:
             return
-        hearing.take(data, now)
-        self.note(vehicle, hearing)
-        self._words += [f"{vehicle} {words}" for words in hearing.words()]
+        receiver.take(data, now)
+        self.note(vehicle, receiver)
+        self._words += [f"{vehicle} {words}" for words in receiver.words()]
 
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
@@ -120,18 +120,18 @@ class Traffic:
         words, self._words = self._words, []
         return words
 
-    def note(self, vehicle: str, hearing: Hearing) -> None:
+    def note(self, vehicle: str, receiver: StateReceiver) -> None:
         """Take what is heard of a vehicle: its state, or both places where it may be."""
         row = self._rows.get(vehicle)
         if row is None:
             return
         doubted_row = row + len(self.vehicles)
-        if hearing.doubted is not None:
-            reported, carried = hearing.doubted
+        if receiver.doubted is not None:
+            reported, carried = receiver.doubted
             self._note(doubted_row, reported)
             self._note(row, carried)
-        elif hearing.newest is not None:
-            self._note(row, hearing.newest)
+        elif receiver.newest is not None:
+            self._note(row, receiver.newest)
             self._heard.time[doubted_row] = -np.inf
 
     def _note(self, row: int, state: HeardState) -> None:
@@ -186,7 +186,7 @@ class Traffic:
             return None
         age[~known] = 0.0
         self._heard.wind[~silent] = here.wind
-        place, velocity = self._heard.moved(age, here.wind)
+        place, velocity = self._heard.propagate(age, here.wind)
         keep = kept_distance(self._spacing, here.astray)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)

@@ -64,7 +64,7 @@ class FormationError(Generic[Number]):
     """m/s."""
 
 
-def predict_leader(leader: LeaderState[Number], time_s: float) -> LeaderState[Number]:
+def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderState[Number]:
     """The leader at another time, by constant dV/dt and turn acceleration along the arc between.
 
     The chord of the arc runs along the mean course at the mean speed; its error is of third order in the age.

@@ -37,7 +37,7 @@ class Bias:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class ActiveSetpoint:
     """A setpoint that has reached the loops; None where there was none yet."""
 
     course: float | None
@@ -74,24 +74,28 @@ def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> f
     return bank * GRAVITY / (airframe.alpha * airframe.cruise)
 
 
-def followed(value: float, target: float, step_s: float, lag_s: float) -> float:
+def first_order_lag(value: float, target: float, step_s: float, lag_s: float) -> float:
     """What a first-order lag makes of a constant target after a step; at once where there is no lag."""
     return target + (value - target) * (math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0)
 
 
-def inner_after(
-    inner: Inner, state: VehicleState[float], told: Told, step_s: float, airframe: Airframe
+def propagate_inner(
+    inner: Inner,
+    state: VehicleState[float],
+    active: ActiveSetpoint,
+    step_s: float,
+    airframe: Airframe,
 ) -> Inner:
     """The autopilot's loops a step later; without a setpoint they stay as they are."""
     bank, acceleration = inner.bank, inner.acceleration
-    if told.course is not None:
-        error = wrap_angle(told.course - state.course)
+    if active.course is not None:
+        error = wrap_angle(active.course - state.course)
         target = wanted_bank(error, turning_speed(state, airframe), airframe)
-        bank = followed(bank, target, step_s, airframe.course_lag)
-    if told.speed is not None:
-        target = airframe.beta * (told.speed - held_speed(state, airframe))
+        bank = first_order_lag(bank, target, step_s, airframe.course_lag)
+    if active.speed is not None:
+        target = airframe.beta * (active.speed - held_speed(state, airframe))
         target = min(max(target, -airframe.max_acceleration), airframe.max_acceleration)
-        acceleration = followed(acceleration, target, step_s, airframe.speed_lag)
+        acceleration = first_order_lag(acceleration, target, step_s, airframe.speed_lag)
     return Inner(bank=bank, acceleration=acceleration)
 
 
@@ -110,7 +114,7 @@ def turning_speed(state: VehicleState[float], airframe: Airframe) -> float:
     return max(held_speed(state, airframe), 1.0)
 
 
-def moved(
+def propagate(
     state: VehicleState[float], inner: Inner, bias: Bias, step_s: float, airframe: Airframe
 ) -> VehicleState[float]:
     """The vehicle a step later, its bank and acceleration as they are; the wind changes at its own rate."""

@@ -1,9 +1,8 @@
 """From the wanted change of the ground velocity to what an autopilot's holds must be told, within limits."""
 
 from vfguide.elementwise import Number, clip, greater_of
-from vfguide.guidance.course_law import course_command
 from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
-from vfguide.guidance.speed_law import acceleration_toward, speed_command
+from vfguide.guidance.sliding_laws import acceleration_toward, course_command, speed_command
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
     ground_speed_on_course,

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from vfguide.guidance.course_law import boundary_layer
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
+from vfguide.guidance.sliding_laws import boundary_layer
 
 SpeedSource = Literal["measured", "observer"]
 """Where the leader's law takes its ground speed from."""

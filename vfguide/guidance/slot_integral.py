@@ -86,7 +86,7 @@ def turning_share(turn_rate: Number) -> Number:
 
 
 def harmonic_share(turn_rate: Number, integral_s: float) -> Number:
-    """How fast a harmonic is learned, in parts of the mean: as fast, but no faster than the slot turns.
+    """How fast a harmonic is update_offset, in parts of the mean: as fast, but no faster than the slot turns.
 
     What is learned within less of a turn could not be told from the mean.
 
@@ -148,7 +148,7 @@ def sum_of(
     return ahead, right, ahead_rate, right_rate
 
 
-def learned(
+def update_offset(
     offset: Offset[Number],
     error: FormationError[Number],
     integral_s: float,

@@ -29,7 +29,7 @@ class KnownLeader:
     """Time constant of its rates, s."""
 
 
-def carry_along_path(
+def extrapolate_along_path(
     leader: LeaderState[Number], follower: VehicleState[Number], known: KnownLeader
 ) -> LeaderState[Number]:
     """The leader at the follower's time, had it kept to its field, its airspeed and the follower's wind.

@@ -7,10 +7,10 @@ from enum import Enum
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.obedience import Obedience
 from vfguide.companion.outgoing import Event
-from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.identification.recording import Recording
 from vfguide.identification.steps import Phase, Segment, segments
 from vfguide.mavlink.acknowledgements import Acknowledgements
@@ -89,7 +89,7 @@ class Identification:
         self._codec = Codec(plan.system_id, plan.component_id)
         self._own = OwnVehicle(plan)
         self._commands = Acknowledgements()
-        self._obedience = Obedience(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
         self._segments = segments(plan.airframe, repeats)
         self._began = self._base = self._height = math.nan
         self._engaged = self._armed = self._connected = False
@@ -142,8 +142,8 @@ class Identification:
     def _take(self, report: Report, now: float, answer: Answer) -> list[MAVLink_message]:
         match report:
             case PositionReport():
-                fix = self._own.take(report, now)
-                return [] if fix is None else self._fly(fix, now, answer)
+                navigated = self._own.take(report, now)
+                return [] if navigated is None else self._fly(navigated, now, answer)
             case AirspeedReport():
                 self._own.note_airspeed(report.airspeed, now)
             case HeartbeatReport():
@@ -176,21 +176,21 @@ class Identification:
             say(answer, now, "the pilot has taken over: nothing more is sent", warning=True)
         return []
 
-    def _fly(self, fix: Fix, now: float, answer: Answer) -> list[MAVLink_message]:
+    def _fly(self, navigated: NavigatedState, now: float, answer: Answer) -> list[MAVLink_message]:
         """The setpoint of this moment, and a look at what the vehicle does."""
-        self._telemetry_time, self._interval = now, fix.interval
-        state = fix.state
+        self._telemetry_time, self._interval = now, navigated.interval
+        state = navigated.state
         if self.stage is Stage.WAITING:
             if not self._engaged or self._stranger is not None:
                 cruise = self._plan.airframe.cruise
-                return self._adapter.stay_ready(self._asked(state.course, cruise, fix))
+                return self._adapter.stay_ready(self._asked(state.course, cruise, navigated))
             self._began, self._base = state.time_s, state.course
-            self._height = fix.place.altitude_amsl
+            self._height = navigated.place.altitude_amsl
             self.stage = Stage.FLYING
             say(answer, now, "engaged: flying the steps")
         if self.stage is not Stage.FLYING:
             return []
-        if abs(fix.place.altitude_amsl - self._height) > HEIGHT_M:
+        if abs(navigated.place.altitude_amsl - self._height) > HEIGHT_M:
             return self._end("the height was left", now, answer)
         segment = self._segment(state.time_s - self._began)
         if segment is None:
@@ -202,18 +202,18 @@ class Identification:
         self.recording.note_setpoint(now, course, segment.speed)
         setpoint = Setpoint(course=course, speed=segment.speed, limited=False)
         if segment.phase is not Phase.SETTLE:
-            say(answer, now, self._obedience.watch(state, setpoint), warning=True)
-        return self._adapter.fly(self._asked(course, segment.speed, fix))
+            say(answer, now, self._tracking.watch(state, setpoint), warning=True)
+        return self._adapter.fly(self._asked(course, segment.speed, navigated))
 
-    def _asked(self, course: float, speed: float, fix: Fix) -> AutopilotSetpoint:
+    def _asked(self, course: float, speed: float, navigated: NavigatedState) -> AutopilotSetpoint:
         """A course and a speed at the height at which the flight began."""
         began = math.isfinite(self._height)
         return AutopilotSetpoint(
             course=course,
             speed=speed,
-            altitude_amsl=self._height if began else fix.place.altitude_amsl,
-            latitude_deg=fix.place.latitude_deg,
-            longitude_deg=fix.place.longitude_deg,
+            altitude_amsl=self._height if began else navigated.place.altitude_amsl,
+            latitude_deg=navigated.place.latitude_deg,
+            longitude_deg=navigated.place.longitude_deg,
         )
 
     def _segment(self, elapsed_s: float) -> Segment | None:

@@ -1,6 +1,7 @@
 """Bandwidth, dead time and lag of a response, with their confidence: least squares over all of it.
 
-Levenberg and Marquardt's method; the intervals are those of linear regression at the solution, with as many
+SciPy's trust-region method within bounds; the intervals are those of linear regression at the solution, with
+as many
 independent samples as the residuals' correlation leaves (Ljung, System Identification, 1999, chapter 9).
 """
 
@@ -20,12 +21,11 @@ LOWEST = np.array([0.02, 0.0, 0.02])
 HIGHEST = np.array([20.0, 5.0, 5.0])
 STARTS: tuple[Parameters, ...] = ((1.0, 0.1, 0.2), (0.5, 0.5, 0.5))
 
-ITERATIONS = 40
-SETTLED = 1e-5
+SETTLED = 1e-6
 """A step that lowers the sum of squares by less than this share was the last."""
 
 STEP = 1e-4
-"""Relative to the parameter, and at least of this size, for differences."""
+"""Of the parameters, relative: models interpolate between reports, and are not smooth below this."""
 
 LEAST_LAG = 0.08
 """s: less cannot be told from a dead time."""
@@ -66,10 +66,9 @@ def fit_response(model: Model, seen: FloatArray) -> Response:
     """The response that explains best what was seen; a lag only where it is needed."""
     plain = best_of(model, seen, free=(0, 1))
     lagging = best_of(model, seen, free=(0, 1, 2))
-    needed = lagging[1] < LAG_GAIN * plain[1] and lagging[0][2] > LEAST_LAG
-    values, residual = lagging if needed else plain
-    free = (0, 1, 2) if needed else (0, 1)
-    widths = half_widths(model, seen, values, free)
+    needed = lagging.residual < LAG_GAIN * plain.residual and lagging.values[2] > LEAST_LAG
+    best, free = (lagging, (0, 1, 2)) if needed else (plain, (0, 1))
+    values, widths = best.values, half_widths(best, free)
     bandwidth, dead_time, lag = (
         Estimate(value=float(value), half_width=width)
         for value, width in zip(values, widths, strict=True)
@@ -78,71 +77,61 @@ def fit_response(model: Model, seen: FloatArray) -> Response:
         bandwidth=bandwidth,
         dead_time=dead_time,
         lag=lag,
-        residual=residual,
+        residual=best.residual,
         modelled=model(as_parameters(values)),
     )
 
 
-def best_of(model: Model, seen: FloatArray, free: tuple[int, ...]) -> tuple[FloatArray, float]:
-    """(parameters, root mean square residual) of the best of all starts; a lag that is not free is 0."""
-    found = []
-    for start in STARTS:
-        values = np.array(start)
-        if 2 not in free:
-            values[2] = 0.0
-        found.append(descended(model, seen, values, free))
-    return min(found, key=lambda one: one[1])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """The parameters that leave least."""
+
+    values: FloatArray
+    """All three; a lag that is not free is 0."""
+    rest: FloatArray
+    """What they leave of each sample."""
+    slope: FloatArray
+    """Derivatives of that by the free parameters."""
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of what they leave."""
+        return math.sqrt(float(self.rest @ self.rest) / len(self.rest))
 
 
-def descended(
-    model: Model, seen: FloatArray, values: FloatArray, free: tuple[int, ...]
-) -> tuple[FloatArray, float]:
-    """(parameters, residual) at the foot of the slope below a start."""
-    chosen = np.array(free)
-    damping = 1e-3
-    rest = seen - model(as_parameters(values))
-    for _ in range(ITERATIONS):
-        slope = jacobian(model, values, chosen)
-        normal = slope.T @ slope
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope.T @ rest)
-        trial = values.copy()
-        trial[chosen] = np.clip(values[chosen] + step, LOWEST[chosen], HIGHEST[chosen])
-        after = seen - model(as_parameters(trial))
-        if float(after @ after) < float(rest @ rest):
-            gained = 1.0 - float(after @ after) / float(rest @ rest)
-            settled = gained < SETTLED
-            values, rest, damping = trial, after, damping / 4.0
-            if settled:
-                break
-        else:
-            damping *= 6.0
-            if damping > 1e8:
-                break
-    return values, math.sqrt(float(rest @ rest) / len(seen))
+def best_of(model: Model, seen: FloatArray, free: tuple[int, ...]) -> Fit:
+    """The best fit from all starts."""
+    return min((fit(model, seen, start, free) for start in STARTS), key=lambda one: one.residual)
 
 
-def jacobian(model: Model, values: FloatArray, chosen: FloatArray) -> FloatArray:
-    """Derivatives of what is seen by the chosen parameters, by differences."""
-    columns = []
-    for index in chosen:
-        size = STEP * max(1.0, abs(float(values[index])))
-        ahead, behind = values.copy(), values.copy()
-        ahead[index] += size
-        behind[index] = max(behind[index] - size, LOWEST[index] if index else 1e-3)
-        difference = model(as_parameters(ahead)) - model(as_parameters(behind))
-        columns.append(difference / (ahead[index] - behind[index]))
-    return np.stack(columns, axis=1)
+def fit(model: Model, seen: FloatArray, start: Parameters, free: tuple[int, ...]) -> Fit:
+    """The fit that lies below a start."""
+    from scipy.optimize import least_squares
+
+    chosen = list(free)
+
+    def values_of(part: FloatArray) -> FloatArray:
+        values = np.zeros(3)
+        values[chosen] = part
+        return values
+
+    found = least_squares(
+        lambda part: seen - model(as_parameters(values_of(part))),
+        np.array(start)[chosen],
+        jac="3-point",
+        bounds=(LOWEST[chosen], HIGHEST[chosen]),
+        diff_step=STEP,
+        ftol=SETTLED,
+    )
+    return Fit(values=values_of(found.x), rest=found.fun, slope=found.jac)
 
 
-def half_widths(
-    model: Model, seen: FloatArray, values: FloatArray, free: tuple[int, ...]
-) -> tuple[float, float, float]:
+def half_widths(best: Fit, free: tuple[int, ...]) -> tuple[float, float, float]:
     """Half widths of the 95 % intervals; 0 for what was not fitted."""
-    rest = seen - model(as_parameters(values))
-    slope = jacobian(model, values, np.array(free))
-    degrees = max(len(seen) - len(free), 1)
+    rest = best.rest
+    degrees = max(len(rest) - len(free), 1)
     variance = float(rest @ rest) / degrees * correlation_factor(rest)
-    covariance = variance * np.linalg.pinv(slope.T @ slope)
+    covariance = variance * np.linalg.pinv(best.slope.T @ best.slope)
     widths = [0.0, 0.0, 0.0]
     for place, index in enumerate(free):
         widths[index] = NORMAL_95 * math.sqrt(max(float(covariance[place, place]), 0.0))

@@ -1,15 +1,54 @@
-"""What a vehicle would have done with some response: the models of `vfguide.guidance.response`, on arrays."""
+"""What a vehicle would have done with some response: the models of `vfguide.guidance.response`, on arrays.
+
+What was told and what was seen, as arrays.
+"""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.response import coordinated_turn_rate, followed
-from vfguide.identification.samples import Samples, mean_told
+from vfguide.guidance.response import coordinated_turn_rate, first_order_lag
 from vfguide.state import Airframe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """One stretch of a flight. All arrays but the setpoints' have one entry for each report."""
+
+    time_s: FloatArray
+    """Of the reports, s."""
+    direction: FloatArray
+    """What the turn rate turns, heading or course, unwrapped, rad."""
+    speed: FloatArray
+    """The speed that is held, m/s."""
+    wind_north: FloatArray
+    """Wind toward north, m/s; nothing where ground speed and course are held."""
+    wind_east: FloatArray
+    """Wind toward east, m/s."""
+    told_s: FloatArray
+    """When setpoints went out, s; the first before the first report."""
+    told: FloatArray
+    """The setpoints: course, unwrapped, rad, or speed, m/s."""
+
+
+def mean_told(samples: Samples, dead_time: float) -> FloatArray:
+    """Mean setpoint that acts between each report and the next, after a dead time (s).
+
+    Exact for setpoints that are held until the next, and smooth in the dead time, so that it can be fitted.
+    """
+    knots = np.append(samples.told_s, max(samples.time_s[-1], samples.told_s[-1]) + 1.0)
+    total = np.concatenate(([0.0], np.cumsum(samples.told * np.diff(knots))))
+    # Before the first setpoint that is known there was another like it.
+    first, early = knots[0], np.minimum(samples.time_s - dead_time - knots[0], 0.0)
+    until = np.interp(np.maximum(samples.time_s - dead_time, first), knots, total)
+    area = until + early * samples.told[0]
+    mean: FloatArray = np.diff(area) / np.diff(samples.time_s)
+    return mean
+
 
 Parameters = tuple[float, float, float]
 """Bandwidth (1/s), dead time (s), lag (s)."""
@@ -66,12 +105,12 @@ def turned(
     if vehicle.lag <= 0.0:
         middle = direction + half * turn_rate(direction, target, vehicle)
         return direction + period * turn_rate(middle, target, vehicle), 0.0
-    rolled = followed(bank, bank_wanted(direction, target, vehicle), half, vehicle.lag)
+    rolled = first_order_lag(bank, bank_wanted(direction, target, vehicle), half, vehicle.lag)
     middle = direction + half * coordinated_turn_rate(0.5 * (bank + rolled), vehicle.speed)
     wanted = bank_wanted(middle, target, vehicle)
-    rolled = followed(bank, wanted, half, vehicle.lag)
+    rolled = first_order_lag(bank, wanted, half, vehicle.lag)
     direction += period * coordinated_turn_rate(rolled, vehicle.speed)
-    return direction, followed(bank, wanted, period, vehicle.lag)
+    return direction, first_order_lag(bank, wanted, period, vehicle.lag)
 
 
 def turn_rate(direction: float, target: float, vehicle: Turning) -> float:
@@ -111,8 +150,8 @@ def speed_response(samples: Samples, parameters: Parameters, airframe: Airframe)
         ahead = speed + 0.5 * period * acceleration if lag > 0.0 else speed
         wanted = min(max(beta * (target - ahead), -limit), limit)
         if lag > 0.0:
-            middle = followed(acceleration, wanted, 0.5 * period, lag)
-            acceleration = followed(acceleration, wanted, period, lag)
+            middle = first_order_lag(acceleration, wanted, 0.5 * period, lag)
+            acceleration = first_order_lag(acceleration, wanted, period, lag)
             speed += period * middle
         elif abs(wanted) < limit:
             speed = target + (speed - target) * math.exp(-beta * period)

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
 from vfguide.identification.fit import Response
+from vfguide.identification.models import Samples
 from vfguide.identification.recording import Findings
-from vfguide.identification.samples import Samples
 
 TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
 

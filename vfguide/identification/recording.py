@@ -8,8 +8,13 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.response import held_direction, held_speed
 from vfguide.identification.fit import Response, fit_response
-from vfguide.identification.models import SETTLED_S, course_response, speed_response
-from vfguide.identification.samples import Samples, mean_told
+from vfguide.identification.models import (
+    SETTLED_S,
+    Samples,
+    course_response,
+    mean_told,
+    speed_response,
+)
 from vfguide.identification.steps import Phase, Segment
 from vfguide.state import Airframe, VehicleState
 

@@ -1,6 +1,7 @@
-"""Laws by which followers keep their slots: what they are made of, and vfguide's own. docs/own-law.md."""
+"""Laws of followers and leaders: what they are made of, and vfguide's own. docs/own-law.md."""
 
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
+from vfguide.laws.leader import LeaderLaw, LeaderMotion, LeaderView, leader_law
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
@@ -13,6 +14,9 @@ __all__ = [
     "Finding",
     "Gain",
     "Law",
+    "LeaderLaw",
+    "LeaderMotion",
+    "LeaderView",
     "Mission",
     "NotNegative",
     "Number",
@@ -22,4 +26,5 @@ __all__ = [
     "View",
     "approach",
     "law",
+    "leader_law",
 ]

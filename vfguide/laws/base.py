@@ -127,6 +127,9 @@ class Law(ABC):
     slot_frame: ClassVar[SlotFrame | None] = None
     """What its slots turn with, where the law does not leave that to the mission."""
 
+    libraries: ClassVar[tuple[str, ...]] = ()
+    """Modules that it needs and that only an extra of vfguide installs: looked for before anything flies."""
+
     drawn: ClassVar[tuple[str, ...] | None] = None
     """Gains that Monte Carlo draws; all numbers among them if None."""
 

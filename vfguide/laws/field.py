@@ -22,7 +22,12 @@ from pydantic import Field
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, Number, like
-from vfguide.guidance.course_law import sliding_course_rate
+from vfguide.guidance.bandwidth_limits import (
+    course_delay,
+    limit_bandwidth,
+    loop_delay_for,
+    speed_delay,
+)
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -31,10 +36,9 @@ from vfguide.guidance.formation import (
     article_motion,
     field_slope,
 )
-from vfguide.guidance.pace import course_delay, loop_delay_for, slowed, speed_delay
 from vfguide.guidance.settings import SlidingGains
-from vfguide.guidance.slot_integral import Offset, aimed_error, learned, no_offset
-from vfguide.guidance.speed_law import sliding_acceleration
+from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
+from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.conditions import Conditions
@@ -110,7 +114,7 @@ class SlotField(Law):
 
     @property
     def integral_s(self) -> float:
-        """T: time in which a lasting error is learned, s; 0 learns nothing."""
+        """T: time in which a lasting error is update_offset, s; 0 learns nothing."""
         return float(self.gains.integral_s)
 
     def start(self, view: View[Number]) -> Offset[Number]:
@@ -147,7 +151,7 @@ class SlotField(Law):
     ) -> Any:  # noqa: ANN401 - of the law's own memory
         """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
         held = view.held | limited
-        return learned(
+        return update_offset(
             memory, view.error, self.integral_s, view.motion, period=view.period, held=held
         )
 
@@ -190,7 +194,7 @@ class SlotField(Law):
         """The law for setpoints that take effect after a delay (s); itself where there is none."""
         if delay <= 0.0:
             return self
-        sliding, gains = slowed(self.settings.sliding, delay), self.gains
+        sliding, gains = limit_bandwidth(self.settings.sliding, delay), self.gains
         fastest = sliding.kappa / sliding.layer(period) / NESTING
         k_x = min(gains.k_x, fastest / field_slope(1.0, gains.v_inf_m_s))
         k_y = min(gains.k_y, fastest / (field_slope(1.0, gains.chi_inf) * self.airframe.cruise))

@@ -8,9 +8,9 @@ from vfguide.elementwise import Number
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
+    extrapolate_by_rates,
     formation_error,
     lyapunov,
-    predict_leader,
 )
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.laws.base import Law, View
@@ -71,7 +71,7 @@ class SlotKeeper(Generic[Number]):
         law = self._law
         settings = law.settings
         if settings.predict_leader:
-            leader = predict_leader(leader, state.time_s)
+            leader = extrapolate_by_rates(leader, state.time_s)
         motion = law.motion(leader, self._slot)
         error = formation_error(motion, state)
         view = View(

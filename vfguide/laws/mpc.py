@@ -28,16 +28,13 @@ from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.limits import GRAVITY, ground_speed_range
-from vfguide.guidance.slot_integral import Offset, aimed_error, learned, no_offset
+from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section
 from vfguide.state import LeaderState, VehicleState
 
 ComplexArray = NDArray[np.complex128]
-
-RICCATI_STEPS = 2000
-"""Backward steps to the stationary cost; a hundred seconds of them, many time constants of the regulator."""
 
 TOLERANCE = 1e-4
 """m/s² of the programme's residuals: far below what a setpoint's rounding makes of them."""
@@ -126,13 +123,13 @@ def regulator(
 
     For p' = p - h v - h²/2 a, v' = v + h a, weights 1, `velocity` and `acceleration`.
     """
+    from scipy.linalg import solve_discrete_are
+
     transition = np.array([[1.0, -interval], [0.0, 1.0]])
     drive = np.array([[-0.5 * interval**2], [interval]])
     weights = np.diag([1.0, velocity])
-    cost, gain = weights, np.zeros((1, 2))
-    for _ in range(RICCATI_STEPS):
-        gain = drive.T @ cost @ transition / (acceleration + drive.T @ cost @ drive)
-        cost = weights + transition.T @ cost @ (transition - drive @ gain)
+    cost = solve_discrete_are(transition, drive, weights, np.array([[acceleration]]))
+    gain = drive.T @ cost @ transition / (acceleration + drive.T @ cost @ drive)
     return cost, gain[0]
 
 
@@ -265,6 +262,7 @@ class Mpc(Law):
 
     Gains = MpcGains
     arrays = False
+    libraries = ("osqp", "scipy")
     drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
     _programme: Programme | None = None
 
@@ -311,7 +309,7 @@ class Mpc(Law):
     ) -> Offset[float]:
         """The offset a step later."""
         integral_s = self.gains.integral_s
-        return learned(
+        return update_offset(
             memory, view.error, integral_s, view.motion, period=view.period, held=limited
         )
 

@@ -1,4 +1,7 @@
-"""What differs between autopilots, behind one interface; one file for each of them."""
+"""What differs between autopilots, behind one interface; one file for each of them.
+
+Which autopilot speaks: by what its heartbeat says.
+"""
 
 import math
 from abc import ABC, abstractmethod
@@ -11,10 +14,32 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_course
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
-from vfguide.mavlink.recognition import other_autopilot
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 from vfguide.registry import autopilots
 from vfguide.state import Hold
+
+NAMES = {
+    mavlink.MAV_AUTOPILOT_GENERIC: "a generic autopilot",
+    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ArduPilot",
+    mavlink.MAV_AUTOPILOT_PX4: "PX4",
+}
+"""What people call them."""
+
+
+def autopilot_name(autopilot: int) -> str:
+    """Name of a MAV_AUTOPILOT."""
+    return NAMES.get(autopilot, f"autopilot number {autopilot}")
+
+
+def other_autopilot(autopilot: int, expected: int) -> str | None:
+    """None for the autopilot that is expected, or else what is wrong, in words."""
+    if autopilot == expected:
+        return None
+    return (
+        f"the mission says {autopilot_name(expected)} and the vehicle is {autopilot_name(autopilot)}:"
+        " not steered; write `autopilot: auto`, or what it is"
+    )
+
 
 autopilot = autopilots.register
 """`@autopilot("name")` makes a class known as the adapter of `vehicles.*.autopilot: name`."""

@@ -9,10 +9,10 @@ from vfguide.mavlink.adapter import (
     AutopilotSetpoint,
     Vehicle,
     autopilot,
+    autopilot_name,
     telemetry_at,
 )
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
-from vfguide.mavlink.recognition import autopilot_name
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 from vfguide.registry import autopilots
 

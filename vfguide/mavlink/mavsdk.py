@@ -32,6 +32,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 
 from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
+from vfguide.extras import require
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
@@ -129,9 +130,10 @@ class MavsdkChannel:
             random: keeps companions that lost the same peer from coming back in step.
 
         Raises:
-            InputError: MAVSDK is not installed.
+            VfguideError: MAVSDK is not installed, or another version.
         """
-        if find_spec("mavsdk") is None or find_spec("mavsdk.asyncio") is None:
+        require("mavsdk")
+        if find_spec("mavsdk.asyncio") is None:
             raise InputError("autopilot: mavsdk needs MAVSDK 4: pip install 'vfguide[mavsdk]'")
         self._url = str(address)
         self._receive = receive

@@ -1,4 +1,16 @@
-"""One peer at the other end of a stream: bytes in, whole frames out; never more waiting than is fresh."""
+"""One peer at the other end of a stream: bytes in, whole frames out; never more waiting than is fresh.
+
+Whole MAVLink frames out of a stream of bytes, which knows no boundaries and may begin anywhere.
+
+A byte that looks like a beginning is believed only when the checksum proves the frame. Messages that this
+message set does not know cannot be proved: nobody here listens to them, and they are left out.
+
+The price of certainty is waiting. Behind a frame, what looks like the next one is waited for until it is
+whole: when its length was damaged on the way, up to 280 bytes are held back until the checksum tells, and
+are then delivered late but complete. While the stream is out of step nothing is held back: a proved frame
+inside what looks like a longer one is delivered at once. (In step, that would be wrong: a log that is
+downloaded over MAVLink has old frames as its content.)
+"""
 
 import asyncio
 import select
@@ -6,9 +18,121 @@ import termios
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from enum import Enum
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.generator.mavcrc import x25crc
+
+from vfguide.mavlink.framing import (
+    CHECKSUM,
+    HEADER_1,
+    HEADER_2,
+    MAGIC_1,
+    MAGIC_2,
+    SIGNATURE,
+    SIGNED,
+    end_of_frame,
+    frame_at,
+    next_magic,
+)
 from vfguide.mavlink.status import reason_of
-from vfguide.mavlink.stream_framing import StreamFramer
+
+CHECKSUM_SEEDS: dict[int, int] = {
+    number: message.crc_extra for number, message in mavlink.mavlink_map.items()
+}
+"""By message number: what enters the checksum besides the bytes, and tells one layout from another."""
+
+LARGEST_FRAME = HEADER_2 + 255 + CHECKSUM + SIGNATURE
+"""Bytes."""
+
+SLICE = 4096 - LARGEST_FRAME
+"""Bytes that are looked at in one go, so that the buffer stays below 4096 however much comes at once."""
+
+
+class Verdict(Enum):
+    """What the bytes at one place are; the values are what counters call it."""
+
+    NONE = "out of step"
+    """No frame begins here."""
+    PARTIAL = "partial"
+    """A frame may begin here, and is not whole yet."""
+    UNKNOWN = "unknown message"
+    """What may be a frame, of a message that nobody here knows."""
+    PROVED = "proved"
+    """A frame."""
+
+
+class StreamFramer:
+    """Cuts one stream into frames, and finds back into step after noise."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        """How often the stream fell out of step, and why; how many bytes were left out."""
+        self._buffer = b""
+        self._in_step = False
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take the next bytes of the stream; the frames that they complete, in order."""
+        frames: list[bytes] = []
+        for start in range(0, len(data), SLICE):
+            self._buffer += data[start : start + SLICE]
+            frames += self._cut()
+        return frames
+
+    def _cut(self) -> list[bytes]:
+        """Take all frames that can be told from the buffer; less than one frame's length stays."""
+        buffer, size = self._buffer, len(self._buffer)
+        frames: list[bytes] = []
+        done = place = 0
+        waiting: int | None = None
+        while place < size:
+            verdict, end = judge(buffer, place)
+            if verdict is Verdict.PROVED:
+                frames.append(buffer[place:end])
+                self.counters["bytes left out"] += place - done
+                done = place = end
+                self._in_step, waiting = True, None
+                continue
+            if verdict is Verdict.PARTIAL:
+                waiting = place if waiting is None else waiting
+                if self._in_step:
+                    break
+            elif self._in_step:
+                self._in_step = False
+                self.counters[verdict.value] += 1
+            place = next_magic(buffer, place + 1)
+        kept = size if waiting is None else waiting
+        self.counters["bytes left out"] += kept - done
+        self._buffer = buffer[kept:]
+        return frames
+
+
+def judge(buffer: bytes, start: int) -> tuple[Verdict, int]:
+    """What begins at a place, and where it ends if it is a whole frame."""
+    magic, available = buffer[start], len(buffer) - start
+    if magic not in {MAGIC_1, MAGIC_2}:
+        return Verdict.NONE, start
+    if available < (HEADER_1 if magic == MAGIC_1 else HEADER_2):
+        return Verdict.PARTIAL, start
+    end = end_of_frame(buffer, start)
+    if end is None:
+        return Verdict.NONE, start
+    if end > len(buffer):
+        return Verdict.PARTIAL, start
+    return verdict_of_checksum(buffer, start, end), end
+
+
+def verdict_of_checksum(buffer: bytes, start: int, end: int) -> Verdict:
+    """Whether the checksum of what looks like a whole frame is right."""
+    seed = CHECKSUM_SEEDS.get(frame_at(buffer, start, end).message_id)
+    if seed is None:
+        return Verdict.UNKNOWN
+    signed = buffer[start] == MAGIC_2 and buffer[start + 2] & SIGNED
+    behind = end - (SIGNATURE if signed else 0)
+    checked = buffer[start + 1 : behind - CHECKSUM] + bytes([seed])
+    right = x25crc(checked).crc == int.from_bytes(buffer[behind - CHECKSUM : behind], "little")
+    return Verdict.PROVED if right else Verdict.NONE
+
 
 LARGEST_BACKLOG = 2048
 """Bytes that may wait for a slow peer. More would only make setpoints old: at 57600 baud this is 0.36 s."""

@@ -3,8 +3,8 @@
 from vfguide.mission.faults import Fault, MissionError
 from vfguide.mission.feasibility import check_mission, report_on
 from vfguide.mission.finding import Finding, Report
+from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
-from vfguide.mission.location import MissionSource
 from vfguide.mission.model import Mission
 
 __all__ = [

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
-from vfguide.mission.location import Location, dotted
+from vfguide.mission.flight_path import Location, dotted
 
 DEFAULT_MIN_SEPARATION_M = 5.0
 """Least distance between two vehicles (m) where a mission does not say."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from vfguide.errors import InputError
-from vfguide.mission.location import Location, dotted
+from vfguide.mission.flight_path import Location, dotted
 
 
 def printable(text: str) -> str:

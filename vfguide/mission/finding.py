@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from vfguide.mission.faults import printable
-from vfguide.mission.location import Location, MissionSource, dotted
+from vfguide.mission.flight_path import Location, MissionSource, dotted
 
 Severity = Literal["error", "warning", "note"]
 """error: it cannot be flown so; warning: it can, but not well; note: what to expect."""

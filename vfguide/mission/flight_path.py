@@ -2,11 +2,14 @@
 
 Local frame: x north, y east (m). Courses are degrees clockwise from north. The kinds of paths and their
 fields are in `vfguide.paths`.
+
+Where in a mission file something is: a way down the tree, and the lines it lies on.
 """
 
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, get_args
 
@@ -18,6 +21,39 @@ from vfguide.errors import InputError
 from vfguide.guidance.path import Path
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
+
+Location = tuple[str | int, ...]
+"""Names of fields and indices of list entries from the top of the file, such as ("path", "type")."""
+
+
+def dotted(location: Location) -> str:
+    """The location as messages write it: ``followers[0].slot.forward_m``."""
+    text = ""
+    for step in location:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSource:
+    """The file a mission was read from, and the line of each of its fields."""
+
+    file: str
+    """The file, as messages name it."""
+    lines: Mapping[Location, int] = field(default_factory=dict)
+    """Line of each field, counted from 1."""
+
+    def line_of(self, location: Location) -> int | None:
+        """Line of a field; of the innermost group around it if the file leaves the field out."""
+        for length in range(len(location), -1, -1):
+            line = self.lines.get(location[:length])
+            if line is not None:
+                return line
+        return None
+
 
 FieldGain = Annotated[Gain, Field(le=10.0)]
 

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.explain import explain
 from vfguide.mission.faults import Fault, MissionError
-from vfguide.mission.location import Location, MissionSource
+from vfguide.mission.flight_path import Location, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import Tree, TreeError, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from vfguide.guidance.course_law import boundary_layer
 from vfguide.guidance.settings import LEAST_PERIOD
+from vfguide.guidance.sliding_laws import boundary_layer
 from vfguide.mission.controller import Controller
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission

@@ -1,18 +1,59 @@
-"""The whole mission file, as immutable values."""
+"""The whole mission file, as immutable values.
+
+How long a companion bears silence.
+"""
 
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
-from vfguide.mission.patience import Patience
-from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
+from vfguide.mission.quantity import (
+    MissionName,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    Speed,
+    VehicleName,
+    known_in,
+)
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
 from vfguide.mission.vehicle import Vehicle
+from vfguide.registry import leader_laws
+
+Silence = Annotated[Positive, Field(le=3600.0)]
+
+
+class Timeouts(Section):
+    """What happens when telemetry or the leader falls silent, and after how long."""
+
+    telemetry_s: Silence = 1.0
+    """Position reports: after this the companion stops sending setpoints until they come again, s."""
+
+    telemetry_lost_s: Silence = 10.0
+    """Position reports: after this a vehicle that was steered is handed back to its autopilot, s."""
+
+    leader_s: Silence = 0.6
+    """Leader states: after this the leader is predicted along its path, s."""
+
+    prediction_s: Silence = 30.0
+    """Age of the newest leader state up to which it is predicted; then the formation breaks up, s."""
+
+    breakaway_s: Annotated[NotNegative, Field(le=3600.0)] = 25.0
+    """How long each follower then flies away from the others, before its autopilot takes over, s."""
+
 
 SlotOffset = Annotated[Number, Field(ge=-10e3, le=10e3)]
 
@@ -38,6 +79,30 @@ class Leader(Section):
 
     airspeed_m_s: Speed
     """Airspeed it keeps, m/s."""
+
+    law: Annotated[str, AfterValidator(known_in(leader_laws))] = "field"
+    """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""
+
+    gains: dict[str, Any] = Field(default_factory=dict)
+    """Of a law of one's own, by their names."""
+
+    @model_validator(mode="after")
+    def know_the_gains(self) -> Self:
+        """Find out whether the law takes these gains.
+
+        Raises:
+            PydanticCustomError: a gain is not known, or out of its range.
+        """
+        try:
+            leader_laws.find(self.law).Gains.model_validate(self.gains)
+        except ValidationError as error:
+            faults = "; ".join(
+                f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()
+            )
+            known = ", ".join(leader_laws.find(self.law).Gains.model_fields) or "none"
+            text = f"the law {self.law} does not take these gains ({faults}); it has {known}"
+            raise PydanticCustomError("leader_gains", "{text}", {"text": text}) from error
+        return self
 
 
 class Slot(Section):
@@ -94,7 +159,7 @@ class Mission(Section):
     ]
     """The guidance law and its gains."""
 
-    patience: Patience = Patience()
+    patience: Timeouts = Timeouts()
     """How long silences are borne."""
 
     wind: Wind = CalmWind(type="calm")

@@ -9,7 +9,7 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.formation import Slot
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
-from vfguide.mission.location import Location
+from vfguide.mission.flight_path import Location
 from vfguide.mission.model import Follower, Mission
 
 AIRSPEED_STEPS = 41

@@ -30,7 +30,7 @@ class StartState:
     course_deg: float
     """Course, degrees clockwise from north."""
 
-    def moved(self, *, forward_m: float, right_m: float, up_m: float = 0.0) -> "StartState":
+    def shifted(self, *, forward_m: float, right_m: float, up_m: float = 0.0) -> "StartState":
         """The same direction from a place ahead of, right of and above this one."""
         course = math.radians(self.course_deg)
         return StartState(
@@ -52,7 +52,7 @@ def leader_start(mission: Mission) -> StartState:
     beginning = path_beginning(mission.path)
     given = mission.rehearsal.start.leader
     if given is None:
-        return beginning.moved(forward_m=0.0, right_m=LEADER_OFFSET_M)
+        return beginning.shifted(forward_m=0.0, right_m=LEADER_OFFSET_M)
     course = beginning.course_deg if given.course_deg is None else given.course_deg
     return StartState(given.north_m, given.east_m, 0.0, course)
 
@@ -67,7 +67,7 @@ def follower_start(mission: Mission, vehicle: str) -> StartState:
     slot = mission.followers_by_name[vehicle].slot
     given = mission.rehearsal.start.followers.get(vehicle)
     displacement = default_displacement(mission.followers, vehicle) if given is None else given
-    start = leader_start(mission).moved(
+    start = leader_start(mission).shifted(
         forward_m=slot.forward_m + displacement.forward_m,
         right_m=slot.right_m + displacement.right_m,
         up_m=slot.up_m,

@@ -12,7 +12,7 @@ from vfguide.guidance.formation import Slot
 from vfguide.guidance.limits import GRAVITY, bank_limited_turn_rate
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
-from vfguide.mission.location import Location
+from vfguide.mission.flight_path import Location
 from vfguide.mission.model import Mission
 
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))

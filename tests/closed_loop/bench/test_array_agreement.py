@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from vfguide.bench.array_formation import fly_formations
-from vfguide.bench.array_mission import conditions_of, start_of
-from vfguide.bench.article import MISSIONS, article_mission
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.studies.array_formation import fly_formations
+from vfguide.lab.studies.array_mission import conditions_of, start_of
+from vfguide.lab.studies.article import MISSIONS, article_mission
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.geometry import slot_error
 
 DURATION_S = 30.0
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from vfguide.bench.article import MISSIONS
-from vfguide.bench.comparison import BAD_LINK
-from vfguide.bench.flown import Case, fly
+from vfguide.lab.studies.article import MISSIONS
+from vfguide.lab.studies.comparison import BAD_LINK
+from vfguide.lab.studies.flown import Case, fly
 
 DURATION_S = 60.0
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.metrics import summarise
 
 MissionWith = Callable[..., Mission]
 

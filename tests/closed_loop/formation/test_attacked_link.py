@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-import vfguide.rehearsal.aircraft
+import vfguide.lab.rehearsal.aircraft
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.report.geometry import slot_error
 from vfguide.link.codec import decode, encode
 from vfguide.link.envelope import Kind, Scheme, checksum, decode_envelope, encode_signed
 from vfguide.link.keys import Roster, public_bytes
@@ -17,9 +20,6 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
-from vfguide.rehearsal.aircraft import Aircraft, step_all
-from vfguide.rehearsal.recorder import flight_record
-from vfguide.report.geometry import slot_error
 
 MissionWith = Callable[..., Mission]
 
@@ -130,7 +130,7 @@ def fly(mission: Mission, wire: Wire, patch: pytest.MonkeyPatch) -> FlightRecord
         return made
 
     with patch.context() as patched:
-        patched.setattr(vfguide.rehearsal.aircraft, "MemoryLink", link)
+        patched.setattr(vfguide.lab.rehearsal.aircraft, "MemoryLink", link)
         aircraft = [Aircraft(mission, name) for name in wire.members]
     leader, *followers = aircraft
     rate_hz, times = mission.rehearsal.rate_hz, list[float]()

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.metrics import summarise
 
 MissionWith = Callable[..., Mission]
 

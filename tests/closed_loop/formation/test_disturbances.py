@@ -11,20 +11,20 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
-import vfguide.rehearsal.aircraft
+import vfguide.lab.rehearsal.aircraft
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.elementwise import FloatArray
+from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.codec import decode, encode
 from vfguide.link.memory import LinkQuality, MemoryLink
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.tlog import TelemetryLog
-from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
-from vfguide.rehearsal.emulators import emulator_of
-from vfguide.rehearsal.recorder import flight_record
-from vfguide.report.geometry import pair_separations, slot_error
 
 MissionWith = Callable[..., Mission]
 
@@ -125,9 +125,9 @@ class Formation:
             return self.companions[-1]
 
         with patch.context() as patched:
-            patched.setattr(vfguide.rehearsal.aircraft, "emulator_of", emulator)
-            patched.setattr(vfguide.rehearsal.aircraft, "MemoryLink", link)
-            patched.setattr(vfguide.rehearsal.aircraft, "Companion", companion)
+            patched.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", emulator)
+            patched.setattr(vfguide.lab.rehearsal.aircraft, "MemoryLink", link)
+            patched.setattr(vfguide.lab.rehearsal.aircraft, "Companion", companion)
             for name in [self.mission.leader.vehicle, *self.mission.followers_by_name]:
                 log = TelemetryLog(1.7e9) if self.logged else None
                 self.aircraft.append(Aircraft(self.mission, name, log=log))

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -134,13 +133,13 @@ def test_a_live_flight_is_flown_from_python_with_real_programs() -> None:
         vfguide.fly(mission, live=True, speedup=0.0)
 
 
-def test_the_notebook_prints_the_articles_table(tmp_path: Path) -> None:
+def test_the_notebook_prints_the_articles_table(tmp_path: Path, installed: Path) -> None:
     cells = json.loads((ROOT / "examples" / "article_table.ipynb").read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 40.0")
     assert script.count("40.0") == 1
     ran = subprocess.run(
-        [sys.executable, "-c", script],
+        [installed, "-c", script],
         cwd=tmp_path,
         env={**os.environ, "VFGUIDE_PLUGINS": "", "MPLBACKEND": "agg"},
         capture_output=True,
@@ -166,11 +165,13 @@ def test_the_notebook_prints_the_articles_table(tmp_path: Path) -> None:
         ("sweep.py", "controller.k_x\tcontroller.k_y\tseed\tmean_error_m"),
     ],
 )
-def test_the_examples_run_where_they_are_copied_to(tmp_path: Path, example: str, said: str) -> None:
+def test_the_examples_run_where_they_are_copied_to(
+    tmp_path: Path, installed: Path, example: str, said: str
+) -> None:
     for name in (example, "own_law.py"):
         shutil.copy(ROOT / "examples" / name, tmp_path)
     ran = subprocess.run(
-        [sys.executable, example, MISSION],
+        [installed, example, MISSION],
         cwd=tmp_path,
         env={**os.environ, "VFGUIDE_PLUGINS": ""},
         capture_output=True,

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.summary import FormationSummary
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.metrics import summarise
-from vfguide.report.summary import FormationSummary
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 

@@ -6,12 +6,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
-import vfguide.rehearsal.aircraft
+import vfguide.lab.rehearsal.aircraft
+from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission
-from vfguide.rehearsal.aircraft import Aircraft, Mail, step_all
-from vfguide.rehearsal.emulators import emulator_of
-from vfguide.rehearsal.recorder import flight_record
-from vfguide.report.geometry import slot_error
 
 MissionWith = Callable[..., Mission]
 
@@ -28,7 +28,7 @@ def emulators(monkeypatch: pytest.MonkeyPatch) -> dict[str, sitl_stub.Autopilot]
     def note(mission: Mission, name: str) -> sitl_stub.Autopilot:
         return made.setdefault(name, emulator_of(mission, name))
 
-    monkeypatch.setattr(vfguide.rehearsal.aircraft, "emulator_of", note)
+    monkeypatch.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", note)
     return made
 
 

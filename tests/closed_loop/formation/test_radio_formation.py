@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vfguide.bench.radio import RadioCase, fly, radio_mission
 from vfguide.errors import InputError
-from vfguide.rehearsal.radio_flight import RadioRates, fly_by_radio
+from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
+from vfguide.lab.studies.radio import RadioCase, fly, radio_mission
 
 CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=60.0)
 

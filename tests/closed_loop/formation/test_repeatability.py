@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission import Mission
-from vfguide.rehearsal.lockstep import fly_lockstep
 
 MissionWith = Callable[..., Mission]
 

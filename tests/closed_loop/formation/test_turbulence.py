@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
-from vfguide.rehearsal.lockstep import fly_lockstep
-from vfguide.report.geometry import slot_error
 
 MissionWith = Callable[..., Mission]
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from vfguide.bench.formation import FOLLOWERS
-from vfguide.bench.latency import render, run_latency
+from vfguide.lab.studies.formation import FOLLOWERS
+from vfguide.lab.studies.latency import render, run_latency
 
 
 @pytest.fixture(scope="module")

@@ -157,13 +157,13 @@ Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def elsewhere(tmp_path: Path) -> Elsewhere:
-    """Runs `python -m PROGRAM ...` in a directory that holds nothing but what a test puts there."""
+def elsewhere(tmp_path: Path, installed: Path) -> Elsewhere:
+    """Runs `python -m PROGRAM ...` of the installed wheel in a directory that holds nothing else."""
 
     def start(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
         return subprocess.run(
-            [sys.executable, "-m", program, *map(str, arguments)],
+            [installed, "-m", program, *map(str, arguments)],
             cwd=tmp_path,
             env=environment,
             capture_output=True,

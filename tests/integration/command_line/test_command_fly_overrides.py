@@ -19,7 +19,7 @@ def recorded(
 ) -> Make:
     """Flies the pair with options: its summary, and the arrays of its record."""
     # plots take longer than the flight
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
 
     def fly(name: str, *options: str | int) -> tuple[dict[str, Any], dict[str, Any]]:
         directory = tmp_path / name

@@ -97,7 +97,7 @@ def test_a_stopped_flight_takes_no_earlier_ones_place(
     command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     directory = tmp_path / "out"
     fly = ("fly", alone_with(), "--duration", 2, "--out", directory)
     assert command(*fly).status == 0
@@ -143,8 +143,8 @@ def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
 def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
     async def broken() -> tuple[int | None, str]:
         async with under_way(pair_with()) as flight:
-            (squad,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
-            os.kill(squad, signal.SIGKILL)
+            (worker,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
+            os.kill(worker, signal.SIGKILL)
             _, err = await flight.communicate()
             return flight.returncode, err.decode()
 

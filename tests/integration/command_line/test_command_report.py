@@ -44,7 +44,7 @@ def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
     command: Make, copy_of_flown: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     summary = copy_of_flown / "summary.json"
     first = json.loads(summary.read_text(encoding="utf-8"))
     for content in ("{", "[]", '{"wall_s": "long"}', '{"wall_s": NaN}', None):
@@ -61,7 +61,7 @@ def test_a_refused_flight_is_reported_without_complaint(
     command: Make, pair_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # the plots are looked at elsewhere
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     command("fly", pair_with(), "--duration", 1, "--out", tmp_path / "out")
     outcome = command("report", tmp_path / "out")
     assert outcome.status == 0
@@ -154,7 +154,7 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
     command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     foreign, other = tmp_path / "foreign", tmp_path / "other"
     foreign.mkdir()
     (foreign / "report.html").write_text("mine")
@@ -177,7 +177,7 @@ def test_a_report_waits_for_no_pipe(
     command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.report.page.write_report", lambda _record, _directory: None)
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     (copy_of_flown / "summary.json").unlink()
     os.mkfifo(copy_of_flown / "summary.json")
     assert command("report", copy_of_flown).status == 0

@@ -15,6 +15,9 @@ import numpy as np
 import pytest
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.rehearsal.live import LiveFlight, live_flight
+from vfguide.lab.rehearsal.processes import Process, free_port
+from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.keys import OPERATOR
 from vfguide.link.member import Member
 from vfguide.link.opening import open_link
@@ -22,9 +25,6 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
 from vfguide.link.watch import Watched as WatchedFormation
 from vfguide.mission import Mission, load_mission
-from vfguide.rehearsal.live import LiveFlight, live_flight
-from vfguide.rehearsal.processes import Process, free_port
-from vfguide.report.geometry import pair_separations, slot_error
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
@@ -125,7 +125,7 @@ class Watched:
 
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
-        await wait_until(lambda: self.flight.judge.time_s >= time_s)
+        await wait_until(lambda: self.flight.truth_collector.time_s >= time_s)
 
     async def settle(self) -> None:
         """Wait until everyone is in the slots."""
@@ -156,7 +156,7 @@ class Watched:
 
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""
-        judge = self.flight.judge
+        judge = self.flight.truth_collector
         now_s = max(ended_s, judge.time_s) + STEADY_S
         while True:
             await self.reach(now_s)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vfguide.rehearsal.processes import free_port
+from vfguide.lab.rehearsal.processes import free_port
 
 MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
 

@@ -14,10 +14,10 @@ from typing import Any
 
 from pymavlink import mavutil
 
+from vfguide.lab.rehearsal.live import RECORDINGS
+from vfguide.lab.rehearsal.processes import free_port
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import files_of, find_recordings, read_start
-from vfguide.rehearsal.live import RECORDINGS
-from vfguide.rehearsal.processes import free_port
 
 Flown = Callable[..., Any]
 
@@ -56,7 +56,7 @@ def test_with_a_second_link_a_broker_that_is_killed_costs_nothing(flown: Flown) 
         async with flown(beside_broker=[group]) as watched:
             await watched.settle()
             before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
-            began_s = watched.flight.judge.time_s
+            began_s = watched.flight.truth_collector.time_s
             await watched.broker.kill()
             await watched.wait(15.0)
             await watched.reach(began_s + 15.0)

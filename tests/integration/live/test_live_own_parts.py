@@ -4,20 +4,19 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
 PARTS = ("own_link.py", "own_autopilot.py", "own_plant.py")
 
 
-def vfguide(directory: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def vfguide(python: Path, directory: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Runs a command in a directory that holds nothing but the examples."""
     for part in PARTS:
         shutil.copy(ROOT / "examples" / part, directory)
     plugins = [word for part in PARTS for word in ("--plugin", part)]
     return subprocess.run(
-        [sys.executable, "-m", "vfguide", *arguments, *plugins],
+        [python, "-m", "vfguide", *arguments, *plugins],
         cwd=directory,
         env={key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"},
         capture_output=True,
@@ -27,7 +26,9 @@ def vfguide(directory: Path, *arguments: str) -> subprocess.CompletedProcess[str
     )
 
 
-def test_a_formation_flies_by_them_and_leaves_no_socket_behind(tmp_path: Path) -> None:
+def test_a_formation_flies_by_them_and_leaves_no_socket_behind(
+    tmp_path: Path, installed: Path
+) -> None:
     sockets = tmp_path / "sockets"
     parts = {
         "vehicles.f1.autopilot": "brief",
@@ -39,7 +40,7 @@ def test_a_formation_flies_by_them_and_leaves_no_socket_behind(tmp_path: Path) -
     }
     settings = [word for field, value in parts.items() for word in ("--set", f"{field}={value}")]
     live = ("--live", "--link", f"unix://{sockets}", "--duration", "40", "--out", "flight")
-    flown = vfguide(tmp_path, "fly", "circle-calm", *live, *settings)
+    flown = vfguide(installed, tmp_path, "fly", "circle-calm", *live, *settings)
     # Half of so short a flight is the way into the slots, which its acceptance does not allow for.
     assert flown.returncode in (0, 1), flown.stderr
     summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
@@ -48,8 +49,10 @@ def test_a_formation_flies_by_them_and_leaves_no_socket_behind(tmp_path: Path) -
     assert list(sockets.iterdir()) == []
 
 
-def test_a_wrong_address_is_one_line(tmp_path: Path) -> None:
-    refused = vfguide(tmp_path, "fly", "circle-calm", "--live", "--link", "unix://sockets")
+def test_a_wrong_address_is_one_line(tmp_path: Path, installed: Path) -> None:
+    refused = vfguide(
+        installed, tmp_path, "fly", "circle-calm", "--live", "--link", "unix://sockets"
+    )
     assert refused.returncode == 2
     assert refused.stderr.splitlines() == [
         "link address: a unix link has an absolute directory; write unix:///tmp/formation"

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
+from vfguide.lab.rehearsal.live import RECORDINGS, LiveFlight, live_flight
 from vfguide.mission import Mission
 from vfguide.record.recording import guidance_files
-from vfguide.rehearsal.live import RECORDINGS, LiveFlight, live_flight
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
@@ -90,4 +90,4 @@ def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
 
 def modes(flight: LiveFlight) -> list[str]:
     """Of each vehicle's autopilot, now."""
-    return [truths[max(truths)].mode for truths in flight.judge.truths.values()]
+    return [truths[max(truths)].mode for truths in flight.truth_collector.truths.values()]

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vfguide.bench.array_outcome import Watch
-from vfguide.bench.article import MISSIONS, article_mission
-from vfguide.bench.comparison import seeded, summed_up
-from vfguide.bench.flown import Figures
-from vfguide.bench.monte_carlo import (
+from vfguide.lab.studies.array_outcome import Watch
+from vfguide.lab.studies.article import MISSIONS, article_mission
+from vfguide.lab.studies.comparison import seeded, summed_up
+from vfguide.lab.studies.flown import Figures
+from vfguide.lab.studies.monte_carlo import (
     Batch,
     batches,
     drawn_mission,
@@ -19,8 +19,8 @@ from vfguide.bench.monte_carlo import (
     sampled,
     summary_of,
 )
-from vfguide.bench.scale import crowd, growth_exponent
-from vfguide.bench.spread import dask_executor
+from vfguide.lab.studies.scale import crowd, growth_exponent
+from vfguide.lab.studies.spread import dask_executor
 from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 
@@ -55,8 +55,8 @@ def figures(mean_error_m: float, settle_1m_s: float | None = 10.0) -> Figures:
 def test_a_mean_comes_with_its_confidence_interval() -> None:
     mean, half = summed_up([figures(1.0), figures(2.0), figures(3.0)])
     assert mean.mean_error_m == pytest.approx(2.0)
-    # Standard deviation 1, three values, 97.5 % point 4.303.
-    assert half["mean_error_m"] == pytest.approx(4.303 / math.sqrt(3.0))
+    # Standard deviation 1, three values, 97.5 % point 4.30265.
+    assert half["mean_error_m"] == pytest.approx(4.30265 / math.sqrt(3.0))
     assert half["p95_error_m"] == pytest.approx(0.0)
 
 

@@ -7,15 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vfguide.bench.ablations import ABLATIONS, ablation_cases
-from vfguide.bench.article import MISSIONS
-from vfguide.bench.case_figure import draw_case, draw_laws
-from vfguide.bench.comparison import FULL, QUICK, Row, cases, row_json, rows
-from vfguide.bench.comparison_table import long_table, metres, short_table
-from vfguide.bench.flown import Case, Figures, Tracks
-from vfguide.bench.map_figure import draw_maps
-from vfguide.bench.robustness import SWEEPS, WRONG, Found, fly_point, points
 from vfguide.commands.bench_studies import maps, without_nan
+from vfguide.lab.studies.ablations import ABLATIONS, ablation_cases
+from vfguide.lab.studies.article import MISSIONS
+from vfguide.lab.studies.comparison import (
+    FULL,
+    QUICK,
+    Row,
+    cases,
+    long_table,
+    metres,
+    row_json,
+    rows,
+    short_table,
+)
+from vfguide.lab.studies.figures import draw_case, draw_laws, draw_maps
+from vfguide.lab.studies.flown import Case, Figures, Tracks
+from vfguide.lab.studies.robustness import SWEEPS, WRONG, Found, fly_point, points
 
 PNG = b"\x89PNG"
 LAWS = ("slot", "article", "pid", "mpc")

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from vfguide.bench.array_case import Push
-from vfguide.bench.array_formation import pushed
-from vfguide.bench.tuning import TIE_M, Trials, admitted, fly_trials, ranked
+from vfguide.lab.studies.array_case import Push
+from vfguide.lab.studies.array_formation import pushed
+from vfguide.lab.studies.tuning import TIE_M, Trials, admitted, fly_trials, ranked
 
 
 def trials(

@@ -3,9 +3,9 @@ from typing import Literal
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.bench.figures import figures_of
-from vfguide.bench.formation import formation
-from vfguide.bench.wire import has_position, has_setpoint
+from vfguide.lab.studies.figures import figures_of
+from vfguide.lab.studies.formation import formation
+from vfguide.lab.studies.peers import has_position, has_setpoint
 from vfguide.mission import check_mission
 
 

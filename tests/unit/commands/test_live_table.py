@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.live_table import Row, line_of, live_table, rows_of, table_of
+from vfguide.commands.fly_live import Row, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord
-from vfguide.rehearsal.lockstep import fly_lockstep
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
 

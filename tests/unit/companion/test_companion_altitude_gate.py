@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vfguide.companion.altitude_gate import AltitudeGate
-from vfguide.companion.hearing import Hearing
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK
+from vfguide.companion.state_receiver import StateReceiver
 
 Make = Callable[..., Any]
 
@@ -63,11 +63,11 @@ def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes() ->
 def test_a_neighbour_whose_altitude_steps_has_none(
     plan: Callable[..., FlightPlan], leader_bytes: Make, step: float
 ) -> None:
-    hearing = Hearing(plan().frame, SAME_CLOCK)
+    receiver = StateReceiver(plan().frame, SAME_CLOCK)
     for number in range(20):
         time_s = number / 5
         altitude = 588.0 + (step if number >= 10 else 0.0)
-        assert hearing.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
-        assert hearing.newest is not None
-        assert math.isnan(hearing.newest.altitude_amsl) is (number >= 10)
-    assert [word.split(":")[0] for word in hearing.words()] == ["reports an altitude that steps"]
+        assert receiver.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
+        assert receiver.newest is not None
+        assert math.isnan(receiver.newest.altitude_amsl) is (number >= 10)
+    assert [word.split(":")[0] for word in receiver.words()] == ["reports an altitude that steps"]

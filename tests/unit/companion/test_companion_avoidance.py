@@ -7,8 +7,8 @@ import pytest
 
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.supervisor import Mode
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission.model import Mission
-from vfguide.rehearsal.lockstep import fly_lockstep
 
 Make = Callable[..., Any]
 

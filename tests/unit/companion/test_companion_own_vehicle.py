@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.reports import PositionReport
 
@@ -39,17 +39,17 @@ def report(plan: MakePlan) -> MakeReport:
     return make
 
 
-def taken(own: OwnVehicle, report: PositionReport, now: float) -> Fix:
+def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState:
     """The fix that a report leads to, with 20 m/s of airspeed just heard."""
     own.note_airspeed(20.0, now)
-    fix = own.take(report, now)
-    assert fix is not None
-    return fix
+    navigated = own.take(report, now)
+    assert navigated is not None
+    return navigated
 
 
 def test_the_first_report_is_taken_as_it_is(own: OwnVehicle, report: MakeReport) -> None:
-    fix = taken(own, report(5.0, north=100.0), now=42.0)
-    state = fix.state
+    navigated = taken(own, report(5.0, north=100.0), now=42.0)
+    state = navigated.state
     assert state.time_s == 42.0
     assert (state.north, state.east) == (
         pytest.approx(100.0, abs=1e-3),
@@ -61,8 +61,8 @@ def test_the_first_report_is_taken_as_it_is(own: OwnVehicle, report: MakeReport)
     assert state.course == pytest.approx(math.atan2(3.0, 22.0))
     assert state.ground_speed == pytest.approx(math.sqrt(493.0))
     assert (state.heading, state.airspeed) == (0.0, 20.0)
-    assert fix.interval == math.inf
-    assert fix.period == pytest.approx(0.05)
+    assert navigated.interval == math.inf
+    assert navigated.period == pytest.approx(0.05)
 
 
 def test_the_place_is_the_navigated_one(
@@ -70,23 +70,23 @@ def test_the_place_is_the_navigated_one(
 ) -> None:
     taken(own, report(5.0), now=42.0)
     # Predicted at 1.1 m, reported at 6.1 m: the filter leans 0.05 / 2.05 of the 5 m between.
-    fix = taken(own, report(5.05, north=6.1), now=42.05)
-    assert fix.state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
-    north, east = plan().frame.to_local(fix.place.latitude_deg, fix.place.longitude_deg)
+    navigated = taken(own, report(5.05, north=6.1), now=42.05)
+    assert navigated.state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
+    north, east = plan().frame.to_local(navigated.place.latitude_deg, navigated.place.longitude_deg)
     assert (north, east) == (
-        pytest.approx(fix.state.north, abs=1e-3),
-        pytest.approx(fix.state.east, abs=1e-3),
+        pytest.approx(navigated.state.north, abs=1e-3),
+        pytest.approx(navigated.state.east, abs=1e-3),
     )
-    assert fix.place.altitude_amsl == 588.0
+    assert navigated.place.altitude_amsl == 588.0
 
 
 def test_intervals_are_those_of_the_autopilots_clock(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(5.0), now=42.0)
     # Read 0.2 s late: neither the interval nor the time of the state knows.
-    fix = taken(own, report(5.15), now=42.35)
-    assert fix.interval == pytest.approx(0.15)
-    assert fix.state.time_s == pytest.approx(42.15)
-    assert fix.period == pytest.approx(0.05 + 0.1 * (0.15 - 0.05))
+    navigated = taken(own, report(5.15), now=42.35)
+    assert navigated.interval == pytest.approx(0.15)
+    assert navigated.state.time_s == pytest.approx(42.15)
+    assert navigated.period == pytest.approx(0.05 + 0.1 * (0.15 - 0.05))
 
 
 @pytest.mark.parametrize("boot_time_s", [6.0, 5.95, 5.1])
@@ -95,45 +95,45 @@ def test_a_duplicate_and_a_late_report_are_ignored(
 ) -> None:
     taken(own, report(6.0), now=42.0)
     assert own.take(report(boot_time_s, north=500.0), 42.01) is None
-    fix = taken(own, report(6.05, north=1.1), now=42.05)
-    assert fix.interval == pytest.approx(0.05)
-    assert fix.state.north == pytest.approx(1.1, abs=1e-3)
+    navigated = taken(own, report(6.05, north=1.1), now=42.05)
+    assert navigated.interval == pytest.approx(0.05)
+    assert navigated.state.north == pytest.approx(1.1, abs=1e-3)
 
 
 def test_after_a_gap_the_filter_starts_anew(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(5.0), now=42.0)
     taken(own, report(5.15), now=42.15)
     # 22 m/s for 1.16 s are 25.5 m: a filter would lean on that.
-    fix = taken(own, report(6.16, north=30.0), now=43.16)
-    assert fix.state.north == pytest.approx(30.0, abs=1e-3)
-    assert fix.interval == pytest.approx(1.01)
-    assert fix.period == pytest.approx(0.05)
+    navigated = taken(own, report(6.16, north=30.0), now=43.16)
+    assert navigated.state.north == pytest.approx(30.0, abs=1e-3)
+    assert navigated.interval == pytest.approx(1.01)
+    assert navigated.period == pytest.approx(0.05)
 
 
 def test_a_second_without_reports_is_no_gap_yet(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(5.0), now=42.0)
-    fix = taken(own, report(5.99, north=30.0), now=42.99)
-    assert fix.state.north < 28.0
+    navigated = taken(own, report(5.99, north=30.0), now=42.99)
+    assert navigated.state.north < 28.0
 
 
 def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(100.0), now=200.0)
     for number in range(20):
         assert own.take(report(0.05 * (1 + number)), 201.0 + 0.05 * number) is None
-    fix = taken(own, report(1.05, north=500.0), now=202.0)
-    assert fix.state.north == pytest.approx(500.0, abs=1e-3)
-    assert fix.state.time_s == 202.0
+    navigated = taken(own, report(1.05, north=500.0), now=202.0)
+    assert navigated.state.north == pytest.approx(500.0, abs=1e-3)
+    assert navigated.state.time_s == 202.0
     assert own.reboots == 1
-    assert fix.interval == math.inf
+    assert navigated.interval == math.inf
     after = taken(own, report(1.1, north=501.1), now=202.05)
     assert after.interval == pytest.approx(0.05)
 
 
 def test_without_any_airspeed_there_is_no_wind(own: OwnVehicle, report: MakeReport) -> None:
-    fix = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
-    assert fix is not None
-    assert fix.state.airspeed == pytest.approx(math.sqrt(493.0))
-    assert (fix.state.wind_north, fix.state.wind_east) == (
+    navigated = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
+    assert navigated is not None
+    assert navigated.state.airspeed == pytest.approx(math.sqrt(493.0))
+    assert (navigated.state.wind_north, navigated.state.wind_east) == (
         pytest.approx(0.0, abs=1e-9),
         pytest.approx(0.0, abs=1e-9),
     )
@@ -167,7 +167,7 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
         velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
         if number == 0:
             own.note_airspeed(20.0, 40.0)
-        fix = own.take(
+        navigated = own.take(
             PositionReport(
                 boot_time_s=5.0 + time_s,
                 latitude_deg=latitude,
@@ -179,10 +179,10 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
             ),
             40.0 + time_s,
         )
-        assert fix is not None
-        assert fix.state.airspeed < 25.0
+        assert navigated is not None
+        assert navigated.state.airspeed < 25.0
         # The ground velocity is the measured one all the same, a little late.
-        assert fix.state.ground_speed == pytest.approx(20.0, abs=0.5)
+        assert navigated.state.ground_speed == pytest.approx(20.0, abs=0.5)
         north += velocity[0] * 0.05
         east += velocity[1] * 0.05
 
@@ -202,22 +202,22 @@ def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(
 def test_an_unknown_heading_falls_back_on_the_wind(own: OwnVehicle, report: MakeReport) -> None:
     taken(own, report(5.0), now=42.0)
     # Ground velocity (22, 3) without the wind of (2, 3) points north.
-    fix = taken(own, report(5.05, heading=None), now=42.05)
-    assert fix.state.heading == pytest.approx(0.0, abs=1e-12)
+    navigated = taken(own, report(5.05, heading=None), now=42.05)
+    assert navigated.state.heading == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_heading_that_was_never_known_is_the_course(own: OwnVehicle, report: MakeReport) -> None:
-    fix = taken(own, report(5.0, heading=None), now=42.0)
-    assert fix.state.heading == pytest.approx(math.atan2(3.0, 22.0))
+    navigated = taken(own, report(5.0, heading=None), now=42.0)
+    assert navigated.state.heading == pytest.approx(math.atan2(3.0, 22.0))
 
 
 def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
     own: OwnVehicle, report: MakeReport
 ) -> None:
     own.note_airspeed(0.0, 42.0)
-    fix = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
-    assert fix is not None
-    assert fix.state.airspeed == 1.0
+    navigated = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
+    assert navigated is not None
+    assert navigated.state.airspeed == 1.0
 
 
 @pytest.mark.parametrize(
@@ -232,20 +232,22 @@ def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
     own.note_airspeed(20.0, 42.0)
     own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
     # The position says 20 m/s, the velocity 10: who believes it sees a head wind, filtered over 0.35 s.
-    fix = own.take(replace(report(5.4, north=8.0), velocity_north=10.0, velocity_east=0.0), 42.4)
-    assert fix is not None
-    assert fix.state.wind_north == pytest.approx(wind_north, abs=1e-3)
+    navigated = own.take(
+        replace(report(5.4, north=8.0), velocity_north=10.0, velocity_east=0.0), 42.4
+    )
+    assert navigated is not None
+    assert navigated.state.wind_north == pytest.approx(wind_north, abs=1e-3)
 
 
-def drifting(own: OwnVehicle, plan: MakePlan, report: MakeReport) -> Fix:
+def drifting(own: OwnVehicle, plan: MakePlan, report: MakeReport) -> NavigatedState:
     """After 5 s of 22 m/s north and 2.7 m/s east by the positions; velocities have 3 m/s to the east."""
     frame = plan().frame
     for step in range(101):
         time_s = 0.05 * step
         latitude, longitude = frame.to_geodetic(22.0 * time_s, 2.7 * time_s)
         moved = replace(report(5.0 + time_s), latitude_deg=latitude, longitude_deg=longitude)
-        fix = taken(own, moved, now=40.0 + time_s)
-    return fix
+        navigated = taken(own, moved, now=40.0 + time_s)
+    return navigated
 
 
 REPORTED, TRUE = math.atan2(3.0, 22.0), math.atan2(2.7, 22.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -30,7 +30,7 @@ def leader(plan: MakePlan) -> LeaderRole:
     return role
 
 
-def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Fix]:
+def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[NavigatedState]:
     """Calm air, 20 m/s from the origin, turning right by 0.1 rad/s."""
     own = OwnVehicle(plan)
     found = []
@@ -50,14 +50,14 @@ def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Fix]:
             velocity_east=20.0 * math.sin(angle),
             heading=angle,
         )
-        fix = own.take(report, time_s)
-        assert fix is not None
-        found.append(fix)
+        navigated = own.take(report, time_s)
+        assert navigated is not None
+        found.append(navigated)
     return found
 
 
-def published(leader: LeaderRole, fix: Fix) -> LeaderMessage:
-    data = leader.step(fix, Mode.TRACKING).publish
+def published(leader: LeaderRole, navigated: NavigatedState) -> LeaderMessage:
+    data = leader.step(navigated, Mode.TRACKING).publish
     assert data is not None
     return decode(data)
 
@@ -78,7 +78,9 @@ def test_a_leader_publishes_where_it_is_and_how_it_moves(
 
 def test_a_leader_counts_its_messages_up(leader: LeaderRole, plan: MakePlan) -> None:
     times = [3.0, 3.05, 3.1]
-    messages = [published(leader, fix) for fix in fixes(plan(vehicle="leader"), 0.5, times)]
+    messages = [
+        published(leader, navigated) for navigated in fixes(plan(vehicle="leader"), 0.5, times)
+    ]
     assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
     assert [one.time_s for one in messages] == [pytest.approx(time) for time in times]
 
@@ -88,7 +90,7 @@ def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(
 ) -> None:
     times = [0.05 * number for number in range(100)]
     found = fixes(plan(vehicle="leader"), 0.5, [*times, 6.5])
-    messages = [published(leader, fix) for fix in found]
+    messages = [published(leader, navigated) for navigated in found]
     assert messages[-2].turn_rate == pytest.approx(0.1, abs=1e-3)
     assert messages[-1].turn_rate == 0.0
 
@@ -119,8 +121,8 @@ def test_before_the_first_leader_state_there_is_nothing_to_steer_by(
     follower: FollowerRole, plan: MakePlan
 ) -> None:
     assert follower.leader_age(5.0) == math.inf
-    (fix,) = fixes(plan(), 0.0, [3.0])
-    step = follower.step(fix, Mode.WAITING)
+    (navigated,) = fixes(plan(), 0.0, [3.0])
+    step = follower.step(navigated, Mode.WAITING)
     assert step.setpoint is None
     assert step.distance == math.inf
 
@@ -130,8 +132,8 @@ def test_the_distance_is_that_from_the_slot(
 ) -> None:
     # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
     follower.receive(leader_bytes(3.0), 3.0)
-    (fix,) = fixes(plan(), -0.3, [3.0])
-    assert follower.step(fix, Mode.JOINING).distance == pytest.approx(
+    (navigated,) = fixes(plan(), -0.3, [3.0])
+    assert follower.step(navigated, Mode.JOINING).distance == pytest.approx(
         math.hypot(40.0, 20.0), abs=1e-3
     )
 
@@ -209,7 +211,7 @@ def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock
 ) -> None:
     role = role_of(plan(), SharedClock(from_own=lambda time_s: time_s + 50.0))
     times = [3.0 + 0.05 * number for number in range(20)]
-    steps = [role.step(fix, Mode.TRACKING) for fix in fixes(plan(), 0.5, times)]
+    steps = [role.step(navigated, Mode.TRACKING) for navigated in fixes(plan(), 0.5, times)]
     told = [decode(step.publish) for step in steps if step.publish is not None]
     assert [one.time_s for one in told] == [
         pytest.approx(53.0 + 0.2 * number) for number in range(5)
@@ -220,5 +222,5 @@ def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock
 
 def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: MakePlan) -> None:
     role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
-    (fix,) = fixes(plan(), 0.5, [3.0])
-    assert role.step(fix, Mode.TRACKING).publish is None
+    (navigated,) = fixes(plan(), 0.5, [3.0])
+    assert role.step(navigated, Mode.TRACKING).publish is None

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
-from vfguide.companion.own_vehicle import Fix
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.setpoint_guard import is_flyable
@@ -42,9 +42,9 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
     step = FollowerRole.step
     from_s = 3.0
 
-    def broken(role: FollowerRole, fix: Fix, *rest: object) -> RoleStep:
-        found = step(role, fix, *rest)
-        if fix.state.time_s <= from_s:
+    def broken(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
+        found = step(role, navigated, *rest)
+        if navigated.state.time_s <= from_s:
             return found
         return replace(found, setpoint=Setpoint(course=course, speed=speed, limited=False))
 

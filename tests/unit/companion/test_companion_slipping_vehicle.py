@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.own_vehicle import Fix, OwnVehicle
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.reports import PositionReport
 
@@ -22,12 +22,12 @@ TURN_RATE, SLIP = 0.13, 0.1
 """rad/s, and rad that the nose is ahead of the air velocity."""
 
 
-def after_laps(plan: FlightPlan, laps: float) -> tuple[Fix, OwnVehicle, float]:
+def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicle, float]:
     """The last fix, and the true direction through the air."""
     own = OwnVehicle(plan)
     north = east = 0.0
     direction = 0.0
-    fix = None
+    navigated = None
     for step in range(round(laps * math.tau / TURN_RATE / PERIOD)):
         direction = TURN_RATE * step * PERIOD
         velocity = (
@@ -46,15 +46,15 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[Fix, OwnVehicle, float]:
             velocity_east=velocity[1],
             heading=direction + SLIP,
         )
-        fix = own.take(report, step * PERIOD)
-    assert fix is not None
-    return fix, own, direction
+        navigated = own.take(report, step * PERIOD)
+    assert navigated is not None
+    return navigated, own, direction
 
 
 def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan) -> None:
-    fix, own, direction = after_laps(replace(plan(), slips=True), 3.0)
+    navigated, own, direction = after_laps(replace(plan(), slips=True), 3.0)
     assert own.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
-    state = fix.state
+    state = navigated.state
     assert (state.wind_north, state.wind_east) == (
         pytest.approx(WIND_NORTH, abs=0.5),
         pytest.approx(WIND_EAST, abs=0.5),
@@ -66,5 +66,5 @@ def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan)
 
 
 def test_a_vehicle_that_is_not_known_to_slip_is_taken_by_its_nose(plan: MakePlan) -> None:
-    fix, _, direction = after_laps(plan(), 3.0)
-    assert wrap_angle(fix.state.heading - direction) == pytest.approx(SLIP, abs=1e-6)
+    navigated, _, direction = after_laps(plan(), 3.0)
+    assert wrap_angle(navigated.state.heading - direction) == pytest.approx(SLIP, abs=1e-6)

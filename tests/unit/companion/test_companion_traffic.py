@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.companion.hearing import Hearing
 from vfguide.companion.plan import FlightPlan, OtherVehicle
 from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, Viewpoint
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.sightings import SILENT_S
+from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.traffic import FORGET_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
@@ -151,10 +151,10 @@ def test_the_time_of_a_state_is_the_formations(plan: MakePlan, leader_bytes: Lea
     assert found(traffic, beside(10.5, east=7.0)).tracks[0, 0] == pytest.approx(210.0, abs=1e-2)
 
 
-def heard_leader(plan: MakePlan, data: bytes, now: float) -> Hearing:
-    hearing = Hearing(plan().frame, SAME_CLOCK)
-    assert hearing.take(data, now)
-    return hearing
+def heard_leader(plan: MakePlan, data: bytes, now: float) -> StateReceiver:
+    receiver = StateReceiver(plan().frame, SAME_CLOCK)
+    assert receiver.take(data, now)
+    return receiver
 
 
 def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(

@@ -15,15 +15,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.debrief.autopilot_log import AutopilotLog
-from vfguide.debrief.dataflash import read_dataflash
-from vfguide.debrief.logged_flight import logged_flight, read_log
-from vfguide.debrief.ulog import read_ulog, roll_of
 from vfguide.errors import InputError
+from vfguide.lab.debrief.autopilot_log import AutopilotLog
+from vfguide.lab.debrief.dataflash import read_dataflash
+from vfguide.lab.debrief.logged_flight import logged_flight, read_log
+from vfguide.lab.debrief.ulog import read_ulog, roll_of
+from vfguide.lab.report.geometry import slot_error
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.tlog import TelemetryLog
-from vfguide.report.geometry import slot_error
 
 Reader = Callable[[Path], AutopilotLog]
 

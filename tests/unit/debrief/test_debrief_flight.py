@@ -14,16 +14,16 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.plan import local_frame
-from vfguide.debrief.flight import flight_of
-from vfguide.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
 from vfguide.errors import InputError
+from vfguide.lab.debrief.flight import flight_of
+from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
+from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.metrics import summarise
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step
 from vfguide.record.recording import Start, files_of
 from vfguide.record.tlog import stamped
-from vfguide.report.geometry import slot_error
-from vfguide.report.metrics import summarise
 
 SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
 LATE_M = 3.0

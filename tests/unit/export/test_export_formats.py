@@ -18,12 +18,12 @@ from mcap.reader import make_reader
 from pyarrow import parquet
 
 from vfguide.errors import InputError
-from vfguide.export.columns import UNITS, begin_of, geodetic
-from vfguide.export.comma_separated import write_csv
-from vfguide.export.earth import write_earth
-from vfguide.export.foxglove import attitude, write_mcap
-from vfguide.export.parquet import write_parquet
 from vfguide.frames import LocalFrame
+from vfguide.lab.export.columns import UNITS, begin_of, geodetic
+from vfguide.lab.export.comma_separated import write_csv
+from vfguide.lab.export.earth import write_earth
+from vfguide.lab.export.foxglove import attitude, write_mcap
+from vfguide.lab.export.parquet import write_parquet
 from vfguide.record.flight import FlightRecord, Origin
 
 MakeFlight = Callable[..., FlightRecord]

@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from tests.unit.guidance.following import follower_step
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
-from vfguide.guidance.leader import LeaderGuidance, LeaderTask, leader_step
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
 from vfguide.laws.keeper import FollowerGuidance
+from vfguide.laws.leader import LeaderGuidance, LeaderTask, PathField, leader_step
+from vfguide.mission.quantity import Section
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -142,16 +143,16 @@ def test_leaders_in_a_batch_are_leaders_alone(
     states = random_states(4)
     task = LeaderTask(path=path, path_gains=GAINS, airspeed=20.0, followers=FOLLOWERS)
     chosen = choices(speed_source=source, give_way=switch, wind_feedforward=switch)
+    law = PathField(Section(), chosen, airframe)
     estimates = np.random.default_rng(5).uniform(10.0, 30.0, COUNT) if switch else None
-    batch = leader_step(states, task, chosen, airframe, period=PERIOD, speed_estimate=estimates)
+    batch = leader_step(states, law, task, period=PERIOD, memory=estimates)
     for index in range(COUNT):
         single = leader_step(
             element(states, index),
+            law,
             task,
-            chosen,
-            airframe,
             period=PERIOD,
-            speed_estimate=None if estimates is None else float(estimates[index]),
+            memory=None if estimates is None else float(estimates[index]),
         )
         same(batch, index, single)
 
@@ -265,5 +266,7 @@ def test_wherever_a_leader_is_its_guidance_is_finite(
 ) -> None:
     task = LeaderTask(path=path, path_gains=GAINS, airspeed=20.0, followers=FOLLOWERS)
     for airframe in AIRFRAMES:
-        guidance = leader_step(state, task, choices(speed_source=source), airframe, period=PERIOD)
+        guidance = leader_step(
+            state, PathField(Section(), choices(speed_source=source), airframe), task, period=PERIOD
+        )
         assert all_finite(guidance)

@@ -11,8 +11,8 @@ from vfguide.guidance.formation import (
     SlotMotion,
     arc_tangent_field,
     article_motion,
+    extrapolate_by_rates,
     formation_error,
-    predict_leader,
     slot_motion,
     slot_position,
     slot_velocity,
@@ -192,7 +192,7 @@ def test_the_dual_field_saturates_far_away_and_is_steepest_in_the_slot() -> None
 
 def test_a_straight_accelerating_leader_is_predicted_exactly(leader: Leaders) -> None:
     # 0.5 s at 20 m/s and 2 m/s²: 10 + 0.25 m, then 21 m/s
-    later = predict_leader(leader(course=math.pi / 2.0, acceleration=2.0, time_s=3.0), 3.5)
+    later = extrapolate_by_rates(leader(course=math.pi / 2.0, acceleration=2.0, time_s=3.0), 3.5)
     assert (later.north, later.east) == pytest.approx((0.0, 10.25), abs=1e-12)
     assert later.ground_speed == pytest.approx(21.0)
     assert (later.time_s, later.acceleration, later.course) == (3.5, 2.0, math.pi / 2.0)
@@ -200,7 +200,7 @@ def test_a_straight_accelerating_leader_is_predicted_exactly(leader: Leaders) ->
 
 def arc_miss(leader: Leaders, age: float) -> float:
     """Distance of a predicted leader from where it truly is on a circle of 150 m."""
-    predicted, truth = predict_leader(circling(leader, 0.0), age), circling(leader, age)
+    predicted, truth = extrapolate_by_rates(circling(leader, 0.0), age), circling(leader, age)
     assert predicted.course == pytest.approx(truth.course)
     return math.hypot(predicted.north - truth.north, predicted.east - truth.east)
 
@@ -220,15 +220,15 @@ def test_a_changing_turn_rate_is_carried_on(leader: Leaders) -> None:
         course = 0.2 * time + 0.15 * time * time
         north += (20.0 + time) * math.cos(course) * age / steps
         east += (20.0 + time) * math.sin(course) * age / steps
-    later = predict_leader(start, age)
+    later = extrapolate_by_rates(start, age)
     # 0.2 . 0.4 + 0.3 . 0.16/2 = 0.104 rad; 0.2 + 0.12 rad/s
     assert (later.course, later.turn_rate) == pytest.approx((0.104, 0.32))
     # third order again: about 20 . 0.26² . 0.4³/24 = 3.6 mm; unchanged turning would be 64 mm off in east
     assert math.hypot(later.north - north, later.east - east) < 0.005
-    unchanged = predict_leader(leader(acceleration=1.0, turn_rate=0.2), age)
+    unchanged = extrapolate_by_rates(leader(acceleration=1.0, turn_rate=0.2), age)
     assert east - unchanged.east == pytest.approx(20.0 * 0.3 * 0.4**3 / 6.0, rel=0.05)
 
 
 def test_a_leader_seen_now_is_not_moved(leader: Leaders) -> None:
     state = leader(time_s=2.0, north=4.0, turn_rate=0.3, acceleration=1.0)
-    assert predict_leader(state, 2.0) == state
+    assert extrapolate_by_rates(state, 2.0) == state

@@ -9,11 +9,17 @@ from typing import Protocol
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
 from vfguide.guidance.limits import bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings
-from vfguide.guidance.speed_law import acceleration_toward, sliding_acceleration, speed_command
+from vfguide.guidance.sliding_laws import (
+    acceleration_toward,
+    boundary_layer,
+    course_command,
+    sliding_acceleration,
+    sliding_course_rate,
+    speed_command,
+)
 from vfguide.paths.line import Line
 from vfguide.state import Airframe, VehicleState
 

@@ -9,9 +9,10 @@ import pytest
 
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.give_way import SlotLimits
-from vfguide.guidance.leader import LeaderTask, leader_step
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderTask, PathField, leader_step
+from vfguide.mission.quantity import Section
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -36,6 +37,19 @@ class Plant(Protocol):
     def fly(self, course: float, speed: float, period: float) -> None: ...
 
 
+def guide(
+    state: VehicleState[float],
+    task: LeaderTask,
+    settings: GuidanceSettings,
+    airframe: Airframe,
+    *,
+    period: float,
+    memory: object = FIRST,
+) -> LeaderGuidance[float]:
+    law = PathField(Section(), settings, airframe)
+    return leader_step(state, law, task, period=period, memory=memory)
+
+
 def along(path: Path, *followers: SlotLimits) -> LeaderTask:
     gains = PathGains(gain=0.03, approach_angle=math.pi / 2.0)
     return LeaderTask(path=path, path_gains=gains, airspeed=20.0, followers=followers)
@@ -45,9 +59,7 @@ def along(path: Path, *followers: SlotLimits) -> LeaderTask:
 def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(
     vehicle: Vehicles, choices: Choices, airframe: Airframe
 ) -> None:
-    guidance = leader_step(
-        vehicle(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD
-    )
+    guidance = guide(vehicle(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD)
     assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
     assert (guidance.cross_track_error, guidance.course_error) == (0.0, 0.0)
     assert not guidance.setpoint.limited
@@ -58,16 +70,14 @@ def test_on_its_circle_the_course_setpoint_leads_the_turn(
     vehicle: Vehicles, choices: Choices, airframe: Airframe
 ) -> None:
     state = vehicle(150.0, 0.0, math.pi / 2.0)
-    guidance = leader_step(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
+    guidance = guide(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
     # 20/150 = 0.1333 rad/s, times 1/1.2 + 0.05/2 = 0.858333 s: 0.11444 rad
     assert guidance.setpoint.course - state.course == pytest.approx(0.114444, abs=1e-5)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
 def test_right_of_its_line_it_turns_left(vehicle: Vehicles, choices: Choices) -> None:
-    guidance = leader_step(
-        vehicle(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD
-    )
+    guidance = guide(vehicle(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD)
     assert guidance.cross_track_error == pytest.approx(1.0)
     # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.525 = 0.171377 rad/s to the left, times 0.858333 s
     assert guidance.course_error == pytest.approx(0.029991, abs=1e-6)
@@ -80,9 +90,9 @@ def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed(
     # 5 m/s from behind: 20 m/s of airspeed are 25 over the ground
     windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
     task = along(NORTHBOUND)
-    held = leader_step(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    held = guide(windy, task, choices(), HEADING_HOLD, period=PERIOD)
     assert held.setpoint.speed == pytest.approx(20.0)
-    assert leader_step(
+    assert guide(
         windy, task, choices(), COURSE_HOLD, period=PERIOD
     ).setpoint.speed == pytest.approx(25.0)
 
@@ -92,7 +102,7 @@ def test_an_airspeed_off_cruise_is_commanded_back_at_the_holds_own_pace(
     vehicle: Vehicles, choices: Choices, airframe: Airframe
 ) -> None:
     slow = vehicle(ground_speed=18.0)
-    guidance = leader_step(slow, along(NORTHBOUND), choices(), airframe, period=PERIOD)
+    guidance = guide(slow, along(NORTHBOUND), choices(), airframe, period=PERIOD)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
@@ -102,7 +112,7 @@ def test_the_leader_gives_way_to_an_inner_slot(
 ) -> None:
     # 67.5 m inside on 150 m: 20 (1 - 0.45) = 11 m/s, 2 less than 12 and the margin of 1
     inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
-    guidance = leader_step(
+    guidance = guide(
         vehicle(150.0, 0.0, math.pi / 2.0),
         along(CLOCKWISE, inside),
         choices(give_way=gives_way),
@@ -120,7 +130,7 @@ def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(
     # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, . 0.858333 s; what blows along is left alone
     state = vehicle(wind_rate=(north_rate, 2.0))
     chosen = choices(wind_feedforward=feedforward)
-    guidance = leader_step(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
+    guidance = guide(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
     assert guidance.setpoint.course == pytest.approx(course, abs=1e-6)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
@@ -129,7 +139,7 @@ def test_flying_east_the_left_is_north(vehicle: Vehicles, choices: Choices) -> N
     # 2 m/s² toward the south, from the left again
     state = vehicle(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
     task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
-    guidance = leader_step(state, task, choices(), HEADING_HOLD, period=PERIOD)
+    guidance = guide(state, task, choices(), HEADING_HOLD, period=PERIOD)
     assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.0858333)
 
 
@@ -139,29 +149,29 @@ def test_the_first_estimate_of_the_observer_is_the_airspeed(
     windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
     observing = choices(speed_source="observer")
     task = along(NORTHBOUND)
-    first = leader_step(windy, task, observing, HEADING_HOLD, period=PERIOD)
-    assert first.speed_estimate == pytest.approx(20.0)
-    later = leader_step(windy, task, observing, HEADING_HOLD, period=PERIOD, speed_estimate=24.0)
+    first = guide(windy, task, observing, HEADING_HOLD, period=PERIOD)
+    assert first.memory == pytest.approx(20.0)
+    later = guide(windy, task, observing, HEADING_HOLD, period=PERIOD, memory=24.0)
     # 24 - 0.05 . 1 . 0.5 (24 - 20)
-    assert later.speed_estimate == pytest.approx(23.9)
-    measured = leader_step(windy, task, choices(), HEADING_HOLD, period=PERIOD)
-    assert measured.speed_estimate == 25.0
+    assert later.memory == pytest.approx(23.9)
+    measured = guide(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    assert measured.memory == 25.0
 
 
 def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
     vehicle: Vehicles, choices: Choices
 ) -> None:
     state = vehicle(150.0, 0.0, math.pi / 2.0 + 0.1)
-    guidance = leader_step(
+    guidance = guide(
         state,
         along(CLOCKWISE),
         choices(speed_source="observer"),
         HEADING_HOLD,
         period=PERIOD,
-        speed_estimate=20.0,
+        memory=20.0,
     )
     # phi = cos(0.1)/150 - 0.03 sin(0.1) = 0.0066334 - 0.002995 = 0.0036384; -0.05 . 200 . 0.1 . phi
-    assert guidance.speed_estimate - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
+    assert guidance.memory - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -180,9 +190,7 @@ def test_an_observing_leader_turns_by_its_estimate(
 ) -> None:
     state = vehicle(150.0, 0.0, math.pi / 2.0)
     observing = choices(speed_source="observer")
-    guidance = leader_step(
-        state, along(CLOCKWISE), observing, airframe, period=PERIOD, speed_estimate=estimate
-    )
+    guidance = guide(state, along(CLOCKWISE), observing, airframe, period=PERIOD, memory=estimate)
     assert guidance.setpoint.course - state.course == pytest.approx(lead, abs=1e-6)
 
 
@@ -194,13 +202,13 @@ def test_what_an_observing_leader_is_told_of_its_ground_speed_changes_nothing(
     inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
     state = vehicle(151.0, 0.0, math.pi / 2.0 + 0.1)
     found = [
-        leader_step(
+        guide(
             replace(state, ground_speed=told),
             along(CLOCKWISE, inside),
             choices(speed_source="observer"),
             airframe,
             period=PERIOD,
-            speed_estimate=21.0,
+            memory=21.0,
         )
         for told in (20.0, 5.0, 40.0)
     ]
@@ -234,10 +242,8 @@ def test_from_any_course_a_leader_flies_onto_its_path(
     worst = 0.0
     for step in range(1600):
         state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
-        guidance = leader_step(
-            state, task, settings, COURSE_HOLD, period=PERIOD, speed_estimate=estimate
-        )
-        estimate = guidance.speed_estimate
+        guidance = guide(state, task, settings, COURSE_HOLD, period=PERIOD, memory=estimate)
+        estimate = guidance.memory
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
         if step > 1200:
             worst = max(worst, abs(guidance.cross_track_error))
@@ -251,6 +257,6 @@ def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it(
     flyer = plant(course=2.0)
     for _ in range(1600):
         state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed)
-        guidance = leader_step(state, along(CLOCKWISE), choices(), COURSE_HOLD, period=PERIOD)
+        guidance = guide(state, along(CLOCKWISE), choices(), COURSE_HOLD, period=PERIOD)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
     assert math.hypot(flyer.north, flyer.east) == pytest.approx(150.0, abs=0.5)

@@ -8,7 +8,6 @@ from typing import Protocol
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.course_law import boundary_layer, course_command, sliding_course_rate
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
 from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
 from vfguide.guidance.path import Path
@@ -17,7 +16,12 @@ from vfguide.guidance.path_field import (
     desired_course_rate_per_speed,
     desired_course_slope,
 )
-from vfguide.guidance.speed_law import sliding_acceleration
+from vfguide.guidance.sliding_laws import (
+    boundary_layer,
+    course_command,
+    sliding_acceleration,
+    sliding_course_rate,
+)
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 

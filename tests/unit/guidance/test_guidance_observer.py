@@ -7,10 +7,10 @@ from typing import Protocol
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.course_law import course_command, sliding_course_rate
 from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
 from vfguide.guidance.path import Path
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.sliding_laws import course_command, sliding_course_rate
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 

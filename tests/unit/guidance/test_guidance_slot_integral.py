@@ -19,10 +19,10 @@ from vfguide.guidance.slot_integral import (
     GREATEST_M,
     TURNING_RAD_S,
     aimed_error,
-    learned,
     learning_growth,
     nearness,
     no_offset,
+    update_offset,
 )
 from vfguide.state import Airframe, LeaderState, VehicleState
 
@@ -71,17 +71,19 @@ def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(
 
 
 def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound() -> None:
-    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False)
+    after = update_offset(
+        no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
+    )
     assert (after.ahead, after.right) == pytest.approx((0.01, -0.01), abs=1e-6)
     full = replace(no_offset(0.0), ahead=GREATEST_M, right=-GREATEST_M)
-    assert learned(full, off(1.0, -1.0), LEARNS, STRAIGHT, period=0.5, held=False) == full
+    assert update_offset(full, off(1.0, -1.0), LEARNS, STRAIGHT, period=0.5, held=False) == full
 
 
 def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean() -> None:
     # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
     # of 30 and of 60 degrees
     turning = moving(course=math.pi / 6.0, turn_rate=40.0)
-    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, turning, period=0.5, held=False)
+    after = update_offset(no_offset(0.0), off(0.03, -0.03), LEARNS, turning, period=0.5, held=False)
     first, second = after.harmonics
     assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
     assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
@@ -89,7 +91,9 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean() -
 
 
 def test_on_a_straight_no_harmonic_is_learned_and_none_counts() -> None:
-    after = learned(no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False)
+    after = update_offset(
+        no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
+    )
     assert after.harmonics == no_offset(0.0).harmonics
     one, other = no_offset(0.0).harmonics
     known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
@@ -130,17 +134,17 @@ def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up() -> Non
     one, other = no_offset(0.0).harmonics
     full = replace(no_offset(0.0), ahead=4.0, harmonics=(replace(one, ahead_cosine=2.0), other))
     turning = moving(course=0.0, turn_rate=40.0)
-    pushed = learned(full, off(0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    pushed = update_offset(full, off(0.5, 0.0), LEARNS, turning, period=0.5, held=False)
     assert pushed == full
-    drawn_back = learned(full, off(-0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    drawn_back = update_offset(full, off(-0.5, 0.0), LEARNS, turning, period=0.5, held=False)
     assert drawn_back.ahead < full.ahead
 
 
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in() -> None:
     before = replace(no_offset(0.0), ahead=0.2, right=0.1)
-    assert learned(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
+    assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
     never = 0.0
-    assert learned(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
+    assert update_offset(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
     assert aimed_error(off(0.5, 0.5), no_offset(0.0), never, STRAIGHT) == off(0.5, 0.5)
 
 
@@ -158,7 +162,7 @@ def moving_batch() -> SlotMotion[FloatArray]:
 
 def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
     along, cross = np.array([0.1, 3.0, -0.4]), np.array([-0.2, 0.5, 9.0])
-    many = learned(
+    many = update_offset(
         no_offset(along),
         FormationError(
             along_track=along, cross_track=cross, along_track_rate=along, cross_track_rate=cross
@@ -171,7 +175,7 @@ def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
     for index in range(3):
         error = off(float(along[index]), float(cross[index]))
         motion = moving(course=float(index), turn_rate=0.1)
-        one = learned(no_offset(0.0), error, LEARNS, motion, period=PERIOD, held=index == 2)
+        one = update_offset(no_offset(0.0), error, LEARNS, motion, period=PERIOD, held=index == 2)
         assert (many.ahead[index], many.right[index]) == pytest.approx((one.ahead, one.right))
         sine = many.harmonics[1].right_sine[index]
         assert sine == pytest.approx(one.harmonics[1].right_sine)

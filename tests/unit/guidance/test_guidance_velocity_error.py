@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from vfguide.guidance.navigation import Sample
-from vfguide.guidance.velocity_error import (
+from vfguide.guidance.navigation import (
+    Sample,
     velocity_error,
     velocity_error_at_first,
     with_right_velocity,

@@ -9,7 +9,7 @@ import pytest
 
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import PathGains
-from vfguide.guidance.virtual_leader import KnownLeader, carry_along_path
+from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -38,7 +38,9 @@ def carried(
 ) -> Iterator[LeaderState[float]]:
     """The leader every 50 ms for 20 s."""
     for step in range(1, 401):
-        leader = carry_along_path(leader, vehicle(wind=wind, time_s=PERIOD * step), known(path))
+        leader = extrapolate_along_path(
+            leader, vehicle(wind=wind, time_s=PERIOD * step), known(path)
+        )
         yield leader
 
 
@@ -111,8 +113,8 @@ def test_a_leader_beside_its_path_comes_back_to_it(vehicle: Vehicle, leader: Lea
 
 def test_the_wind_that_counts_is_that_of_the_moment(vehicle: Vehicle, leader: Leader) -> None:
     path = Line(north=0.0, east=0.0, course=0.0)
-    first = carry_along_path(leader(), vehicle(wind=(2.0, 0.0), time_s=0.1), known(path))
-    second = carry_along_path(first, vehicle(wind=(-3.0, 0.0), time_s=0.2), known(path))
+    first = extrapolate_along_path(leader(), vehicle(wind=(2.0, 0.0), time_s=0.1), known(path))
+    second = extrapolate_along_path(first, vehicle(wind=(-3.0, 0.0), time_s=0.2), known(path))
     assert (first.ground_speed, second.ground_speed) == (22.0, 17.0)
     assert second.north == pytest.approx(2.2 + 1.7)
     assert second.time_s == 0.2
@@ -152,9 +154,9 @@ def test_leaders_in_a_batch_are_carried_on_as_alone(
     winds = random.uniform(-15.0, 15.0, (2, count))
     time_s = 0.1
     followers = replace(vehicle(time_s=time_s), wind_north=winds[0], wind_east=winds[1])
-    batch = carry_along_path(leader(**columns), followers, known(path))
+    batch = extrapolate_along_path(leader(**columns), followers, known(path))
     for index in range(count):
-        alone = carry_along_path(
+        alone = extrapolate_along_path(
             leader(**{name: float(column[index]) for name, column in columns.items()}),
             vehicle(time_s=time_s, wind=(float(winds[0, index]), float(winds[1, index]))),
             known(path),

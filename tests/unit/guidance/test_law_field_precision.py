@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vfguide.guidance.formation import Slot
-from vfguide.laws.field_precision import (
+from vfguide.laws.field_findings import (
     article_wind_rates,
     frame_error,
     integral_share,

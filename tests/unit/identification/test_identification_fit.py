@@ -9,9 +9,8 @@ import pytest
 
 from vfguide.elementwise import FloatArray
 from vfguide.identification.fit import Response, fit_response
-from vfguide.identification.models import course_response, speed_response
+from vfguide.identification.models import Samples, course_response, mean_told, speed_response
 from vfguide.identification.recording import as_seen
-from vfguide.identification.samples import Samples, mean_told
 from vfguide.state import Airframe
 
 FINE_S = 0.0025

@@ -9,6 +9,7 @@ import pytest
 
 from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import FORMATION, LEADER, trust_of
+from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
 from vfguide.link.packed import PackedKind, decode_packet
@@ -18,7 +19,6 @@ from vfguide.link.radio_framing import DAMAGED, Framer, encode_frame
 from vfguide.link.radio_schedule import Channel, make_timetable
 from vfguide.link.radio_station import Station
 from vfguide.link.trust import Trust
-from vfguide.rehearsal.emulated_radio import Air, Radio, RadioQuality
 
 CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)
 KEY = bytes(range(32))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.mavlink.arduplane_parameters import arduplane_response
+from vfguide.mavlink.ardupilot import arduplane_response
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 
 NEEDS = FlightNeeds(

@@ -2,10 +2,10 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.mavlink.datagram import UdpPeer
 from vfguide.mavlink.framing import frames_of as frames
 from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.signing import Signing
-from vfguide.mavlink.udp_peer import UdpPeer
 
 OWN, STRANGER = ("10.0.0.1", 14550), ("10.0.0.2", 14550)
 KEY = bytes(range(32))

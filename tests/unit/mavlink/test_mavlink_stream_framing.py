@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.mavlink.stream_framing import LARGEST_FRAME, StreamFramer
+from vfguide.mavlink.stream import LARGEST_FRAME, StreamFramer
 
 Make = Callable[..., Any]
 

@@ -1,6 +1,6 @@
 import pytest
 
-from vfguide.mavlink.udp_peer import UdpPeer
+from vfguide.mavlink.datagram import UdpPeer
 
 FIRST, SECOND = ("10.0.0.1", 14550), ("10.0.0.2", 14550)
 FRAME = b"\xfd rest"

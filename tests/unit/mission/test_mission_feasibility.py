@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from vfguide.guidance.formation import Slot
-from vfguide.laws.field_precision import error_for_correction, predicted_mean_error
+from vfguide.laws.field_findings import error_for_correction, predicted_mean_error
 from vfguide.mission import Finding, Mission, check_mission, parse_mission, read_mission, report_on
 from vfguide.mission.conditions import Conditions, conditions_of, wind_samples
 from vfguide.mission.controller import gains_of
+from vfguide.mission.feasibility import least_guarantee
 from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
 from vfguide.mission.rehearsal import ArticleWind
-from vfguide.mission.separation_limits import least_guarantee
 from vfguide.mission.slot_limits import giving_way
 from vfguide.mission.turn_limits import bank_for, field_turn_rate
 

@@ -152,7 +152,7 @@ def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots()
     slots = {one.vehicle: one.slot for one in mission.followers}
     starts = {name: follower_start(mission, name) for name in slots}
     for name, slot in slots.items():
-        place = leader.moved(forward_m=slot.forward_m, right_m=slot.right_m)
+        place = leader.shifted(forward_m=slot.forward_m, right_m=slot.right_m)
         start = starts[name]
         away = math.dist((place.north_m, place.east_m), (start.north_m, start.east_m))
         assert 50.0 <= away <= 100.0

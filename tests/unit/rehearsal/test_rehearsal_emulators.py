@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from sitl_stub import Autopilot, cli
-from vfguide.bench.article import article_mission
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.live import emulator_command
+from vfguide.lab.studies.article import article_mission
 from vfguide.mission import Mission
-from vfguide.rehearsal.emulators import emulator_of
-from vfguide.rehearsal.live import emulator_command
 
 UNUSUAL_VEHICLE = {
     "autopilot": "px4",

@@ -4,8 +4,8 @@ from pathlib import Path
 import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
+from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.mission import load_mission
-from vfguide.rehearsal.recorder import VehicleRecorder
 from vfguide.state import Setpoint
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")

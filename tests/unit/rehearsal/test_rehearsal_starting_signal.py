@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from vfguide.errors import InputError, VfguideError
-from vfguide.rehearsal.starting_signal import await_start, give_start
+from vfguide.lab.rehearsal.watched import await_start, give_start
 
 
 class Time:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.lab.report.page import write_report
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
 from vfguide.record.vehicle import SERIES
-from vfguide.report.page import write_report
 
 SLOTS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
 STARTS = {"f1": (-60.0, -50.0), "f2": (-35.0, 70.0), "f3": (-90.0, 10.0)}

@@ -11,8 +11,7 @@ from PIL import Image
 
 from vfguide.commands.report import animate_flight
 from vfguide.errors import InputError
-from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.report.animation import (
+from vfguide.lab.report.animation import (
     Span,
     choose_span,
     frame_count,
@@ -22,6 +21,7 @@ from vfguide.report.animation import (
     running_most,
     write_animation,
 )
+from vfguide.record.flight import FlightRecord, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

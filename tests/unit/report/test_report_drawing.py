@@ -11,18 +11,18 @@ from matplotlib import _pylab_helpers
 from PIL import Image
 
 from vfguide.errors import InputError
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
-from vfguide.report.errors_plot import errors_figure
-from vfguide.report.formation_drawing import formation_links
-from vfguide.report.picture import save_figure, with_palette
-from vfguide.report.plots import plots_for, write_plots
-from vfguide.report.tracks_plot import (
+from vfguide.lab.report.errors_plot import errors_figure
+from vfguide.lab.report.formation_drawing import formation_links
+from vfguide.lab.report.picture import save_figure, with_palette
+from vfguide.lab.report.plots import plots_for, write_plots
+from vfguide.lab.report.tracks_plot import (
     choose_magnification,
     choose_side,
     choose_snapshots,
     choose_view,
 )
-from vfguide.report.wind_plot import direction_for_drawing
+from vfguide.lab.report.wind_plot import direction_for_drawing
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

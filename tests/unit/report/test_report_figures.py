@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
-from vfguide.record.latency import Latency, Percentiles, Promptness
-from vfguide.report.figures import (
+from vfguide.lab.report.figures import (
     excess_variation_rate,
     least_separation,
     settling_time,
     spread,
     variation_rate,
 )
-from vfguide.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
-from vfguide.report.metrics import summarise, summary_json
+from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
+from vfguide.lab.report.metrics import summarise, summary_json
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.latency import Latency, Percentiles, Promptness
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

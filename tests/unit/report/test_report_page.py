@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.page import reproduction_command, write_report
+from vfguide.lab.report.table import summary_table
+from vfguide.lab.report.wording import in_digits
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
-from vfguide.report.metrics import summarise
-from vfguide.report.page import reproduction_command, write_report
-from vfguide.report.table import summary_table
-from vfguide.report.wording import in_digits
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub.framing import StreamFramer
+from sitl_stub.codec import StreamFramer
 
 LINK_2 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 LINK_1 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)

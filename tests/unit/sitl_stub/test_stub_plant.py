@@ -5,7 +5,7 @@ from typing import Literal
 import pytest
 
 from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind, Wind
-from sitl_stub.angles import wrap_to_pi
+from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.loops import bank_limited_turn_rate_rad_s, bank_of_rad, turn_rate_rad_s
 from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, stepped, with_speed_kind
 from sitl_stub.targets import HeightTarget, SpeedKind, SpeedTarget, Targets, TurnTarget

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Signing
-from sitl_stub.signing import EPOCH_UNIX_S, key_of, ticks_of
+from sitl_stub.codec import EPOCH_UNIX_S, key_of, ticks_of
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])

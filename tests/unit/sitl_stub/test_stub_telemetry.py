@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from sitl_stub import ArticleWind, PlantParameters, SteadyWind
-from sitl_stub.schedule import Schedule
+from sitl_stub.streams import Schedule
 
 Station = Callable[..., Any]
 

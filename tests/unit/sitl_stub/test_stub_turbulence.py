@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sitl_stub.turbulence import (
+from sitl_stub.air import (
     SHORTEST_WAVE_M,
     Intensity,
     TurbulenceField,

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from sitl_stub import ArticleWind, CalmWind, SteadyWind
-from sitl_stub.triangle import MIN_GROUND_SPEED_M_S, airspeed_of_m_s, ground_speed_along_m_s
+from sitl_stub.geometry import MIN_GROUND_SPEED_M_S, airspeed_of_m_s, ground_speed_along_m_s
 
 
 def test_calm_is_calm() -> None:

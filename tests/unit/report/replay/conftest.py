@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from vfguide.lab.report import page as report_page
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.page import render_page
 from vfguide.record.flight import FlightRecord
-from vfguide.report import page as report_page
-from vfguide.report.metrics import summarise
-from vfguide.report.page import render_page
 
 DESKTOP = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}

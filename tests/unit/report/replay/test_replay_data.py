@@ -10,8 +10,7 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.report.replay.data import (
+from vfguide.lab.report.replay.data import (
     ANGLE,
     MILLIMETRES,
     NUMBER,
@@ -21,7 +20,8 @@ from vfguide.report.replay.data import (
     replay_json,
     series_of,
 )
-from vfguide.report.replay.page_part import NOTHING, hash_source, program, replay_of
+from vfguide.lab.report.replay.page_part import NOTHING, hash_source, program, replay_of
+from vfguide.record.flight import FlightRecord, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

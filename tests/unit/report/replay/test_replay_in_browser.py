@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
+from vfguide.lab.report.geometry import slot_error
 from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.report.geometry import slot_error
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]

@@ -1,0 +1,115 @@
+"""Angles on the circle: radians, clockwise from north.
+
+The wind triangle: ground velocity is air velocity plus wind.
+
+Motion over the WGS-84 ellipsoid, without any local flat origin.
+
+The place where a flight started.
+"""
+
+import math
+from dataclasses import dataclass
+
+
+def wrap_to_pi(angle_rad: float) -> float:
+    """The same direction in (-pi, pi]: what an error between two courses must be."""
+    wrapped = math.remainder(angle_rad, math.tau)
+    return wrapped if wrapped > -math.pi else math.pi
+
+
+def wrap_to_two_pi(angle_rad: float) -> float:
+    """The same direction in [0, 2 pi): how a compass reads."""
+    wrapped = angle_rad % math.tau
+    # A tiny negative angle rounds up to the full circle itself.
+    return wrapped if wrapped < math.tau else 0.0
+
+
+MIN_GROUND_SPEED_M_S = 0.1
+"""Floor of a ground speed along a course, so that it stays positive and dividing by it finite."""
+
+
+def ground_speed_along_m_s(
+    course_rad: float, airspeed_m_s: float, wind_north_m_s: float, wind_east_m_s: float
+) -> float:
+    """Ground speed along a course: V_g = w_along + sqrt(V_a^2 - w_across^2).
+
+    Source: the article's model equations, solved for V_g at a given course (Beard & McLain, Small
+    Unmanned Aircraft, ch. 2). Where the crosswind exceeds the airspeed no heading holds the course:
+    the root is then taken as zero (nose fully across, only the along-wind left). The result is
+    never below `MIN_GROUND_SPEED_M_S`, so it stays usable in a headwind that cannot be beaten.
+    """
+    along = wind_north_m_s * math.cos(course_rad) + wind_east_m_s * math.sin(course_rad)
+    across = wind_east_m_s * math.cos(course_rad) - wind_north_m_s * math.sin(course_rad)
+    forward_squared = airspeed_m_s * airspeed_m_s - across * across
+    forward = math.sqrt(forward_squared) if forward_squared > 0.0 else 0.0
+    return max(along + forward, MIN_GROUND_SPEED_M_S)
+
+
+def airspeed_of_m_s(
+    course_rad: float, ground_speed_m_s: float, wind_north_m_s: float, wind_east_m_s: float
+) -> float:
+    """Airspeed that belongs to a ground velocity: |v_g - w|, always defined."""
+    return math.hypot(
+        ground_speed_m_s * math.cos(course_rad) - wind_north_m_s,
+        ground_speed_m_s * math.sin(course_rad) - wind_east_m_s,
+    )
+
+
+SEMI_MAJOR_AXIS_M = 6_378_137.0
+"""Equatorial radius of WGS-84."""
+
+ECCENTRICITY_SQUARED = 6.694379990141316e-3
+"""First eccentricity of WGS-84, squared: f (2 - f) with f = 1/298.257223563."""
+
+
+def radii_m(latitude_rad: float) -> tuple[float, float]:
+    """Radii of curvature at a geodetic latitude: meridian M (north-south), prime vertical N (east).
+
+    N = a / sqrt(s), M = a (1 - e^2) / s^(3/2) with s = 1 - e^2 sin^2(latitude).
+    """
+    sine = math.sin(latitude_rad)
+    shrink = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    transverse_m = SEMI_MAJOR_AXIS_M / math.sqrt(shrink)
+    return transverse_m * (1.0 - ECCENTRICITY_SQUARED) / shrink, transverse_m
+
+
+def displace(
+    latitude_rad: float, longitude_rad: float, height_m: float, *, north_m: float, east_m: float
+) -> tuple[float, float]:
+    """Position after a short displacement: dlat = n / (M + h), dlon = e / ((N + h) cos lat).
+
+    Latitude, longitude and result are geodetic radians. The radii are frozen over the displacement,
+    which is meant to be one integration step (metres): over 1 m they change by 1e-8 of themselves.
+    The poles are the formula's own singularity.
+    """
+    meridian_m, transverse_m = radii_m(latitude_rad)
+    parallel_m = (transverse_m + height_m) * math.cos(latitude_rad)
+    return (
+        latitude_rad + north_m / (meridian_m + height_m),
+        wrap_to_pi(longitude_rad + east_m / parallel_m),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where the flight started, on the ground."""
+
+    latitude_rad: float
+    """Geodetic latitude."""
+
+    longitude_rad: float
+    """Longitude."""
+
+    altitude_amsl_m: float
+    """Altitude of the ground there."""
+
+
+def ahead_of(home: Home, course_rad: float, distance_m: float) -> tuple[float, float]:
+    """Latitude and longitude (rad) of the point at this distance on this course."""
+    return displace(
+        home.latitude_rad,
+        home.longitude_rad,
+        home.altitude_amsl_m,
+        north_m=distance_m * math.cos(course_rad),
+        east_m=distance_m * math.sin(course_rad),
+    )

@@ -1,0 +1,73 @@
+"""What an aircraft's computer has: vfguide without any of its extras."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vfguide.extras import extras_by_module
+
+HIDING = """\
+import sys
+from importlib.machinery import PathFinder
+
+HIDDEN = {hidden!r}
+
+
+class Others(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        return None if name.partition(".")[0] in HIDDEN else super().find_spec(name, path, target)
+
+
+sys.meta_path[sys.meta_path.index(PathFinder)] = Others
+"""
+"""Loaded by Python at its start."""
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, elsewhere: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Runs a program where no library is found that only an extra brings."""
+    hidden = sorted(extras_by_module())
+    assert {"matplotlib", "scipy", "osqp", "amqtt", "PIL", "psutil", "pandas", "mavsdk"} <= {
+        *hidden
+    }
+    place = tmp_path / "start"
+    place.mkdir()
+    (place / "sitecustomize.py").write_text(HIDING.format(hidden=hidden))
+    monkeypatch.setenv("PYTHONPATH", str(place))
+    return elsewhere
+
+
+def test_the_companion_starts_and_missions_are_checked_and_flown(run: Run) -> None:
+    daemon = run("vfguide.companion.daemon")
+    assert daemon.returncode == 0, daemon.stderr
+    assert run("vfguide", "companion", "--help").returncode == 0
+    assert run("vfguide", "check", "circle-wind").returncode == 0
+    flown = run("vfguide", "fly", "line-calm", "--duration", "5")
+    assert flown.returncode == 1, flown.stderr
+    assert "Not accepted" in flown.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "library"),
+    [
+        (("fly", "line-calm", "--duration", "5", "--out", "flight"), "matplotlib"),
+        (("fly", "line-calm", "--duration", "5", "--controller", "mpc"), "osqp"),
+        (("fly", "line-calm", "--duration", "5", "--live"), "psutil"),
+        (("bench", "--quick"), "matplotlib"),
+        (("bench", "robustness", "--quick"), "matplotlib"),
+    ],
+)
+def test_what_needs_more_says_what_to_install_before_it_begins(
+    run: Run, tmp_path: Path, arguments: tuple[str, ...], library: str
+) -> None:
+    refused = run("vfguide", *arguments)
+    assert refused.returncode == 3, refused.stderr
+    said = f"this needs {library}, which is not installed: pip install 'vfguide[lab]'"
+    assert refused.stderr.splitlines()[-1] == said
+    assert "flying" not in refused.stderr
+    assert not (tmp_path / "flight").exists()

@@ -1,0 +1,68 @@
+"""The example of a leader's law of one's own, as its author uses it: from a directory of theirs."""
+
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[3]
+CARROT = ("--plugin", "own_leader_law.py", "--set", "leader.law=carrot")
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, elsewhere: Run) -> Run:
+    """Runs vfguide in a directory that holds nothing but the law."""
+    shutil.copy(ROOT / "examples" / "own_leader_law.py", tmp_path)
+    return elsewhere
+
+
+def test_the_leader_flies_by_it_and_its_gain_counts(run: Run, tmp_path: Path) -> None:
+    # Started 30 m beside its line, a leader that aims 40 m ahead decays to it with about 40 m: 60 s at
+    # 20 m/s are thirty of them. One that aims 400 m ahead is still on its way: 30 m e^(-3) is 1.5 m.
+    errors = []
+    for place, ahead in (("near", 40), ("far", 400)):
+        flown = run(
+            *("vfguide", "fly", "line-calm", *CARROT, "--set", f"leader.gains.lookahead_m={ahead}"),
+            *("--duration", "60", "--out", place),
+        )
+        assert flown.returncode in (0, 1), flown.stderr
+        record = np.load(tmp_path / place / "flight.npz")
+        errors.append(float(np.mean(np.abs(record["vehicle_0_path_cross_track_error_m"][-100:]))))
+    near, far = errors
+    assert near < 0.05
+    assert far > 1.0
+
+
+def test_studies_of_many_formations_fly_it_too(run: Run) -> None:
+    study = ("bench", "monte-carlo", "--formations", "4", "--processes", "1")
+    flown = run("vfguide", *study, "--plugin", "own_leader_law.py")
+    assert flown.returncode == 0, flown.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ("--set", "leader.law=carrot"),
+            "--set leader.law: 'carrot' is not known; use one of: field",
+        ),
+        (
+            (*CARROT, "--set", "leader.gains.lookahad_m=3"),
+            "carrot does not take these gains (lookahad_m: Extra inputs are not permitted); it has look",
+        ),
+        (
+            (*CARROT, "--set", "leader.gains.lookahead_m=-3"),
+            "lookahead_m: Input should be greater than 0",
+        ),
+    ],
+)
+def test_what_is_wrong_is_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
+    refused = run("vfguide", "check", "line-calm", *arguments)
+    assert refused.returncode == 2, refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+    assert said in refused.stderr

@@ -1,0 +1,302 @@
+"""The near future of a vehicle, against a vehicle that is stepped finely by the same kind of response."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
+from vfguide.companion.plan import flight_plan
+from vfguide.guidance.response import (
+    ActiveSetpoint,
+    Bias,
+    Inner,
+    coordinated_turn_rate,
+    course_error_for,
+    first_order_lag,
+    propagate,
+    propagate_inner,
+    wanted_bank,
+)
+from vfguide.laws.field import SlotField
+from vfguide.mission import load_mission
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+LATE = Airframe(alpha=1.03, beta=0.55, course_lag=0.4, speed_dead_time=0.5, course_dead_time=0.2)
+PERIOD = 0.05
+
+
+def state(**values: float) -> VehicleState[float]:
+    fields = {
+        "time_s": 0.0,
+        "north": 0.0,
+        "east": 0.0,
+        "course": 0.0,
+        "ground_speed": 20.0,
+        "heading": 0.0,
+        "airspeed": 20.0,
+        "wind_north": 0.0,
+        "wind_east": 0.0,
+        "wind_rate_north": 0.0,
+        "wind_rate_east": 0.0,
+        "wind_jerk_north": 0.0,
+        "wind_jerk_east": 0.0,
+    }
+    return VehicleState(**(fields | values))
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+@pytest.mark.parametrize("turn_rate", [-0.3, 0.0, 0.13, 0.35])
+def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag: float, turn_rate: float) -> None:
+    airframe = Airframe(course_lag=lag)
+    for speed in (15.0, 20.0, 25.0):
+        error = course_error_for(turn_rate, speed, airframe)
+        bank = wanted_bank(error, speed, airframe)
+        assert coordinated_turn_rate(bank, speed) == pytest.approx(turn_rate, abs=1e-12)
+
+
+def test_a_lag_leaves_a_third_after_its_time_constant() -> None:
+    assert first_order_lag(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
+    assert first_order_lag(1.0, 0.0, 0.4, 0.0) == 0.0
+
+
+def test_a_vehicle_moves_with_the_wind_and_along_its_turn() -> None:
+    # 0.2 rad/s at 20 m/s are a radius of 100 m; after 1 s the arc is 20 m long.
+    bank = math.atan(0.2 * 20.0 / 9.80665)
+    now = state(wind_east=3.0, course=math.atan2(3.0, 20.0), ground_speed=math.hypot(20.0, 3.0))
+    for _ in range(100):
+        now = propagate(now, Inner(bank=bank), Bias(), 0.01, Airframe())
+    assert now.heading == pytest.approx(0.2, abs=1e-9)
+    assert now.north == pytest.approx(100.0 * math.sin(0.2), abs=1e-3)
+    assert now.east == pytest.approx(100.0 * (1.0 - math.cos(0.2)) + 3.0, abs=1e-3)
+
+
+def flown(
+    delay_compensator: DelayCompensator, airframe: Airframe, bias: Bias, seconds: float
+) -> VehicleState[float]:
+    """Fly 0.3 rad to the right and 2 m/s faster, reporting at 20 Hz, with the setpoints sent at time 0."""
+    now, inner = state(), Inner()
+    delay_compensator.observe(now)
+    for step in range(round(seconds / PERIOD)):
+        time_s = step * PERIOD
+        setpoint = Setpoint(course=0.3, speed=22.0, limited=False)
+        if step == 0:
+            delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        delay_compensator.note(setpoint, time_s)
+        for part in range(4):
+            at = time_s + part * PERIOD / 4
+            told = ActiveSetpoint(
+                course=0.3 if at >= airframe.course_dead_time else 0.0,
+                speed=22.0 if at >= airframe.speed_dead_time else 20.0,
+            )
+            inner = propagate_inner(inner, now, told, PERIOD / 4, airframe)
+            now = propagate(now, inner, bias, PERIOD / 4, airframe)
+        delay_compensator.observe(now)
+    return now
+
+
+def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
+    """The state that a law for the speed is shown."""
+    seen = []
+
+    def law(ahead: VehicleState[float]) -> Setpoint[float]:
+        seen.append(ahead)
+        return Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False)
+
+    delay_compensator.setpoint(law, law)
+    return seen[1]
+
+
+def test_the_future_is_what_comes() -> None:
+    delay_compensator, later = DelayCompensator(LATE), DelayCompensator(LATE)
+    flown(delay_compensator, LATE, Bias(), 1.0)
+    expected = flown(later, LATE, Bias(), 1.5)
+    ahead = ahead_of(delay_compensator)
+    # Half a second of dead time ahead, of which the last setpoints are still on their way.
+    assert ahead.time_s == pytest.approx(1.5)
+    assert ahead.airspeed == pytest.approx(expected.airspeed, abs=0.02)
+    assert ahead.course == pytest.approx(expected.course, abs=0.01)
+    assert ahead.north == pytest.approx(expected.north, abs=0.05)
+    assert ahead.east == pytest.approx(expected.east, abs=0.05)
+
+
+def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
+    delay_compensator = DelayCompensator(LATE)
+    now = flown(delay_compensator, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
+    still = delay_compensator.setpoint(
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
+    )
+    # To neither turn nor accelerate it has to be told to turn left by 0.05 rad/s, to slow by 0.3 m/s².
+    at = ahead_of(delay_compensator)
+    assert still.speed - at.airspeed == pytest.approx(-0.3 / 0.55, abs=0.1)
+    assert still.course < now.course + 0.1
+
+
+@pytest.mark.parametrize(
+    ("wind", "slowest", "fastest"),
+    [
+        ({}, 12.0, 32.0),
+        ({"wind_north": 5.0}, 17.0, 37.0),  # from behind
+        ({"wind_north": -4.0}, 8.0, 28.0),  # from ahead
+        ({"wind_east": 9.0}, math.sqrt(63.0), math.sqrt(943.0)),  # 12² - 9², 32² - 9²
+    ],
+)
+def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
+    wind: dict[str, float], slowest: float, fastest: float
+) -> None:
+    # Half a second late, nothing on its way: northbound, whatever the laws ask for.
+    delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
+    delay_compensator.observe(state(**wind))
+
+    def told(speed: float) -> float:
+        wanted = Setpoint(course=0.0, speed=speed, limited=False)
+        return delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
+
+    assert told(3.0) == pytest.approx(slowest)
+    assert told(20.0) == pytest.approx(20.0)
+    assert told(60.0) == pytest.approx(fastest)
+
+
+def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect() -> None:
+    # It turns right by 0.2 rad/s, nobody steers it: after the dead time of 0.5 s by 0.1 rad.
+    airframe = replace(LATE, hold="course-hold")
+    delay_compensator = DelayCompensator(airframe)
+    for step in range(200):
+        course = 0.2 * PERIOD * step
+        delay_compensator.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
+    wanted = Setpoint(course=0.0, speed=60.0, limited=False)
+    told = delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
+    tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
+    # On the course of now it would be 0.4 m/s more.
+    assert told == pytest.approx(tail + math.sqrt(32.0**2 - cross**2), abs=0.01)
+
+
+def test_steps_make_up_their_span() -> None:
+    assert list(steps(0.0)) == []
+    assert sum(steps(0.52)) == pytest.approx(0.52)
+    assert max(steps(0.52)) <= 0.05
+
+
+def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> SlotField:
+    """The field of the mission circle-wind, but for what is given of gains and airframe."""
+    plan = flight_plan(load_mission(MISSIONS / "circle-wind.yaml"), "f1")
+    chosen = plan.gains.model_copy(update=gains)
+    return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
+
+
+def law_gain(field: SlotField) -> float:
+    """How fast the laws beneath a field answer, 1/s."""
+    return field.settings.sliding.kappa / field.settings.sliding.layer(0.04)
+
+
+def test_without_a_delay_nothing_is_slowed() -> None:
+    known = field_of()
+    assert known.for_late_course(slips=False, period=0.05) is known
+    assert known.for_late_speed(period=0.05) is known
+
+
+def test_each_field_is_slower_than_the_law_inside_it() -> None:
+    known = field_of(course_dead_time=0.4, course_lag=0.2)
+    slowed = known.for_late_course(slips=False, period=0.04)
+    inside = law_gain(slowed)
+    share = 2.0 / math.pi
+    lateral = 20.0 * share * slowed.gains.chi_inf * slowed.gains.k_y
+    assert lateral <= inside / 2.0 + 1e-9
+    assert share * slowed.gains.v_inf_m_s * slowed.gains.k_x <= inside / 2.0 + 1e-9
+    assert inside < law_gain(known)
+
+
+def test_a_long_memory_hardly_answers_to_a_swing() -> None:
+    """The turn rate swings by 0.1 rad/s at 1 Hz: what of that is sent back as a course."""
+    spreads = []
+    for memory in (Memory(), SLIPPING):
+        delay_compensator = DelayCompensator(LATE, memory=memory)
+        delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        sent = []
+        for step in range(400):
+            time_s = step * PERIOD
+            # The course stays within a sixtieth of a radian: 0.1 / (2 pi).
+            swing = 0.1 / math.tau * math.sin(math.tau * time_s)
+            delay_compensator.observe(state(time_s=time_s, course=swing, heading=swing))
+            still = delay_compensator.course_setpoint(
+                lambda ahead: Setpoint(course=ahead.course, speed=20.0, limited=False)
+            )
+            sent.append(still.course - swing)
+        spreads.append(max(sent[200:]) - min(sent[200:]))
+    # First-order filters of 0.6 s and of 3 s pass 0.26 and 0.05 of 1 Hz.
+    assert spreads[1] < 0.6 * spreads[0]
+
+
+def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
+    """Course errors (rad) sent to a vehicle that flies straight on, for turn rates (rad/s) asked of it."""
+    delay_compensator, airframe = DelayCompensator(Airframe(), memory=memory), Airframe()
+    sent = []
+    for step, turn_rate in enumerate(asked):
+        delay_compensator.observe(state(time_s=step * PERIOD))
+        wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0, limited=False)
+        sent.append(delay_compensator.course_setpoint(lambda _, wanted=wanted: wanted).course)
+    return sent
+
+
+def test_a_swing_in_what_is_asked_of_a_vehicle_that_slips_is_answered_by_a_third() -> None:
+    # A low-pass of 0.5 s at 0.9 Hz: 1 / sqrt(1 + (2 pi 0.9 0.5)²) = 0.333, of a small angle in still air.
+    swing = [0.01 * math.sin(math.tau * 0.9 * step * PERIOD) for step in range(400)]
+    usual, slipping = (max(sent_errors(memory, swing)[200:]) for memory in (Memory(), SLIPPING))
+    assert slipping / usual == pytest.approx(0.333, abs=0.02)
+
+
+def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full() -> None:
+    # What is left after 0.5 s is 1/e of the step, after 5 s nothing.
+    asked = [0.0] + [0.01] * 100
+    usual, slipping = sent_errors(Memory(), asked), sent_errors(SLIPPING, asked)
+    assert slipping[10] / usual[10] == pytest.approx(1.0 - math.exp(-1.0), abs=0.03)
+    assert slipping[-1] == pytest.approx(usual[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize(("k_x", "expected_k_x"), [(0.05, 0.05), (10.0, 0.4 / (12.0 / math.pi))])
+def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
+    k_x: float, expected_k_x: float
+) -> None:
+    beta = 1.2
+    gains = {"k_x": k_x, "v_inf_m_s": 6.0}
+    known = field_of(gains, beta=beta, speed_dead_time=0.8, speed_hold="total-energy")
+    known.settings = replace(
+        known.settings, sliding=replace(known.settings.sliding, loop_delay_s=0.5)
+    )
+    sent = known.for_late_speed(period=0.04)
+    slope = 2.0 / math.pi * sent.gains.v_inf_m_s * sent.gains.k_x
+    # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
+    assert 1.0 - (law_gain(sent) + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    # No more than a third of beta, half of what is left to the law inside.
+    assert sent.gains.k_x == pytest.approx(expected_k_x)
+    assert not sent.answers_course_error
+
+
+def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips() -> None:
+    assert memory_of(slips=False, speed_hold="first-order") == Memory()
+    assert memory_of(slips=False, speed_hold="total-energy") == Memory(acceleration_s=10.0)
+    slipping = memory_of(slips=True, speed_hold="total-energy")
+    assert slipping == Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
+
+
+def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
+    # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
+    slowed = field_of(course_dead_time=0.5).for_late_course(slips=True, period=0.04)
+    assert law_gain(slowed) == pytest.approx(0.45)
+    assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
+
+
+def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
+    delay_compensator = DelayCompensator(LATE)
+    bank = math.atan(0.1 * 20.0 / 9.80665)
+    now = state()
+    for _ in range(200):
+        delay_compensator.observe(now)
+        now = propagate(now, Inner(bank=bank), Bias(), PERIOD, LATE)
+    ahead = ahead_of(delay_compensator)
+    assert ahead.course - (now.course - 0.1 * PERIOD) == pytest.approx(0.05, abs=0.005)
+    assert replace(ahead, time_s=0.0).airspeed == pytest.approx(20.0, abs=0.01)

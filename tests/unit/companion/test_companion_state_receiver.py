@@ -1,0 +1,114 @@
+"""What a follower believes of a leader that flies north at 20 m/s, heard 20 times a second."""
+
+from collections.abc import Callable
+
+import pytest
+
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SAME_CLOCK
+from vfguide.companion.state_receiver import StateReceiver
+from vfguide.frames import LocalFrame
+
+LeaderBytes = Callable[..., bytes]
+
+
+@pytest.fixture
+def receiver(plan: Callable[..., FlightPlan]) -> StateReceiver:
+    return StateReceiver(plan().frame, SAME_CLOCK)
+
+
+@pytest.fixture
+def ahead(plan: Callable[..., FlightPlan], leader_bytes: LeaderBytes) -> LeaderBytes:
+    """A state whose place is some metres ahead of the true one."""
+    frame = plan().frame
+
+    def make(now: float, off: float) -> bytes:
+        latitude, longitude = frame.to_geodetic(20.0 * now + off, 0.0)
+        return leader_bytes(now, latitude_deg=latitude, longitude_deg=longitude)
+
+    return make
+
+
+def taken(
+    receiver: StateReceiver, ahead: LeaderBytes, off: Callable[[float], float]
+) -> list[float]:
+    """When a state was not taken, of 20 s."""
+    times = [step / 20 for step in range(400)]
+    return [now for now in times if not receiver.take(ahead(now, off(now)), now)]
+
+
+def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(
+    receiver: StateReceiver, ahead: LeaderBytes
+) -> None:
+    refused = taken(receiver, ahead, lambda now: 40.0 if now >= 10.0 else 0.0)
+    assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
+    assert receiver.counters == {"impossible": 100}
+    first, second = receiver.words()
+    assert first.startswith("reports what cannot be")
+    assert second.startswith("reports what can be again")
+    assert receiver.words() == []
+
+
+def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(
+    receiver: StateReceiver, ahead: LeaderBytes
+) -> None:
+    refused = taken(receiver, ahead, lambda now: 40.0 if 10.0 <= now < 13.0 else 0.0)
+    assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
+    assert len(receiver.words()) == 2
+
+
+def test_after_a_long_silence_a_leader_may_have_flown_far(
+    receiver: StateReceiver, leader_bytes: LeaderBytes, ahead: LeaderBytes
+) -> None:
+    assert receiver.take(leader_bytes(0.0), 0.0)
+    assert receiver.take(ahead(20.0, -600.0), 20.0)
+
+
+def test_a_leader_that_restarts_is_heard_at_once(
+    receiver: StateReceiver, leader_bytes: LeaderBytes
+) -> None:
+    assert receiver.take(leader_bytes(0.0, sequence=5000), 0.0)
+    assert receiver.take(leader_bytes(3.0, sequence=1), 3.0)
+
+
+def test_a_formation_whose_clock_starts_anew_is_heard_again(
+    leader_bytes: Callable[..., bytes],
+) -> None:
+    shift_s = [0.0]
+
+    class Shifted:
+        def to_own(self, time_s: float) -> float:
+            return time_s + shift_s[0]
+
+        def from_own(self, time_s: float) -> float:
+            return time_s - shift_s[0]
+
+    receiver = StateReceiver(LocalFrame(47.397742, 8.545594, 488.0), Shifted())
+    for step in range(100):
+        now = 630.0 + 0.05 * step
+        assert receiver.take(leader_bytes(now), now)
+    # The leader's computer has started anew: its clock is at 10 s, and it has flown on for 5 s.
+    shift_s[0] = 630.0
+    for step in range(100):
+        own = 640.0 + 0.05 * step
+        state = leader_bytes(own, time_s=own - 630.0)
+        heard = receiver.take(state, own)
+    assert heard
+
+
+def test_states_that_go_back_in_time_are_not_judged(leader_bytes: Callable[..., bytes]) -> None:
+    frame = LocalFrame(47.397742, 8.545594, 488.0)
+    receiver = StateReceiver(frame, SAME_CLOCK)
+    for step in range(200):
+        now = 0.05 * step
+        assert receiver.take(leader_bytes(now), now)
+    for step in range(60):
+        now = 10.0 + 0.05 * step
+        latitude, longitude = frame.to_geodetic(20.0 * now + 60.0, 0.0)
+        assert not receiver.take(
+            leader_bytes(now, latitude_deg=latitude, longitude_deg=longitude), now
+        )
+    before = receiver.counters["not newer"]
+    for step in range(20):
+        assert not receiver.take(leader_bytes(12.9 - 0.09 * step), 13.0)
+    assert receiver.counters["not newer"] == before + 20

@@ -1,0 +1,79 @@
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sitl_stub
+from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.truth_collector import TruthCollector, decode_truth
+from vfguide.mission import load_mission
+
+MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
+
+NOWHERE = ("127.0.0.1", 1)
+
+
+def truth(time_s: float) -> sitl_stub.Truth:
+    numbers = {
+        name: 1.0
+        for name in sitl_stub.Truth.__dataclass_fields__
+        if name not in {"mode", "armed", "time_s"}
+    }
+    return sitl_stub.Truth(**numbers, time_s=time_s, mode="GUIDED", armed=True)
+
+
+def datagram(system_id: int, time_s: float) -> bytes:
+    return json.dumps({"system_id": system_id, **asdict(truth(time_s))}).encode()
+
+
+def test_a_true_state_is_read_as_it_was_written() -> None:
+    assert decode_truth(datagram(3, 0.05)) == (3, truth(0.05))
+
+
+@given(st.binary())
+def test_bytes_that_are_no_true_state_are_none(data: bytes) -> None:
+    assert decode_truth(data) is None
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    ),
+    st.sampled_from(["system_id", *sitl_stub.Truth.__dataclass_fields__]),
+)
+def test_a_field_of_any_kind_never_breaks_the_judge(value: object, name: str) -> None:
+    content = json.loads(datagram(1, 0.0))
+    content[name] = value
+    judge = TruthCollector(MISSION)
+    judge.datagram_received(json.dumps(content).encode(), NOWHERE)
+    assert judge.time_s == -1.0
+
+
+def test_a_judge_knows_the_time_that_all_vehicles_have_reached() -> None:
+    judge = TruthCollector(MISSION)
+    for system_id in (1, 2, 3, 4):
+        judge.datagram_received(datagram(system_id, 0.05), NOWHERE)
+    judge.datagram_received(datagram(1, 0.1), NOWHERE)
+    judge.datagram_received(datagram(9, 0.1), NOWHERE)
+    assert judge.time_s == pytest.approx(0.05)
+    assert judge.last_seen_s() == pytest.approx({"leader": 0.1, "f1": 0.05, "f2": 0.05, "f3": 0.05})
+
+
+def test_a_record_holds_the_samples_that_are_known_of_everybody() -> None:
+    judge = TruthCollector(MISSION)
+    for system_id in (1, 2, 3, 4):
+        for time_s in (0.0, 0.05, 0.1):
+            if (system_id, time_s) != (2, 0.05):
+                judge.datagram_received(datagram(system_id, time_s), NOWHERE)
+    record = judge.record(wall_s=1.0)
+    assert list(record.time_s) == [0.0, 0.1]
+    assert [vehicle.name for vehicle in record.vehicles] == ["leader", "f1", "f2", "f3"]
+
+
+def test_a_flight_of_which_nothing_was_seen_has_no_record() -> None:
+    with pytest.raises(VfguideError, match="nothing was seen"):
+        TruthCollector(MISSION).record(wall_s=1.0)

@@ -1,0 +1,89 @@
+"""What the autopilot's parameters are, asked once at the start and told to the operator in words."""
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.plan import FlightPlan, flown_by
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_parameters
+from vfguide.mavlink.reports import ParameterReport
+
+TRIES = 4
+"""How often a parameter is asked for, once a second: autopilots do not answer for names they do not know."""
+
+Tell = Callable[[str], None]
+
+
+class ParameterCheck:
+    """Asks for the parameters that matter, and finds what does not fit the flight."""
+
+    def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:
+        self.plan = plan
+        """With what the autopilot said of itself, once it has and where it is asked for."""
+        self._adapter = adapter
+        self._known: dict[str, float] = {}
+        self._tries = 0
+        self._told = False
+
+    def take(self, report: ParameterReport) -> None:
+        """Take a parameter, asked for by whomever."""
+        if report.name in self._adapter.parameters:
+            value = self._adapter.parameter_value(report)
+            if math.isfinite(value):
+                self._known[report.name] = value
+
+    def requests(self, tell: Tell) -> list[MAVLink_message]:
+        """What to ask now; to be called once a second while the autopilot is heard."""
+        wanted = self._adapter.parameters
+        if self._told or not wanted:
+            return []
+        missing = [name for name in wanted if name not in self._known]
+        if missing and self._tries < TRIES:
+            self._tries += 1
+            plan = self.plan
+            return request_parameters(plan.system_id, plan.component_id, missing)
+        self._told = True
+        if not self._known:
+            tell(
+                "the autopilot tells no parameters: limits and fail-safe are not checked; check them by hand"
+            )
+        if self.plan.asks_response:
+            response = self._adapter.response(self._known, flight_needs(self.plan))
+            self.plan = flown_by(self.plan, response)
+            tell(response_sentence(response, self.plan))
+        for warning in self._adapter.parameter_warnings(self._known, flight_needs(self.plan)):
+            tell(warning)
+        return []
+
+
+def response_sentence(response: AutopilotResponse, plan: FlightPlan) -> str:
+    """What is flown by, for the pilot."""
+    airframe = plan.airframe
+    if response.alpha is None or response.beta is None:
+        return (
+            "the autopilot's parameters do not tell how it answers: flown by what the mission declares,"
+            f" alpha {airframe.alpha:.2f} and beta {airframe.beta:.2f} 1/s;"
+            " see that they fit, by `vfguide identify`"
+        )
+    return (
+        f"flown by the autopilot's own parameters: alpha {airframe.alpha:.2f}, beta {airframe.beta:.2f} 1/s,"
+        f" {airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s, {math.degrees(airframe.max_bank):.0f}"
+        " degrees of bank; nothing to do"
+    )
+
+
+def flight_needs(plan: FlightPlan) -> FlightNeeds:
+    """What a plan expects of the autopilot."""
+    airframe = plan.airframe
+    return FlightNeeds(
+        airspeed_min=airframe.airspeed_min,
+        airspeed_max=airframe.airspeed_max,
+        airspeed=plan.task.airspeed,
+        max_bank=airframe.max_bank,
+        alpha=airframe.alpha,
+        rate_hz=plan.rate_hz,
+        system_id=plan.system_id,
+        slips=plan.slips,
+    )

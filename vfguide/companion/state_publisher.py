@@ -1,0 +1,62 @@
+"""How a vehicle moves, told to the others: estimated from its own states, and put into bytes."""
+
+from vfguide.companion.own_vehicle import NavigatedState
+from vfguide.companion.plan import FlightPlan
+from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.state import LeaderState
+
+GAP_S = 1.0
+"""After a silence longer than this the rates start anew."""
+
+
+class StatePublisher:
+    """One vehicle's motion."""
+
+    def __init__(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self._motion: MotionEstimate[float] | None = None
+        self._sequence = 0
+
+    def note(self, navigated: NavigatedState) -> LeaderState[float]:
+        """Take a navigated state; the motion as it is now known."""
+        state, before = navigated.state, self._motion
+        if (
+            before is None
+            or navigated.moved
+            or not 0.0 < state.time_s - before.told.time_s <= GAP_S
+        ):
+            self._motion = motion_at_first(state)
+        else:
+            time_constant = self._plan.settings.rate_filter_s
+            self._motion = estimated_motion(before, state, self._plan.airframe, time_constant)
+        return self._motion.told
+
+    def message(
+        self, motion: LeaderState[float], navigated: NavigatedState, time_s: float, *, steered: bool
+    ) -> bytes:
+        """The motion as bytes for the link.
+
+        Args:
+            motion: what `note` has made of the navigated.
+            navigated: the same.
+            time_s: of the navigated, s on the clock that the formation shares.
+            steered: whether this companion steers the vehicle.
+        """
+        self._sequence = (self._sequence + 1) % 2**32
+        place = navigated.place
+        return encode(
+            LeaderMessage(
+                sequence=self._sequence,
+                time_s=time_s,
+                latitude_deg=place.latitude_deg,
+                longitude_deg=place.longitude_deg,
+                altitude_amsl=place.altitude_amsl,
+                course=motion.course,
+                ground_speed=motion.ground_speed,
+                acceleration=motion.acceleration,
+                turn_rate=motion.turn_rate,
+                turn_acceleration=motion.turn_acceleration,
+                steered=steered,
+            )
+        )

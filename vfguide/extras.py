@@ -1,0 +1,73 @@
+"""Libraries that an aircraft's computer does without, and the extra of this package that brings each."""
+
+import re
+from functools import cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires
+from importlib.util import find_spec
+from typing import Any
+
+from vfguide.errors import VfguideError
+
+PACKAGE = "vfguide"
+
+IMPORTED_AS = {"pillow": "PIL"}
+"""Packages whose module has another name."""
+
+DEVELOPMENT = "dev"
+"""The extra of those who change vfguide itself: its tools are nothing that a user misses."""
+
+PLOTTING = ("matplotlib", "PIL")
+"""What a report is drawn by."""
+
+REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
+
+
+@cache
+def extras_by_module() -> dict[str, str]:
+    """The extra that brings each optional module, as the package's own metadata say."""
+    try:
+        requirements = requires(PACKAGE) or []
+    except PackageNotFoundError:
+        requirements = []
+    found = [match.groups() for one in requirements if (match := REQUIREMENT.match(one))]
+    return {
+        IMPORTED_AS.get(package.lower(), package): extra
+        for package, extra in found
+        if extra != DEVELOPMENT
+    }
+
+
+def missing_library(error: BaseException) -> str | None:
+    """What to install where an import failed, in one line; None where no extra would help."""
+    if not isinstance(error, ImportError) or not error.name:
+        return None
+    module = error.name.partition(".")[0]
+    extra = extras_by_module().get(module)
+    if extra is None:
+        return None
+    return f"this needs {module}, which is not installed: pip install '{PACKAGE}[{extra}]'"
+
+
+def require(*modules: str) -> None:
+    """Make sure, before a long work begins, that what it ends with is there.
+
+    Raises:
+        VfguideError: a module is not installed; the text says which extra brings it.
+    """
+    for module in modules:
+        if find_spec(module) is None:
+            error = ImportError(name=module)
+            raise VfguideError(missing_library(error) or f"{module} is not installed")
+
+
+def import_extra(module: str) -> Any:  # noqa: ANN401 - such libraries have no types of their own
+    """An optional module.
+
+    Raises:
+        VfguideError: it is not installed; the text says which extra brings it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise VfguideError(missing_library(error) or str(error)) from error

@@ -1,0 +1,242 @@
+"""A flight record made of recordings: positions are the autopilots' own estimates, for there is no truth."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from vfguide.companion.supervisor import Mode
+from vfguide.elementwise import FloatArray
+from vfguide.errors import InputError
+from vfguide.lab.debrief.recordings import FlightRecordings, Recorded
+from vfguide.lab.rehearsal.recorder import MODES, drawn_path, local_positions
+from vfguide.mission.flight_path import path_of
+from vfguide.mission.model import Mission
+from vfguide.record.flight import Acceptance, FlightRecord, Origin
+from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.recording import files_of
+from vfguide.record.vehicle import VehicleRecord
+
+GAP_S = 1.0
+"""s without a report after which a vehicle's place counts as unknown."""
+
+MARGIN_S = 5.0
+"""s before the first steered moment and after the last that belong to the flight."""
+
+LONGEST_S = 86_400.0
+MOST_SAMPLES = 200_000
+
+NAMES = {mode.value: number for number, mode in enumerate(MODES)}
+STEERED = {mode.value for mode in Mode if mode.steers}
+
+ESTIMATES = (
+    "Positions are the autopilots' own estimates, not the truth: their errors show in no figure."
+)
+
+
+def flight_of(found: FlightRecordings) -> FlightRecord:
+    """The record of a flight.
+
+    Raises:
+        InputError: no vehicle was recorded in the air, or not the leader.
+    """
+    mission = found.mission
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    parts: dict[str, list[tuple[Recorded, float]]] = {name: [] for name in names}
+    for one, shift in zip(found.recordings, found.shifts_s, strict=True):
+        parts.setdefault(one.start.vehicle, []).append((one, shift))
+    flown = [name for name in names if any(len(one.telemetry.positions) for one, _ in parts[name])]
+    if mission.leader.vehicle not in flown:
+        for one, _ in parts[mission.leader.vehicle]:
+            raise InputError(f"{without_position(one)}; the leader's is needed")
+        where = ", ".join(str(one.directory) for one in found.recordings[:3])
+        raise InputError(
+            f"{where}: no position of the leader {mission.leader.vehicle!r} is recorded; "
+            "give its recording, too"
+        )
+    begin, end = span_of(parts)
+    if not 0.0 < end - begin <= LONGEST_S:
+        raise InputError(
+            f"{found.recordings[0].directory}: the recordings are {end - begin:.0f} s apart; "
+            "give those of one flight"
+        )
+    rate = min(mission.rehearsal.rate_hz, MOST_SAMPLES / (end - begin))
+    time_s = np.arange(0.0, end - begin, 1.0 / rate)
+    vehicles = [vehicle_record(mission, name, parts[name], begin + time_s) for name in flown]
+    path_north, path_east = drawn_path(mission, only_known(vehicles[0]))
+    return FlightRecord(
+        time_s=time_s,
+        vehicles=tuple(vehicles),
+        mode_names=tuple(mode.value for mode in MODES),
+        path_north_m=path_north,
+        path_east_m=path_east,
+        mission=mission.name,
+        controller=mission.controller.type,
+        plant=mission.leader_vehicle.plant,
+        wind="as met",
+        mode="recorded",
+        rate_hz=rate,
+        seed=0,
+        duration_s=float(time_s[-1]),
+        wall_s=None,
+        acceptance=Acceptance(**mission.acceptance.model_dump()),
+        origin=Origin(**mission.origin.model_dump()),
+        begin_unix_s=begin,
+        notes=notes_of(found, [name for name in names if not parts[name]]),
+    )
+
+
+def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
+    """What a reader has to know of where the figures come from."""
+    notes = [ESTIMATES, f"The recordings are joined by {found.clock}."]
+    if missing:
+        notes.append(f"Not recorded: {', '.join(missing)}.")
+    notes += [
+        f"{without_position(one)}." for one in found.recordings if not len(one.telemetry.positions)
+    ]
+    notes.append("Moments of which a vehicle's recording says nothing are in no figure.")
+    return (*notes, *(f"{note[0].upper()}{note[1:]}." for note in found.notes))
+
+
+def without_position(one: Recorded) -> str:
+    """What is wrong with a recording that tells nothing of its vehicle."""
+    tlog, _ = files_of(one.directory, one.start.vehicle)
+    return (
+        f"{tlog}: no position of system {one.start.system_id} is in it: "
+        "its autopilot was not heard, or the file is damaged or another system's"
+    )
+
+
+def span_of(parts: dict[str, list[tuple[Recorded, float]]]) -> tuple[float, float]:
+    """Beginning and end of the flight on the common clock: while anybody was steered, or else reported."""
+    steered, reported = [], []
+    for recordings in parts.values():
+        for one, shift in recordings:
+            if len(times := one.telemetry.positions[:, 0] + shift):
+                reported += [float(times.min()), float(times.max())]
+            steered += [
+                one.start.to_unix(step.time_s) + shift
+                for step in one.guidance.steps
+                if step.mode in STEERED
+            ]
+    if not steered:
+        return min(reported), max(reported)
+    return (
+        max(min(steered) - MARGIN_S, min(reported)),
+        min(max(steered) + MARGIN_S, max(reported)),
+    )
+
+
+def vehicle_record(
+    mission: Mission, name: str, parts: list[tuple[Recorded, float]], moments: FloatArray
+) -> VehicleRecord:
+    """One vehicle at the moments of the flight; NaN where nothing is known of it."""
+    positions = joined([shifted(one.telemetry.positions, shift) for one, shift in parts])
+    airspeeds = joined([shifted(one.telemetry.airspeeds, shift) for one, shift in parts])
+    banks = joined([shifted(one.telemetry.banks, shift) for one, shift in parts])
+    when = positions[:, 0]
+    north, east = local_positions(mission, positions[:, 1], positions[:, 2])
+    velocity_north, velocity_east = (at(moments, when, positions[:, n]) for n in (4, 5))
+    heading = at(moments, when, unwrapped(positions[:, 6]))
+    airspeed = at(moments, airspeeds[:, 0], airspeeds[:, 1])
+    known_north, known_east = at(moments, when, north), at(moments, when, east)
+    leads = name == mission.leader.vehicle
+    slot = None if leads else mission.followers_by_name[name].slot
+    course = np.arctan2(velocity_east, velocity_north)
+    nearest = path_of(mission.path).nearest(known_north, known_east, course)
+    doings = doings_at(moments, parts)
+    by_airspeed = mission.vehicles[name].plant == "heading-hold"
+    unsent = np.full_like(moments, math.nan)
+    return VehicleRecord(
+        name=name,
+        role="leader" if leads else "follower",
+        system_id=mission.vehicles[name].system_id,
+        slot_forward_m=slot.forward_m if slot else 0.0,
+        slot_right_m=slot.right_m if slot else 0.0,
+        slot_up_m=slot.up_m if slot else 0.0,
+        north_m=known_north,
+        east_m=known_east,
+        altitude_amsl_m=at(moments, when, positions[:, 3]),
+        course_rad=course,
+        ground_speed_m_s=np.hypot(velocity_north, velocity_east),
+        heading_rad=heading,
+        airspeed_m_s=airspeed,
+        bank_rad=at(moments, banks[:, 0], banks[:, 1]),
+        wind_north_m_s=velocity_north - airspeed * np.cos(heading),
+        wind_east_m_s=velocity_east - airspeed * np.sin(heading),
+        path_cross_track_error_m=nearest.cross_track_error if leads else unsent,
+        path_course_rad=nearest.course if leads else unsent,
+        course_setpoint_rad=doings[:, 1],
+        airspeed_setpoint_m_s=doings[:, 2] if by_airspeed else unsent,
+        ground_speed_setpoint_m_s=unsent if by_airspeed else doings[:, 2],
+        mode=doings[:, 0].astype(np.int64),
+        limited=doings[:, 3].astype(np.bool_),
+        lyapunov=doings[:, 4],
+    )
+
+
+def doings_at(moments: FloatArray, parts: list[tuple[Recorded, float]]) -> FloatArray:
+    """Mode, course, speed, limited and W at each moment: of the newest step before it."""
+    rows = [
+        doings_row(one.start.to_unix(step.time_s) + shift, step)
+        for one, shift in parts
+        for step in one.guidance.steps
+    ]
+    rows.sort(key=lambda row: row[0])
+    nothing = (-math.inf, NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan)
+    table = np.array([nothing, *rows], dtype=np.float64)
+    newest = np.searchsorted(table[:, 0], moments, side="right") - 1
+    return table[newest, 1:]
+
+
+def doings_row(time_s: float, step: GuidanceStep) -> tuple[float, ...]:
+    """A step as numbers; a setpoint only while the vehicle is steered by it."""
+    mode = NAMES.get(step.mode, NAMES[Mode.WAITING.value])
+    if step.mode not in STEERED:
+        return time_s, mode, math.nan, math.nan, False, math.nan
+    return time_s, mode, step.course_rad, step.speed_m_s, step.limited, step.lyapunov_m2
+
+
+def at(moments: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at the moments, by interpolation; NaN where the nearest reports are too far apart."""
+    if times.size < 2:
+        return np.full_like(moments, math.nan)
+    found = np.interp(moments, times, values, left=math.nan, right=math.nan)
+    after = np.clip(np.searchsorted(times, moments), 1, times.size - 1)
+    found[times[after] - times[after - 1] > GAP_S] = math.nan
+    return found
+
+
+def unwrapped(angles: FloatArray) -> FloatArray:
+    """Angles without jumps, where they are known."""
+    known = np.isfinite(angles)
+    whole = angles.copy()
+    whole[known] = np.unwrap(angles[known])
+    return whole
+
+
+def shifted(rows: FloatArray, shift: float) -> FloatArray:
+    """Rows with their times on the common clock."""
+    moved = rows.copy()
+    moved[:, 0] += shift
+    return moved
+
+
+def joined(rows: list[FloatArray]) -> FloatArray:
+    """Rows of several recordings in the order of their times."""
+    together = np.concatenate(rows)
+    return together[np.argsort(together[:, 0], kind="stable")]
+
+
+def only_known(leader: VehicleRecord) -> VehicleRecord:
+    """The leader with its unknown places left out, to draw its path by.
+
+    Raises:
+        InputError: all are unknown.
+    """
+    known = np.isfinite(leader.north_m)
+    if not bool(known.any()):
+        raise InputError(
+            f"no position of the leader {leader.name!r} is recorded while it was steered"
+        )
+    return replace(leader, north_m=leader.north_m[known], east_m=leader.east_m[known])

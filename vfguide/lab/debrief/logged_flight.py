@@ -1,0 +1,192 @@
+"""A flight record made of the autopilots' own logs: nobody has to have recorded anything else."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vfguide.companion.supervisor import Mode
+from vfguide.errors import InputError
+from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
+from vfguide.lab.debrief.flight import flight_of
+from vfguide.lab.debrief.recordings import FlightRecordings, Recorded
+from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
+from vfguide.mission.model import Mission
+from vfguide.record.flight import FlightRecord
+from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
+from vfguide.record.recording import Start
+from vfguide.record.tlog import read_tlog
+
+SATELLITE_TIME = "satellite time, as each autopilot wrote it into its log"
+ONE_CLOCK = "the one autopilot's clock"
+GROUND_CLOCK = (
+    "the clock of the computer that wrote the telemetry logs; on several computers distances are off by "
+    "the vehicles' speed times the difference of their clocks"
+)
+
+ASKED_S = 2.0
+"""s for which a setpoint holds where the log tells no other."""
+
+LOGGED_MODES = {Mode.WAITING.value: "not guided", Mode.TRACKING.value: "guided"}
+"""What can be told of modes from an autopilot's log: whether setpoints came."""
+
+ENDINGS = (".bin", ".ulg", ".tlog")
+
+
+def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
+    """What one file tells of the mission's vehicles; a telemetry log may hold several.
+
+    Raises:
+        InputError: it cannot be read, is something else, or tells of none of the vehicles.
+    """
+    ending = path.suffix.lower()
+    if ending == ".tlog":
+        return read_telemetry_log(path, mission)
+    if ending == ".bin":
+        from vfguide.lab.debrief.dataflash import read_dataflash
+
+        log = read_dataflash(path)
+    elif ending == ".ulg":
+        from vfguide.lab.debrief.ulog import read_ulog
+
+        log = read_ulog(path)
+    else:
+        raise InputError(f"{path}: ends in none of {', '.join(ENDINGS)}; {REMEDY}")
+    if log.system_id not in {vehicle.system_id for vehicle in mission.vehicles.values()}:
+        raise InputError(
+            f"{path}: is of system {log.system_id}, which no vehicle of the mission {mission.name!r} has"
+        )
+    return [log]
+
+
+def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
+    """What a ground station's or a companion's telemetry log tells of each vehicle.
+
+    Raises:
+        InputError: it cannot be read, or tells no position of any.
+    """
+    first = next(iter(read_tlog(path)), None)
+    if first is None:
+        raise InputError(f"{path}: is no telemetry log, or an empty one; {REMEDY}")
+    found = []
+    for vehicle in mission.vehicles.values():
+        telemetry = read_telemetry(path, system_id=vehicle.system_id, start_s=first.time_s)
+        if len(telemetry.positions):
+            found.append(
+                AutopilotLog(
+                    path=path,
+                    autopilot="telemetry",
+                    system_id=vehicle.system_id,
+                    telemetry=telemetry,
+                    setpoints=np.empty((0, 3)),
+                )
+            )
+    if not found:
+        raise InputError(
+            f"{path}: tells no position of any vehicle of the mission {mission.name!r}; "
+            "their system ids have to be the mission's"
+        )
+    return found
+
+
+def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecord:
+    """The record of the flight that some logs tell of.
+
+    Raises:
+        InputError: two are of one vehicle, their clocks cannot be compared, or the leader's is missing.
+    """
+    names = {vehicle.system_id: name for name, vehicle in mission.vehicles.items()}
+    by_system: dict[int, AutopilotLog] = {}
+    for log in logs:
+        earlier = by_system.setdefault(log.system_id, log)
+        if earlier is not log:
+            raise InputError(
+                f"{log.path}: is of {names[log.system_id]!r}, as {earlier.path} is; "
+                "give one log for each vehicle"
+            )
+    shifts, clock = common_clock(logs)
+    found = FlightRecordings(
+        mission=mission,
+        recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in logs),
+        shifts_s=shifts,
+        clock=clock,
+        notes=(),
+    )
+    record = flight_of(found)
+    return replace(
+        record,
+        mode_names=tuple(LOGGED_MODES.get(name, name) for name in record.mode_names),
+        begin_unix_s=None if clock == ONE_CLOCK else record.begin_unix_s,
+    )
+
+
+def common_clock(logs: Sequence[AutopilotLog]) -> tuple[tuple[float, ...], str]:
+    """(what to add to each log's times, which clock that gives).
+
+    Raises:
+        InputError: one tells no satellite time, so that it cannot be laid beside the others.
+    """
+    offsets = [satellite_offset(log.telemetry) for log in logs]
+    if all(offset is not None for offset in offsets):
+        return tuple(offset for offset in offsets if offset is not None), SATELLITE_TIME
+    if all(log.autopilot == "telemetry" for log in logs):
+        return (0.0,) * len(logs), GROUND_CLOCK
+    if len(logs) == 1:
+        return (0.0,), ONE_CLOCK
+    silent = next(log for log, offset in zip(logs, offsets, strict=True) if offset is None)
+    raise InputError(
+        f"{silent.path}: tells no satellite time, so that it cannot be laid beside the others; "
+        "give it alone, or the companions' recordings of the flight"
+    )
+
+
+def satellite_offset(telemetry: Telemetry) -> float | None:
+    """What to add to a log's clock for satellite time, s; None where it tells none.
+
+    A report waits up to a loop of the autopilot before it is logged; the median is as late on all aircraft.
+    """
+    times = telemetry.gps_times
+    return float(np.median(times[:, 1] - times[:, 0])) if len(times) else None
+
+
+def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> Recorded:
+    """A log as what a companion would have recorded: its setpoints are the steps of guidance."""
+    return Recorded(
+        directory=log.path.parent,
+        start=Start(
+            vehicle=vehicle,
+            mission=mission.name,
+            system_id=log.system_id,
+            unix_s=0.0,
+            clock_s=0.0,
+            computer="",
+            program="",
+        ),
+        telemetry=log.telemetry,
+        guidance=GuidanceTrack(steps_of(log)),
+    )
+
+
+def steps_of(log: AutopilotLog) -> list[GuidanceStep]:
+    """Guided while setpoints come, and not guided where none has come for a while."""
+    steps: list[GuidanceStep] = []
+    for time_s, course, airspeed in log.setpoints.tolist():
+        if steps and time_s - steps[-1].time_s > ASKED_S:
+            steps.append(step(steps[-1].time_s + ASKED_S, Mode.WAITING, np.nan, np.nan))
+        steps.append(step(time_s, Mode.TRACKING, course, airspeed))
+    if steps:
+        steps.append(step(steps[-1].time_s + ASKED_S, Mode.WAITING, np.nan, np.nan))
+    return steps
+
+
+def step(time_s: float, mode: Mode, course: float, airspeed: float) -> GuidanceStep:
+    """One of them."""
+    return GuidanceStep(
+        time_s=time_s,
+        mode=mode.value,
+        course_rad=course,
+        speed_m_s=airspeed,
+        limited=False,
+        lyapunov_m2=np.nan,
+    )

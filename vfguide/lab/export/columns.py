@@ -1,0 +1,169 @@
+"""A flight as columns with units in their names, a part of the samples at a time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+import pymap3d
+
+from vfguide.angles import wrap_course
+from vfguide.elementwise import FloatArray
+from vfguide.errors import InputError
+from vfguide.frames import EARTH_RADIUS
+from vfguide.lab.report.geometry import slot_error
+from vfguide.record.flight import FlightRecord, Origin, VehicleRecord
+
+VIRTUAL_BEGIN_S = 1_767_225_600.0
+"""Time 0 of a flight in virtual time, s since 1970: 1 January 2026, as in its telemetry logs."""
+
+LATEST_S = 4_102_444_800.0
+"""The year 2100; a flight that ends later is none."""
+
+PART = 20_000
+"""Samples that are worked on at a time."""
+
+UNITS = {
+    "latitude_deg": "degrees, WGS 84",
+    "longitude_deg": "degrees, WGS 84",
+    "altitude_amsl_m": "m above mean sea level",
+    "north_m": "m north of the mission's origin",
+    "east_m": "m east of the mission's origin",
+    "course_deg": "degrees clockwise from north",
+    "ground_speed_m_s": "m/s",
+    "heading_deg": "degrees clockwise from north",
+    "airspeed_m_s": "m/s",
+    "bank_deg": "degrees, right wing down positive",
+    "wind_north_m_s": "m/s, toward north",
+    "wind_east_m_s": "m/s, toward east",
+    "course_setpoint_deg": "degrees clockwise from north",
+    "airspeed_setpoint_m_s": "m/s",
+    "ground_speed_setpoint_m_s": "m/s",
+    "slot_ahead_m": "m, along the leader's course",
+    "slot_right_m": "m, right of the leader's course",
+    "slot_distance_m": "m",
+    "lyapunov_m2": "m²",
+}
+"""All columns of numbers, with what they count in."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Part:
+    """Some consecutive samples of one vehicle."""
+
+    vehicle: VehicleRecord
+    """Whose they are; its arrays hold the whole flight."""
+    time_s: FloatArray
+    """Of the flight."""
+    numbers: dict[str, FloatArray]
+    """The columns of `UNITS`; NaN where nothing is known."""
+    modes: list[str]
+    """Names of the supervisor's modes."""
+    limited: list[bool]
+    """Whether a limit cut the setpoint."""
+
+
+def begin_of(record: FlightRecord) -> float:
+    """Time 0 of a flight, s since 1970.
+
+    Raises:
+        InputError: the record tells a time that no flight has.
+    """
+    begin = VIRTUAL_BEGIN_S if record.begin_unix_s is None else record.begin_unix_s
+    first, last = float(record.time_s[0]), float(record.time_s[-1])
+    if not (begin >= 0.0 and first >= 0.0 and begin + last <= LATEST_S):
+        raise InputError(
+            f"the record tells times from {begin + first:g} to {begin + last:g} s since 1970: "
+            "it is damaged; give another flight"
+        )
+    return begin
+
+
+def moment(unix_s: float) -> str:
+    """A time as ISO 8601 writes it, to the millisecond."""
+    text = datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="milliseconds")
+    return text.replace("+00:00", "Z")
+
+
+def origin_of(record: FlightRecord) -> Origin:
+    """Where on the earth the flight was.
+
+    Raises:
+        InputError: the record does not tell.
+    """
+    if record.origin is None:
+        raise InputError(
+            "the record does not say where on the earth it was flown: an earlier version wrote it; "
+            "name its mission with --mission, or fly it again"
+        )
+    return record.origin
+
+
+def parts_of(record: FlightRecord) -> Iterator[Part]:
+    """The whole flight: of each part of its time all vehicles, the leader first.
+
+    Raises:
+        InputError: the record does not say where on the earth it was flown.
+    """
+    origin = origin_of(record)
+    errors = {one.name: slot_error(record.leader, one) for one in record.followers}
+    for begin in range(0, record.time_s.size, PART):
+        some = slice(begin, begin + PART)
+        for vehicle in record.vehicles:
+            latitude, longitude = geodetic(origin, vehicle.north_m[some], vehicle.east_m[some])
+            error = errors.get(vehicle.name)
+            unknown = np.full_like(latitude, np.nan)
+            yield Part(
+                vehicle=vehicle,
+                time_s=record.time_s[some],
+                numbers={
+                    "latitude_deg": latitude,
+                    "longitude_deg": longitude,
+                    "altitude_amsl_m": vehicle.altitude_amsl_m[some],
+                    "north_m": vehicle.north_m[some],
+                    "east_m": vehicle.east_m[some],
+                    "course_deg": bearing(vehicle.course_rad[some]),
+                    "ground_speed_m_s": vehicle.ground_speed_m_s[some],
+                    "heading_deg": bearing(vehicle.heading_rad[some]),
+                    "airspeed_m_s": vehicle.airspeed_m_s[some],
+                    "bank_deg": np.degrees(vehicle.bank_rad[some]),
+                    "wind_north_m_s": vehicle.wind_north_m_s[some],
+                    "wind_east_m_s": vehicle.wind_east_m_s[some],
+                    "course_setpoint_deg": bearing(vehicle.course_setpoint_rad[some]),
+                    "airspeed_setpoint_m_s": vehicle.airspeed_setpoint_m_s[some],
+                    "ground_speed_setpoint_m_s": vehicle.ground_speed_setpoint_m_s[some],
+                    "slot_ahead_m": error.along_track_m[some] if error else unknown,
+                    "slot_right_m": error.cross_track_m[some] if error else unknown,
+                    "slot_distance_m": error.distance_m[some] if error else unknown,
+                    "lyapunov_m2": vehicle.lyapunov[some],
+                },
+                modes=[mode_name(record, number) for number in vehicle.mode[some].tolist()],
+                limited=vehicle.limited[some].tolist(),
+            )
+
+
+def mode_name(record: FlightRecord, number: int) -> str:
+    """The name of a mode; its number where the record has no name for it."""
+    known = 0 <= number < len(record.mode_names)
+    return record.mode_names[number] if known else str(number)
+
+
+def bearing(angles_rad: FloatArray) -> FloatArray:
+    """Angles from north, 0 to 360 degrees."""
+    return np.degrees(wrap_course(angles_rad))
+
+
+def geodetic(
+    origin: Origin, north_m: FloatArray, east_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(latitude, longitude) of places of the local frame, degrees: `LocalFrame.to_geodetic` for arrays."""
+    drop = (north_m * north_m + east_m * east_m) / (2.0 * EARTH_RADIUS)
+    latitude, longitude, _ = pymap3d.ned2geodetic(
+        north_m,
+        east_m,
+        drop,
+        origin.latitude_deg,
+        origin.longitude_deg,
+        origin.altitude_amsl_m,
+    )
+    return np.asarray(latitude, dtype=np.float64), np.asarray(longitude, dtype=np.float64)

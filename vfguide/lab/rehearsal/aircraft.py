@@ -1,0 +1,132 @@
+"""One emulated autopilot with its companion, joined by MAVLink bytes."""
+
+from collections.abc import Sequence
+
+from vfguide.companion.core import Companion
+from vfguide.companion.outgoing import Event
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import VehicleRecorder
+from vfguide.link.memory import LinkQuality, Mail, MemoryLink
+from vfguide.mission.model import Mission
+from vfguide.record.tlog import TelemetryLog
+
+Instant = tuple[float, Sequence[Mail]]
+"""Virtual time, and the states that the links are handed then."""
+
+
+class Aircraft:
+    """An aircraft of a rehearsal, in virtual time."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        name: str,
+        *,
+        log: TelemetryLog | None = None,
+        clock: SharedClock = SAME_CLOCK,
+    ) -> None:
+        """Put the aircraft of this name at its start.
+
+        Args:
+            mission: the mission.
+            name: of the vehicle.
+            log: notes every datagram of the MAVLink connection.
+            clock: the formation's, as this aircraft knows it.
+        """
+        rehearsal = mission.rehearsal
+        quality = LinkQuality(
+            delay_s=rehearsal.link_delay_s,
+            jitter_s=rehearsal.link_jitter_s,
+            loss=rehearsal.link_loss,
+        )
+        vehicle = mission.vehicles[name]
+        plan = flight_plan(mission, name)
+        self.name = name
+        self.events = list[Event]()
+        """What the companion reported."""
+        self.recorder = VehicleRecorder(mission, name)
+        self.log = log
+        self._emulator = emulator_of(mission, name)
+        self.companion = Companion(plan, adapter_of(vehicle), engage=True, clock=clock)
+        """May be replaced by one that knows nothing, as when the process is restarted."""
+        self.leads = plan.leads
+        """Whether it is the leader."""
+        self._leader = mission.leader.vehicle
+        seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
+        seeds.pop(name, None)
+        if not plan.leads:
+            seeds[self._leader] = f"{rehearsal.seed} {name}"
+        self._link = MemoryLink(quality, seeds)
+        self._replies = b""
+
+    def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
+        """Fly on to this time, report, be guided, answer.
+
+        Args:
+            now: virtual time, s.
+            mail: states of others that the link is handed at this time; they arrive when it lets them.
+
+        Returns:
+            states that this aircraft publishes.
+        """
+        companion, emulator = self.companion, self._emulator
+        self._hear(now, mail)
+        telemetry = self._replies + emulator.advance(now)
+        truth = emulator.truth()
+        out = companion.receive_mavlink(telemetry, now)
+        self._replies = emulator.receive(out.to_autopilot)
+        self.events += out.events
+        self.recorder.sample(truth, companion.snapshot)
+        if self.log is not None:
+            self.log.add(now, telemetry)
+            self.log.add(now, out.to_autopilot)
+        return [(self.name, data) for data in out.to_link]
+
+    def _hear(self, now: float, mail: Sequence[Mail]) -> None:
+        """Whatever arrives over the link by now."""
+        self._link.send(mail, now)
+        for sender, data in self._link.receive(now):
+            if sender == self._leader:
+                self.companion.receive_link(data, now)
+            else:
+                self.companion.receive_neighbour(sender, data, now)
+
+
+def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) -> list[Mail]:
+    """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
+
+    Args:
+        formation: the aircraft, or those of them that this process flies.
+        now: virtual time, s.
+        mail: states from elsewhere that the link is handed at this time.
+
+    Returns:
+        everything that these aircraft publish at this time.
+    """
+    heard, published = list(mail), []
+    for aircraft in formation:
+        sent = aircraft.step(now, heard)
+        if aircraft.leads:
+            heard += sent
+        published += sent
+    return published
+
+
+def fly_window(formation: Sequence[Aircraft], window: Sequence[Instant]) -> list[Mail]:
+    """Let each aircraft, one after the other, fly a whole window of the exchange.
+
+    Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its
+    companion are made of stays in the processor's cache, which a hundred of them do not fit into.
+
+    Args:
+        formation: followers that this process flies.
+        window: its instants, with whatever is heard from elsewhere.
+
+    Returns:
+        everything that they publish in it.
+    """
+    return [
+        sent for aircraft in formation for now, mail in window for sent in aircraft.step(now, mail)
+    ]

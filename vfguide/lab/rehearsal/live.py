@@ -1,0 +1,302 @@
+"""The formation in real time: emulators and companions as processes of their own, joined by sockets."""
+
+import asyncio
+import os
+import socket
+import time
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import yaml
+
+from vfguide.companion.clock import Clock
+from vfguide.companion.plan import local_frame
+from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.emulators import start_of
+from vfguide.lab.rehearsal.processes import Process, free_port, python_module
+from vfguide.lab.rehearsal.truth_collector import TruthCollector
+from vfguide.lab.rehearsal.usage import Account, accounts_of
+from vfguide.link.address import parse_links
+from vfguide.link.keys import (
+    OPERATOR,
+    key_places,
+    make_keys,
+    read_private_key,
+    read_roster,
+)
+from vfguide.link.watch import Watched
+from vfguide.mission.model import Mission
+from vfguide.mission.rehearsal import ArticleWind, SteadyWind
+from vfguide.record.flight import FlightRecord
+from vfguide.record.guidance_log import read_guidance
+from vfguide.record.recording import guidance_files
+from vfguide.registry import plugin_files
+
+LEAD_S = 3.0
+"""Real time that emulators get to start before simulation time 0."""
+
+RECORDINGS = "recordings"
+"""Where companions record, below the directory of the flight."""
+
+LOOK_S = 0.05
+"""Real time between looks at companions that are starting."""
+
+START_PATIENCE_S = 30.0
+"""Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
+
+
+def wind_option(mission: Mission) -> str:
+    """The wind of a mission as `sitl-stub` takes it."""
+    wind = mission.wind
+    if isinstance(wind, ArticleWind):
+        return "article"
+    if isinstance(wind, SteadyWind):
+        return f"steady:{wind.speed_m_s},{wind.toward_deg}"
+    return "calm"
+
+
+def emulator_command(
+    mission: Mission, name: str, *, mavlink: str, truth: str, epoch_s: float, speedup: float
+) -> list[str]:
+    """How to run the emulator of a vehicle.
+
+    Args:
+        mission: the mission.
+        name: of the vehicle.
+        mavlink: address of its companion, or where it waits for one.
+        truth: address of the judge.
+        epoch_s: Unix time of simulation time 0.
+        speedup: simulation seconds for each real one.
+    """
+    vehicle, start = mission.vehicles[name], start_of(mission, name)
+    emulator = mission.rehearsal.emulator
+    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
+    ground = mission.origin.altitude_amsl_m
+    altitude = ground + mission.height_above_origin_m + start.up_m
+    lowest, highest = vehicle.airspeed_range_m_s
+    options = {
+        "system-id": vehicle.system_id,
+        "mavlink": mavlink,
+        "autopilot": vehicle.emulated_autopilot,
+        "plant": emulator.plant or vehicle.plant,
+        "guided-p": emulator.guided_p,
+        "roll-time": emulator.roll_time_s,
+        "turn-efficiency": emulator.turn_efficiency,
+        "speed-response": emulator.speed_response,
+        "course-dead-time": emulator.course_dead_time_s,
+        "airspeed-calibration": emulator.airspeed_calibration,
+        "alpha": vehicle.alpha_1_s,
+        "beta": vehicle.beta_1_s,
+        "wind": wind_option(mission),
+        "turbulence": mission.wind.turbulence,
+        "air-height": mission.height_above_origin_m,
+        "sensors": mission.rehearsal.sensors,
+        "start": f"{latitude!r},{longitude!r},{altitude},{start.course_deg}",
+        "airspeed": min(max(mission.leader.airspeed_m_s, lowest), highest),
+        "airspeed-range": f"{lowest},{highest}",
+        "max-bank": vehicle.max_bank_deg,
+        "max-acceleration": vehicle.max_acceleration_m_s2,
+        "home-altitude": ground,
+        "position-noise": mission.rehearsal.position_noise_m,
+        "speedup": speedup,
+        "seed": mission.rehearsal.seed,
+        "truth": truth,
+        "truth-rate": mission.rehearsal.rate_hz,
+        "epoch": repr(epoch_s),
+    }
+    if emulator.speed_dead_time_s is not None:
+        options["speed-dead-time"] = emulator.speed_dead_time_s
+    if emulator.loop_rate_hz is not None:
+        options["loop-rate"] = emulator.loop_rate_hz
+    if mission.wind.roughness_m is not None:
+        options["roughness"] = mission.wind.roughness_m
+    pairs = [f"--{option}={value}" for option, value in options.items()]
+    pairs += [
+        f"--gust={gust.at_s},{gust.for_s},{gust.north_m_s},{gust.east_m_s}"
+        for gust in mission.wind.gusts
+    ]
+    pairs += [f"--plant-option={name}={value!r}" for name, value in emulator.plant_options.items()]
+    # A law or a link among them does no harm there.
+    pairs += [f"--plugin={file}" for file in plugin_files()]
+    if emulator.indicated_airspeed:
+        pairs.append("--indicated-airspeed")
+    return python_module("sitl_stub", *pairs, "--airborne")
+
+
+def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
+    """The formation of a mission on its links, for those who have no keys."""
+    return Watched(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.leader.vehicle,
+        roster=None,
+    )
+
+
+class LiveFlight:
+    """The processes of a live rehearsal and what its judge has seen."""
+
+    def __init__(
+        self, mission: Mission, *, directory: Path, links: Sequence[str], speedup: float
+    ) -> None:
+        """Prepare the processes; `fly` starts them.
+
+        Args:
+            mission: the mission.
+            directory: for logs and for the mission file that companions read.
+            links: addresses of the formation's links.
+            speedup: simulation seconds for each real one.
+        """
+        self.mission = mission
+        self.truth_collector = TruthCollector(mission)
+        self.emulators: dict[str, Process] = {}
+        self.companions: dict[str, Process] = {}
+        self._directory = directory
+        self._links = tuple(links)
+        self._speedup = speedup
+        self._state = TemporaryDirectory(prefix="vfguide-state-")
+        self._epoch_s = 0.0
+        self._companions_zero_s = 0.0
+        self._keys = key_places(Path(self._state.name) / "rehearsal.yaml")
+        self._watched: Watched | None = None
+
+    @property
+    def watched(self) -> Watched:
+        """The formation, for those who want to know how it is."""
+        return self._watched or watched_by_anybody(self.mission, self._links)
+
+    def _make_keys(self) -> None:
+        """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
+        make_keys(self._keys, self.mission.name, self.names)
+        self._watched = replace(
+            watched_by_anybody(self.mission, self._links),
+            roster=read_roster(self._keys.roster),
+            key=read_private_key(self._keys.private(OPERATOR)),
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Vehicles, leader first."""
+        return [self.mission.leader.vehicle, *self.mission.followers_by_name]
+
+    @property
+    def time_s(self) -> float:
+        """Simulation time by the clock; negative before the flight begins."""
+        return (time.time() - self._epoch_s) * self._speedup
+
+    async def start(self, truth_port: int) -> None:
+        """Start every process."""
+        mission_file = self._directory / "mission.yaml"
+        self._make_keys()
+        content = self.mission.model_dump(mode="json", exclude_unset=True)
+        mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
+        ports = {name: free_port(socket.SOCK_DGRAM) for name in self.names}
+        for name, port in ports.items():
+            options = [
+                f"--mission={mission_file}",
+                f"--mavlink=udpin://127.0.0.1:{port}",
+                f"--key={self._keys.private(name)}",
+                f"--roster={self._keys.roster}",
+                *(f"--link={link}" for link in self._links),
+                f"--record={self._directory / RECORDINGS}",
+                f"--clock={clock.epoch_s!r},{clock.rate!r}",
+                # Each flight is a first one: nothing is known of one before.
+                f"--state={self._state.name}",
+                "--engage",
+            ]
+            companion = python_module("vfguide", "companion", name, *options)
+            log = self._directory / f"{name}.companion.log"
+            self.companions[name] = Process(f"companion of {name}", companion, log)
+        await asyncio.gather(*(one.start() for one in self.companions.values()))
+        await self._until_companions_listen()
+        self._epoch_s = time.time() + LEAD_S
+        self._companions_zero_s = clock.now() + LEAD_S * self._speedup
+        for name, port in ports.items():
+            emulator = emulator_command(
+                self.mission,
+                name,
+                mavlink=f"udpout://127.0.0.1:{port}",
+                truth=f"udpout://127.0.0.1:{truth_port}",
+                epoch_s=self._epoch_s,
+                speedup=self._speedup,
+            )
+            log = self._directory / f"{name}.emulator.log"
+            self.emulators[name] = Process(f"emulator of {name}", emulator, log)
+        await asyncio.gather(*(one.start() for one in self.emulators.values()))
+
+    async def _until_companions_listen(self) -> None:
+        """Wait for the first words of each companion: aircraft that fly before it is there stray."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(START_PATIENCE_S):
+                while any(one.running and not one.last_words() for one in self.companions.values()):
+                    await asyncio.sleep(LOOK_S)
+
+    async def stop_companions(self) -> None:
+        """Have companions hand their vehicles back, and write down what they did."""
+        await asyncio.gather(*(one.stop() for one in self.companions.values()))
+
+    async def stop(self) -> None:
+        """Stop every process, companions first."""
+        await self.stop_companions()
+        await asyncio.gather(*(one.stop() for one in self.emulators.values()))
+        self._state.cleanup()
+
+    def accounts(self) -> dict[str, Account]:
+        """What each process has taken so far, this one with whatever else it runs included."""
+        running = (*self.companions.values(), *self.emulators.values())
+        pids = {one.name: one.pid for one in running if one.pid is not None}
+        return accounts_of({**pids, "judge": os.getpid()})
+
+    def check(self) -> None:
+        """Look after the processes.
+
+        Raises:
+            VfguideError: an emulator has ended, or a companion by itself, or nothing has been seen of the
+                flight for too long.
+        """
+        for process in self.emulators.values():
+            if not process.running:
+                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
+        for process in self.companions.values():
+            # One that is killed is a rehearsal's own doing.
+            if (process.exit_code or 0) > 0:
+                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
+        late = self.time_s / self._speedup > START_PATIENCE_S
+        if late and self.truth_collector.time_s < 0.0:
+            raise VfguideError("no emulator has flown")
+
+    def record(self, *, wall_s: float) -> FlightRecord:
+        """What has been seen so far; what companions did is known once they have ended.
+
+        Raises:
+            VfguideError: nothing has.
+        """
+        tracks = {
+            name: read_guidance(
+                *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
+            )
+            for name in self.names
+        }
+        return self.truth_collector.record(wall_s=wall_s, tracks=tracks)
+
+
+@asynccontextmanager
+async def live_flight(
+    mission: Mission, *, directory: Path, links: Sequence[str], speedup: float = 1.0
+) -> AsyncIterator[LiveFlight]:
+    """A live rehearsal in the air, over a broker that runs already."""
+    flight = LiveFlight(mission, directory=directory, links=links, speedup=speedup)
+    loop = asyncio.get_running_loop()
+    transport, _ = await loop.create_datagram_endpoint(
+        lambda: flight.truth_collector, local_addr=("127.0.0.1", 0)
+    )
+    try:
+        await flight.start(transport.get_extra_info("sockname")[1])
+        yield flight
+    finally:
+        await flight.stop()
+        transport.close()

@@ -1,0 +1,130 @@
+"""True states of a live rehearsal, as the emulators send them; and the flight record that they make."""
+
+import asyncio
+import json
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import sitl_stub
+from vfguide.companion.outgoing import Snapshot
+from vfguide.companion.supervisor import Mode
+from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.recorder import VehicleRecorder, flight_record
+from vfguide.mission.model import Mission
+from vfguide.record.flight import FlightRecord
+from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
+from vfguide.state import Setpoint
+
+NUMBERS = frozenset(field.name for field in fields(sitl_stub.Truth)) - {"mode", "armed"}
+"""Fields of a true state that are numbers."""
+
+AFTERWARDS_S = 60.0
+"""After the end of the flight nobody's true state is of interest."""
+
+MODES = frozenset(mode.value for mode in Mode)
+
+UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
+"""What a judge of true states knows of a companion."""
+
+
+class TruthCollector(asyncio.DatagramProtocol):
+    """Collects the true states of every vehicle at each sample time."""
+
+    def __init__(self, mission: Mission) -> None:
+        """Listen for the vehicles of a mission."""
+        self._mission = mission
+        flying = (mission.leader.vehicle, *mission.followers_by_name)
+        self._names = {mission.vehicles[name].system_id: name for name in flying}
+        self._rate_hz = mission.rehearsal.rate_hz
+        self.truths: dict[str, dict[int, sitl_stub.Truth]] = defaultdict(dict)
+        """By vehicle and number of the sample."""
+
+    def datagram_received(self, data: bytes, _address: object) -> None:
+        """One JSON object of one vehicle at one time; anything else is nobody's true state."""
+        decoded = decode_truth(data)
+        if decoded is not None and decoded[0] in self._names:
+            system_id, truth = decoded
+            if truth.time_s > self._mission.rehearsal.duration_s + AFTERWARDS_S:
+                return
+            self.truths[self._names[system_id]][round(truth.time_s * self._rate_hz)] = truth
+
+    @property
+    def time_s(self) -> float:
+        """The newest time of which every vehicle's state is known; negative before the first."""
+        if len(self.truths) < len(self._names):
+            return -1.0
+        return min(max(samples) for samples in self.truths.values()) / self._rate_hz
+
+    def last_seen_s(self) -> dict[str, float]:
+        """The newest time of which each vehicle's state is known; negative before the first."""
+        return {
+            name: max(self.truths[name]) / self._rate_hz if name in self.truths else -1.0
+            for name in self._names.values()
+        }
+
+    def common_samples(self) -> list[int]:
+        """Numbers of the samples that are known of every vehicle, in order."""
+        if len(self.truths) < len(self._names):
+            return []
+        return sorted(set.intersection(*(set(samples) for samples in self.truths.values())))
+
+    def record(
+        self,
+        *,
+        wall_s: float,
+        tracks: Mapping[str, GuidanceTrack] | None = None,
+        only_now: bool = False,
+    ) -> FlightRecord:
+        """What has been seen so far.
+
+        Args:
+            wall_s: how long the flight took, s of real time.
+            tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
+            only_now: the newest sample alone, for whoever looks on.
+
+        Raises:
+            VfguideError: nothing has.
+        """
+        last = round(self._mission.rehearsal.duration_s * self._rate_hz)
+        samples = [one for one in self.common_samples() if one <= last][-1 if only_now else 0 :]
+        if not samples:
+            raise VfguideError("nothing was seen of the flight")
+        times = [sample / self._rate_hz for sample in samples]
+        vehicles = []
+        for name in (self._mission.leader.vehicle, *self._mission.followers_by_name):
+            recorder = VehicleRecorder(self._mission, name)
+            track = (tracks or {}).get(name)
+            for sample, time_s in zip(samples, times, strict=True):
+                # The answer to the report of this sample comes a little later.
+                step = track.at(time_s + 0.5 / self._rate_hz) if track is not None else None
+                recorder.sample(self.truths[name][sample], snapshot_of(step))
+            vehicles.append(recorder.record())
+        return flight_record(self._mission, times, vehicles, wall_s=wall_s, mode="live")
+
+
+def snapshot_of(step: GuidanceStep | None) -> Snapshot:
+    """What a companion had last done, as in a rehearsal in virtual time."""
+    if step is None or step.mode not in MODES:
+        return UNSEEN
+    setpoint = None
+    if math.isfinite(step.course_rad):
+        setpoint = Setpoint(course=step.course_rad, speed=step.speed_m_s, limited=step.limited)
+    return Snapshot(mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2)
+
+
+def decode_truth(data: bytes) -> tuple[int, sitl_stub.Truth] | None:
+    """System and true state of a datagram; None if it is none."""
+    try:
+        content = json.loads(data)
+        numbers: dict[str, Any] = {name: float(content[name]) for name in NUMBERS}
+        mode, armed = str(content["mode"]), bool(content["armed"])
+        system_id = int(content["system_id"])
+    # Deep nesting exhausts the parser, and a huge integer is no float.
+    except (ValueError, TypeError, LookupError, RecursionError, OverflowError):
+        return None
+    if not all(math.isfinite(number) for number in numbers.values()) or numbers["time_s"] < 0.0:
+        return None
+    return system_id, sitl_stub.Truth(**numbers, mode=mode, armed=armed)

@@ -1,0 +1,210 @@
+"""From a flight record to its summary, and from that to `summary.json`.
+
+Errors are measured on true states, in the window that is the last half of the flight. Of a recorded flight
+there are the autopilots' estimates instead, and moments that nobody recorded, which are left out.
+
+Whether a flight reached what its mission asks for, and in words what it did not reach.
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.lab.report.figures import (
+    errors_that_count,
+    excess_variation_rate,
+    in_window,
+    least_separation,
+    settling_time,
+    share,
+    spread,
+    variation_rate,
+    window_s,
+)
+from vfguide.lab.report.geometry import intended_leader, pair_separations, slot_error
+from vfguide.lab.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
+from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.latency import describe_latency
+
+
+def find_rejections(acceptance: Acceptance, formation: FormationSummary) -> tuple[str, ...]:
+    """What the flight did not reach, one phrase with figures for each; empty if it reached all."""
+    found = (
+        reject_error("mean formation error", formation.mean_error_m, acceptance.mean_error_m),
+        reject_error("greatest formation error", formation.max_error_m, acceptance.max_error_m),
+        reject_settling(10, formation.settle_10m_s, acceptance.settle_10m_s),
+        reject_settling(1, formation.settle_1m_s, acceptance.settle_1m_s),
+        reject_separation(formation.min_separation_m, acceptance.min_separation_m),
+    )
+    return tuple(reason for reason in found if reason is not None)
+
+
+def reject_error(name: str, error_m: float | None, limit_m: float | None) -> str | None:
+    """Why an error is not accepted; None if it is, or if no limit was set."""
+    if limit_m is None:
+        return None
+    if error_m is None:
+        return f"{name} could not be measured"
+    if error_m <= limit_m:
+        return None
+    error, limit = tell_apart(error_m, limit_m)
+    return f"{name} {error} m is above {limit} m"
+
+
+def reject_settling(distance_m: int, settled_s: float | None, limit_s: float | None) -> str | None:
+    """Why a settling time is not accepted; None if it is, or if no limit was set."""
+    if limit_s is None:
+        return None
+    if settled_s is None:
+        return f"a follower was still {distance_m} m or more from its slot at the end"
+    if settled_s <= limit_s:
+        return None
+    settled, limit = tell_apart(settled_s, limit_s)
+    return f"all within {distance_m} m of their slots only after {settled} s, not {limit} s"
+
+
+def reject_separation(least_m: float | None, limit_m: float) -> str | None:
+    """Why the least separation is not accepted; None if it is."""
+    if least_m is None:
+        return "separation could not be measured"
+    if least_m >= limit_m:
+        return None
+    least, limit = tell_apart(least_m, limit_m)
+    return f"two vehicles came within {least} m of each other, closer than {limit} m"
+
+
+def tell_apart(first: float, second: float) -> tuple[str, str]:
+    """Two figures in as few digits, three at least, as show which is the greater."""
+    for digits in range(3, 17):
+        texts = f"{first:.{digits}g}", f"{second:.{digits}g}"
+        if texts[0] != texts[1]:
+            break
+    return texts
+
+
+__all__ = ["Summary", "summarise", "summary_json"]
+
+
+def summarise(record: FlightRecord) -> Summary:
+    """All figures of a flight, and the verdict."""
+    window = in_window(record)
+    formation = _summarise_formation(record, window)
+    # Without followers there is no formation to ask anything of.
+    rejections = find_rejections(record.acceptance, formation) if record.followers else ()
+    if record.interrupted:
+        rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
+    vehicles: dict[str, LeaderSummary | FollowerSummary] = {
+        record.leader.name: _summarise_leader(record, window)
+    }
+    for follower in record.followers:
+        vehicles[follower.name] = _summarise_follower(record, follower, window)
+    return Summary(
+        mission=record.mission,
+        controller=record.controller,
+        plant=record.plant,
+        wind=record.wind,
+        mode=record.mode,
+        rate_hz=record.rate_hz,
+        seed=record.seed,
+        duration_s=record.duration_s,
+        wall_s=record.wall_s,
+        real_time_factor=record.duration_s / record.wall_s if record.wall_s else None,
+        accepted=not rejections,
+        rejections=rejections,
+        acceptance=record.acceptance,
+        formation=formation,
+        vehicles=vehicles,
+        latency=record.latency,
+    )
+
+
+def summary_json(summary: Summary) -> dict[str, Any]:
+    """The summary as plain data for `summary.json`; null for what is not known or not finite."""
+    plain = {name: _plain(value) for name, value in asdict(summary).items()}
+    if summary.latency is None:
+        del plain["latency"]
+    else:
+        plain["latency"] = _plain(describe_latency(summary.latency))
+    return plain
+
+
+def _plain(value: object) -> object:
+    """The same with lists for tuples, and None for NaN and infinities, which JSON has no words for."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def measured(record: FlightRecord, values: FloatArray) -> FloatArray:
+    """The values that count: all, but of a recorded flight those that were recorded."""
+    return values[np.isfinite(values)] if record.mode == "recorded" else values
+
+
+def measured_separations(record: FlightRecord) -> FloatArray:
+    """Distances of all pairs at all times that count, m."""
+    distances = [pair.distance_m for pair in pair_separations(record)]
+    return measured(record, np.concatenate(distances)) if distances else np.empty(0)
+
+
+def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
+    """All followers together."""
+    errors = slot_distances(record, record.leader)
+    sizes = spread(measured(record, errors[:, window]))
+    meant = slot_distances(record, intended_leader(record.leader))
+    meant_sizes = spread(measured(record, meant[:, window]))
+    settling = errors_that_count(record, errors)
+    return FormationSummary(
+        window_s=window_s(record),
+        mean_error_m=sizes.mean if sizes else None,
+        p95_error_m=sizes.p95 if sizes else None,
+        max_error_m=sizes.max if sizes else None,
+        intended_error_m=meant_sizes.mean if meant_sizes else None,
+        settle_10m_s=settling_time(record.time_s, settling, 10.0),
+        settle_1m_s=settling_time(record.time_s, settling, 1.0),
+        min_separation_m=least_separation(
+            [pairs] if (pairs := measured_separations(record)).size else []
+        ),
+    )
+
+
+def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
+    """Distances of all followers from their slots behind a leader, m; one row for each follower."""
+    distances = [slot_error(leader, follower).distance_m for follower in record.followers]
+    return np.array(distances).reshape(len(distances), record.time_s.size)
+
+
+def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
+    """The leader against its path."""
+    leader = record.leader
+    time_s, setpoint = record.time_s[window], leader.course_setpoint_rad[window]
+    return LeaderSummary(
+        role="leader",
+        cross_track_error_m=spread(measured(record, leader.path_cross_track_error_m[window])),
+        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
+        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
+        limited_fraction=share(leader.limited[window]),
+    )
+
+
+def _summarise_follower(
+    record: FlightRecord, follower: VehicleRecord, window: BoolArray
+) -> FollowerSummary:
+    """A follower against its slot."""
+    error = slot_error(record.leader, follower)
+    time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
+    return FollowerSummary(
+        role="follower",
+        formation_error_m=spread(measured(record, error.distance_m[window])),
+        along_track_error_m=spread(measured(record, error.along_track_m[window])),
+        cross_track_error_m=spread(measured(record, error.cross_track_m[window])),
+        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
+        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
+        limited_fraction=share(follower.limited[window]),
+    )

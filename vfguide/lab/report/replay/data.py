@@ -1,0 +1,186 @@
+"""A flight as the replay reads it: JSON, its series as whole numbers in base64, as fine as a reader sees."""
+
+import json
+import math
+from base64 import b64encode
+from dataclasses import dataclass
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+from vfguide.lab.report.figures import window_s
+from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.style import NIGHT_COLOURS, vehicle_colours
+from vfguide.record.flight import FlightRecord, VehicleRecord
+
+FORMAT = 1
+"""Of the data; the program that reads it is in the same page."""
+
+FINEST_STEP_S = 0.2
+"""s between two samples at least. Between them the replay draws curves through positions and velocities."""
+
+COARSEST_STEP_S = 1.0
+"""s between two samples, of a long flight of many aircraft, unless even that is too much."""
+
+USUAL_BYTES = 600_000
+"""Bytes of series that the finest steps may take; a longer flight gets coarser ones."""
+
+GREATEST_BYTES = 12_000_000
+"""Bytes of series that a page may hold at all."""
+
+MOST_PATH_POINTS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """How one series is written."""
+
+    unit: float
+    """What one step of the whole numbers stands for: m, m/s or degrees."""
+    bits: int
+    """8, 16 or 32. The least number stands for what is not known, of 8 bits the greatest."""
+
+
+MILLIMETRES = Kind(unit=0.001, bits=32)
+CENTIMETRES = Kind(unit=0.01, bits=32)
+SPEED = Kind(unit=0.01, bits=16)
+ANGLE = Kind(unit=0.01, bits=16)
+NUMBER = Kind(unit=1.0, bits=8)
+
+KINDS = {
+    "north_m": MILLIMETRES,
+    "east_m": MILLIMETRES,
+    "altitude_m": CENTIMETRES,
+    "course_deg": ANGLE,
+    "heading_deg": ANGLE,
+    "bank_deg": ANGLE,
+    "ground_speed_m_s": SPEED,
+    "airspeed_m_s": SPEED,
+    "wind_north_m_s": SPEED,
+    "wind_east_m_s": SPEED,
+    "course_setpoint_deg": ANGLE,
+    "speed_setpoint_m_s": SPEED,
+    "along_m": MILLIMETRES,
+    "across_m": MILLIMETRES,
+    "mode": NUMBER,
+    "limited": NUMBER,
+}
+"""All series of a vehicle."""
+
+TYPES = {8: "<u1", 16: "<i2", 32: "<i4"}
+
+
+def replay_json(record: FlightRecord) -> str:
+    """The data of the replay, fit to stand inside a script element: no name in it can end that."""
+    text = json.dumps(
+        describe_flight(record), ensure_ascii=True, allow_nan=False, separators=(",", ":")
+    )
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def describe_flight(record: FlightRecord) -> dict[str, object]:
+    """Everything that the replay shows of a flight."""
+    stride = choose_stride(record)
+    time_ms = np.round(1000.0 * record.time_s[::stride]).astype(np.float64)
+    drawn = np.isfinite(record.path_north_m) & np.isfinite(record.path_east_m)
+    points = max(1, math.ceil(np.count_nonzero(drawn) / MOST_PATH_POINTS))
+    day = vehicle_colours(record)
+    night = vehicle_colours(record, NIGHT_COLOURS)
+    return {
+        "format": FORMAT,
+        "mission": record.mission,
+        "estimated": record.mode == "recorded",
+        "time": encode(time_ms, Kind(unit=0.001, bits=32), in_units=True),
+        "window_s": list(window_s(record)),
+        "modes": list(record.mode_names),
+        "path": {
+            "north_m": rounded(record.path_north_m[drawn][::points]),
+            "east_m": rounded(record.path_east_m[drawn][::points]),
+        },
+        "vehicles": [
+            {
+                "name": vehicle.name,
+                "leads": vehicle.role == "leader",
+                "slot": [vehicle.slot_forward_m, vehicle.slot_right_m, vehicle.slot_up_m],
+                "colours": [day[vehicle.name], night[vehicle.name]],
+                "series": {
+                    name: encode(values[::stride], KINDS[name])
+                    for name, values in series_of(record, vehicle).items()
+                },
+            }
+            for vehicle in record.vehicles
+        ],
+    }
+
+
+def choose_stride(record: FlightRecord) -> int:
+    """Every which sample of the record is shown, so that the page stays small."""
+    samples = record.time_s.size
+    if samples < 2 or record.duration_s <= 0.0:
+        return 1
+    bytes_per_sample = len(record.vehicles) * sum(kind.bits // 8 for kind in KINDS.values())
+    whole = samples * bytes_per_sample
+    step_s = record.duration_s / (samples - 1)
+    usual = max(FINEST_STEP_S, step_s * whole / USUAL_BYTES)
+    wanted_s = max(min(usual, COARSEST_STEP_S), step_s * whole / GREATEST_BYTES)
+    # A stride below the one that is wanted would be beyond the limits: a rounding error is not.
+    return max(1, math.ceil(wanted_s / step_s - 1e-6))
+
+
+def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatArray]:
+    """The series of a vehicle in the units of their names; NaN where nothing is known."""
+    sent = vehicle.airspeed_setpoint_m_s
+    series = {
+        "north_m": vehicle.north_m,
+        "east_m": vehicle.east_m,
+        "altitude_m": vehicle.altitude_amsl_m,
+        "course_deg": in_degrees(vehicle.course_rad),
+        "heading_deg": in_degrees(vehicle.heading_rad),
+        "bank_deg": in_degrees(vehicle.bank_rad),
+        "ground_speed_m_s": vehicle.ground_speed_m_s,
+        "airspeed_m_s": vehicle.airspeed_m_s,
+        "wind_north_m_s": vehicle.wind_north_m_s,
+        "wind_east_m_s": vehicle.wind_east_m_s,
+        "course_setpoint_deg": in_degrees(vehicle.course_setpoint_rad),
+        "speed_setpoint_m_s": np.where(np.isfinite(sent), sent, vehicle.ground_speed_setpoint_m_s),
+        "mode": vehicle.mode.astype(np.float64),
+        "limited": vehicle.limited.astype(np.float64),
+    }
+    if vehicle.role == "follower":
+        error = slot_error(record.leader, vehicle)
+        series |= {"along_m": error.along_track_m, "across_m": error.cross_track_m}
+    return series
+
+
+def in_degrees(angles_rad: FloatArray) -> FloatArray:
+    """Angles within ±180 degrees."""
+    wrapped: FloatArray = np.degrees(np.arctan2(np.sin(angles_rad), np.cos(angles_rad)))
+    return wrapped
+
+
+def encode(values: FloatArray, kind: Kind, *, in_units: bool = False) -> dict[str, object]:
+    """One series.
+
+    Args:
+        values: N of them; what no number of the kind can hold counts as not known.
+        kind: how it is written.
+        in_units: whether the values are counted in the kind's unit already.
+    """
+    limits = np.iinfo(np.dtype(TYPES[kind.bits]))
+    unknown = limits.max if kind.bits == 8 else limits.min
+    counted = values if in_units else values / kind.unit
+    with np.errstate(invalid="ignore"):
+        whole = np.round(counted)
+        known = np.isfinite(whole) & (whole > limits.min if kind.bits > 8 else whole >= 0)
+        known &= whole <= limits.max - (kind.bits == 8)
+    numbers = np.where(known, whole, float(unknown)).astype(TYPES[kind.bits])
+    return {
+        "unit": kind.unit,
+        "bits": kind.bits,
+        "data": b64encode(numbers.tobytes()).decode("ascii"),
+    }
+
+
+def rounded(places_m: FloatArray) -> list[float]:
+    """Places to a centimetre."""
+    return [round(float(place), 2) for place in places_m]

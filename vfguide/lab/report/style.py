@@ -1,0 +1,188 @@
+"""How plots look: one colour for each vehicle in all of them, units on all axes, room for all text.
+
+Figures are made and drawn without pyplot, so that a report leaves no state behind and needs no display.
+"""
+
+from collections.abc import Iterable, Sequence
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.lab.report.figures import window_s
+from vfguide.record.flight import FlightRecord
+
+DOTS_PER_INCH = 120
+
+NARROW_INCH = 3.8
+"""Width of a figure for a phone: its text is then as large as the page's."""
+
+NARROW_DOTS_PER_INCH = 230
+
+NARROW_LETTERS = 34
+"""Letters of a title that fit into a line of a narrow figure."""
+
+LEADER_COLOUR = "#1a1a1a"
+
+FOLLOWER_COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#6f4fa0",
+    "#8c564b",
+    "#999933",
+)
+"""Of Okabe and Ito, told apart by colour-blind readers too; three more for large formations."""
+
+DAY_COLOURS = (LEADER_COLOUR, *FOLLOWER_COLOURS)
+"""On a light ground, the leader's first."""
+
+NIGHT_COLOURS = (
+    "#f2f2f2",
+    "#4da3e8",
+    "#ff8a45",
+    "#2fc79a",
+    "#eaa0ca",
+    "#f5bf3d",
+    "#a5dbf7",
+    "#ad92e6",
+    "#cf9a8b",
+    "#cfcf62",
+)
+"""The same on a dark ground."""
+
+LIMIT_COLOUR = "#c1121f"
+"""Of what a flight is held against."""
+
+QUIET_COLOUR = "#767676"
+"""Of what is there for comparison."""
+
+STILL_AIR_M_S = 0.05
+"""Wind below this has no direction worth drawing."""
+
+WIND_COLOUR = "#5b7fa6"
+
+WINDOW_COLOUR = "#eef3e6"
+"""Behind the window in which errors count."""
+
+TEXT_SIZE = 9.0
+TITLE_SIZE = 10.5
+SMALL_SIZE = 8.0
+
+
+def vehicle_colours(record: FlightRecord, palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
+    """A colour for each vehicle, by name: the first for the leader, the others in turn."""
+    colours = {record.leader.name: palette[0]}
+    for number, follower in enumerate(record.followers):
+        colours[follower.name] = palette[1 + number % (len(palette) - 1)]
+    return colours
+
+
+def plain_text(text: str) -> str:
+    """A name as matplotlib is to draw it: a dollar sign is one, and does not begin a formula."""
+    return text.replace("$", r"\$")
+
+
+def new_figure(width_inch: float, height_inch: float) -> Figure:
+    """An empty figure, laid out so that no text is cut or overlapped by axes."""
+    return Figure(
+        figsize=(width_inch, height_inch),
+        dpi=DOTS_PER_INCH,
+        layout="constrained",
+        facecolor="white",
+    )
+
+
+def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:
+    """Titles, labels with units, light grid, no box."""
+    axes.set_title(fitted(axes, title), fontsize=TITLE_SIZE, loc="left")
+    axes.set_xlabel(across, fontsize=TEXT_SIZE)
+    axes.set_ylabel(up, fontsize=TEXT_SIZE)
+    axes.tick_params(labelsize=TEXT_SIZE, color="#b0b0b0")
+    axes.grid(visible=True, color="#e2e2e2", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("bottom", "left"):
+        axes.spines[side].set_color("#b0b0b0")
+
+
+def fitted(axes: Axes, text: str) -> str:
+    """A title in as many lines as a narrow figure needs."""
+    figure = axes.get_figure(root=True)
+    if figure is None or figure.get_figwidth() > NARROW_INCH:
+        return text
+    columns = axes.get_subplotspec().get_gridspec().ncols  # type: ignore[union-attr]
+    return fill(text, NARROW_LETTERS // columns)
+
+
+def set_log_scale(axes: Axes, low: float, high: float) -> None:
+    """A logarithmic scale with plain figures: 0.1, 1, 10."""
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", color="#d0d0d0")
+
+
+def halo() -> list[AbstractPathEffect]:
+    """A white rim that keeps text readable on lines."""
+    return [withStroke(linewidth=2.5, foreground="white")]
+
+
+def shade_window(axes: Axes, record: FlightRecord) -> None:
+    """Colour the background of the window in which errors count."""
+    begin, end = window_s(record)
+    axes.axvspan(begin, end, color=WINDOW_COLOUR, zorder=0, linewidth=0)
+
+
+def show_whole_flight(axes: Axes, record: FlightRecord) -> None:
+    """Let the time axis run from the first to the last sample."""
+    axes.set_xlim(float(record.time_s[0]), float(record.time_s[-1]))
+
+
+def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
+    """One legend for the whole figure, above all of it, with the labelled lines of some panels."""
+    lines = [axes.get_legend_handles_labels() for axes in panels]
+    handles = [handle for found, _ in lines for handle in found]
+    labels = [label for _, found in lines for label in found]
+    if figure.get_figwidth() <= NARROW_INCH and labels:
+        # The line before each label takes the room of some letters.
+        letters = max(len(label) for label in labels) + 7
+        columns = max(1, min(columns, 52 // letters))
+    figure.legend(
+        handles,
+        labels,
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        fontsize=TEXT_SIZE,
+    )
+
+
+def mark_samples(axes: Axes, time_s: FloatArray, flags: BoolArray, colour: str) -> None:
+    """A strip along the bottom of the axes where something holds, be it for a single sample."""
+    marked = time_s[flags]
+    axes.plot(
+        marked,
+        np.full_like(marked, 0.02),
+        marker="|",
+        markersize=6,
+        markeredgewidth=0.8,
+        color=colour,
+        linestyle="none",
+        transform=axes.get_xaxis_transform(),
+    )
+
+
+def extent(arrays: Sequence[FloatArray]) -> tuple[float, float]:
+    """Least and greatest finite value of some arrays; (0, 0) without any."""
+    values = np.concatenate([array[np.isfinite(array)] for array in arrays])
+    return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)

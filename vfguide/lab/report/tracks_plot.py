@@ -1,0 +1,316 @@
+"""The flight from above, and the formation as the leader sees it.
+
+The formation as the leader sees it: each follower's way to its slot.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vfguide.elementwise import FloatArray
+from vfguide.lab.report.figures import in_window
+from vfguide.lab.report.formation_drawing import Point, draw_aircraft, draw_links, formation_links
+from vfguide.lab.report.geometry import seen_from_leader
+from vfguide.lab.report.style import (
+    NARROW_INCH,
+    QUIET_COLOUR,
+    SMALL_SIZE,
+    STILL_AIR_M_S,
+    TEXT_SIZE,
+    WIND_COLOUR,
+    dress,
+    extent,
+    halo,
+    legend_above,
+    new_figure,
+    plain_text,
+    vehicle_colours,
+)
+from vfguide.record.flight import FlightRecord
+
+
+def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
+    """Each follower's way to its slot in the leader's course frame: forward is up."""
+    colours = vehicle_colours(record)
+    window = in_window(record)
+    slots: list[Point] = [(0.0, 0.0)]
+    drawn: list[tuple[FloatArray, FloatArray]] = []
+    for follower in record.followers:
+        forward, right = seen_from_leader(record.leader, follower)
+        drawn.append((forward, right))
+        colour = colours[follower.name]
+        axes.plot(right, forward, color=colour, linewidth=1.0, alpha=0.6)
+        axes.plot(right[window], forward[window], color=colour, linewidth=2.4)
+        axes.plot(
+            right[:1], forward[:1], "o", markerfacecolor="white", markeredgecolor=colour, zorder=4
+        )
+        slots.append((follower.slot_right_m, follower.slot_forward_m))
+        axes.plot(
+            [follower.slot_right_m],
+            [follower.slot_forward_m],
+            marker="x",
+            markersize=11,
+            markeredgewidth=1.2,
+            color="#333333",
+            linestyle="none",
+            zorder=6,
+        )
+        axes.annotate(
+            plain_text(follower.name),
+            xy=(follower.slot_right_m, follower.slot_forward_m),
+            xytext=(9.0, 7.0),
+            textcoords="offset points",
+            fontsize=TEXT_SIZE,
+            color=colour,
+            weight="bold",
+            path_effects=halo(),
+            zorder=7,
+        )
+    draw_links(axes, slots, formation_links(slots))
+    draw_aircraft(axes, 0.0, 0.0, 0.0, colour=colours[record.leader.name], size=17.0)
+    dress(
+        axes,
+        title="Seen from the leader (slots crossed, window thick)",
+        across="right of the leader, m",
+        up="ahead of the leader, m",
+    )
+    frame_leader_view(axes, drawn, slots)
+
+
+def frame_leader_view(
+    axes: Axes, drawn: list[tuple[FloatArray, FloatArray]], slots: list[Point]
+) -> None:
+    """A square that holds every follower's way and the leader, with a margin."""
+    left, right = extent([*(way[1] for way in drawn), np.array([slot[0] for slot in slots])])
+    rear, front = extent([*(way[0] for way in drawn), np.array([slot[1] for slot in slots])])
+    half = 0.58 * max(right - left, front - rear, 10.0)
+    axes.set_xlim((left + right) / 2 - half, (left + right) / 2 + half)
+    axes.set_ylim((rear + front) / 2 - half, (rear + front) / 2 + half)
+    axes.set_aspect("equal")
+
+
+SNAPSHOTS = 7
+"""How many formations are drawn at most."""
+
+LEAST_SHARE = 0.05
+"""Of the view that a formation spans if it is drawn to scale."""
+
+DRAWN_SHARE = 0.09
+"""Of the view that a smaller formation is made to span."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A square piece of ground."""
+
+    east_m: float
+    """Its middle."""
+    north_m: float
+    """Its middle."""
+    side_m: float
+    """Length of a side."""
+
+
+def tracks_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
+    """Top view of the whole flight; with followers, beside it the formation in the leader's course frame."""
+    if not record.followers:
+        figure = new_figure(NARROW_INCH, 4.2) if narrow else new_figure(7.2, 7.2)
+        above = figure.subplots(1, 1)
+        draw_top_view(above, record)
+    else:
+        figure = new_figure(NARROW_INCH, 8.2) if narrow else new_figure(13.0, 6.9)
+        above, relative = figure.subplots(2, 1) if narrow else figure.subplots(1, 2)
+        draw_top_view(above, record)
+        draw_leader_view(relative, record)
+    legend_above(figure, [above], columns=len(record.vehicles) + 4)
+    return figure
+
+
+def draw_top_view(axes: Axes, record: FlightRecord) -> None:
+    """Path, tracks, formations at intervals, starts, and the wind; true to scale but for what it says."""
+    view = choose_view(record)
+    samples = choose_snapshots(record, 0.2 * view.side_m)
+    magnification = choose_magnification(record, view)
+    colours = vehicle_colours(record)
+    axes.plot(
+        record.path_east_m,
+        record.path_north_m,
+        color="#bdbdbd",
+        linestyle=(0, (2, 1)),
+        linewidth=2.8,
+        label="path",
+    )
+    for vehicle in reversed(record.vehicles):
+        colour = colours[vehicle.name]
+        axes.plot(vehicle.east_m, vehicle.north_m, color=colour, linewidth=0.9, alpha=0.55)
+        axes.plot(
+            vehicle.east_m[:1],
+            vehicle.north_m[:1],
+            marker="o",
+            markersize=6,
+            markerfacecolor="white",
+            markeredgecolor=colour,
+            linestyle="none",
+            zorder=4,
+        )
+    for vehicle in record.vehicles:
+        axes.plot([], [], color=colours[vehicle.name], linewidth=2, label=plain_text(vehicle.name))
+    axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=QUIET_COLOUR, label="start")
+    side = choose_side(record, samples, view)
+    for sample in samples:
+        draw_formation(axes, record, sample, magnification)
+        draw_time(axes, record, sample, -side)
+    reach = max(side * vehicle.slot_right_m for vehicle in record.vehicles)
+    away = max(0.12 * view.side_m, magnification * reach + 0.08 * view.side_m)
+    draw_wind(axes, record, samples, view, side * away)
+    title = "From above"
+    if magnification > 1.0:
+        title += f" (formations drawn {magnification:.0f} times their size)"
+    dress(axes, title=title, across="east, m", up="north, m")
+    axes.set_xlim(view.east_m - view.side_m / 2, view.east_m + view.side_m / 2)
+    axes.set_ylim(view.north_m - view.side_m / 2, view.north_m + view.side_m / 2)
+    axes.set_aspect("equal")
+
+
+def choose_view(record: FlightRecord) -> View:
+    """The square that holds all tracks and the path, with a margin."""
+    west, east = extent([record.path_east_m, *(v.east_m for v in record.vehicles)])
+    south, north = extent([record.path_north_m, *(v.north_m for v in record.vehicles)])
+    side = max(east - west, north - south, 50.0)
+    return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
+
+
+def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
+    """Samples at which to draw the formation: back from the end, each leader clear of those drawn before."""
+    leader = record.leader
+    step = max(1, record.time_s.size // 2000)
+    chosen: list[int] = []
+    for sample in range(record.time_s.size - 1, -1, -step):
+        gaps = np.hypot(
+            leader.north_m[chosen] - leader.north_m[sample],
+            leader.east_m[chosen] - leader.east_m[sample],
+        )
+        if np.all(gaps >= spacing_m):
+            chosen.append(sample)
+        if len(chosen) == SNAPSHOTS:
+            break
+    return tuple(chosen)
+
+
+def choose_magnification(record: FlightRecord, view: View) -> float:
+    """How many times its size a formation is drawn: 1 if it can be seen as it is."""
+    places = [(0.0, 0.0), *((v.slot_forward_m, v.slot_right_m) for v in record.followers)]
+    size = max(math.dist(first, second) for first in places for second in places)
+    if size == 0.0 or size >= LEAST_SHARE * view.side_m:
+        return 1.0
+    return float(math.ceil(DRAWN_SHARE * view.side_m / size))
+
+
+def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification: float) -> None:
+    """All vehicles at one sample, spread about the leader by the magnification."""
+    leader = record.leader
+    colours = vehicle_colours(record)
+    origin = np.array([leader.east_m[sample], leader.north_m[sample]])
+    places: list[Point] = []
+    for vehicle in record.vehicles:
+        place = np.array([vehicle.east_m[sample], vehicle.north_m[sample]])
+        east, north = origin + magnification * (place - origin)
+        places.append((float(east), float(north)))
+    draw_links(axes, places, formation_links(places))
+    for vehicle, (east, north) in zip(record.vehicles, places, strict=True):
+        draw_aircraft(
+            axes, east, north, float(vehicle.course_rad[sample]), colour=colours[vehicle.name]
+        )
+
+
+def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> None:
+    """The time beside the leader: to its right for a side of 1, to its left for -1."""
+    leader = record.leader
+    course = float(leader.course_rad[sample])
+    axes.annotate(
+        f"{record.time_s[sample]:.0f} s",
+        xy=(float(leader.east_m[sample]), float(leader.north_m[sample])),
+        xytext=(side * 24.0 * math.cos(course), -side * 17.0 * math.sin(course)),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=SMALL_SIZE,
+        color="#333333",
+        path_effects=halo(),
+        zorder=6,
+    )
+
+
+def draw_wind(
+    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, right_m: float
+) -> None:
+    """Beside each formation, unless there is one already, an arrow: where the air moves to, how fast."""
+    leader = record.leader
+    strongest = extent([np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)])[1]
+    if strongest < STILL_AIR_M_S or not samples:
+        return
+    chosen: list[int] = []
+    places: list[Point] = []
+    for sample in samples:
+        place = abreast(record, sample, right_m)
+        if all(math.dist(place, other) > 0.1 * view.side_m for other in places):
+            chosen.append(sample)
+            places.append(place)
+    arrows = axes.quiver(
+        [place[0] for place in places],
+        [place[1] for place in places],
+        leader.wind_east_m_s[chosen],
+        leader.wind_north_m_s[chosen],
+        angles="xy",
+        scale_units="width",
+        scale=strongest / 0.085,
+        width=0.0045,
+        color=WIND_COLOUR,
+        pivot="middle",
+        clip_on=False,
+        zorder=3,
+    )
+    # An arrow may reach over the edge; the axes need not shrink for it.
+    arrows.set_in_layout(False)
+    unit = max(1.0, float(round(strongest)))
+    axes.quiverkey(
+        arrows,
+        0.8,
+        0.03,
+        unit,
+        f"wind {unit:.0f} m/s",
+        labelpos="E",
+        coordinates="axes",
+        fontproperties={"size": TEXT_SIZE},
+    )
+
+
+def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
+    """(east, north) of a place to the right of the leader."""
+    leader = record.leader
+    course = float(leader.course_rad[sample])
+    return (
+        float(leader.east_m[sample]) + right_m * math.cos(course),
+        float(leader.north_m[sample]) - right_m * math.sin(course),
+    )
+
+
+def choose_side(record: FlightRecord, samples: tuple[int, ...], view: View) -> float:
+    """The side of the track with more room in the view: 1 for the right, -1 for the left.
+
+    Of a circle it is the inside. A straight track has none, and gets the side with fewer slots.
+    """
+    middle = (view.east_m, view.north_m)
+    outward = {
+        side: sum(
+            math.dist(abreast(record, sample, side * 0.12 * view.side_m), middle)
+            for sample in samples
+        )
+        for side in (1.0, -1.0)
+    }
+    if math.isclose(outward[1.0], outward[-1.0], rel_tol=0.02):
+        return 1.0 if sum(vehicle.slot_right_m for vehicle in record.vehicles) <= 0.0 else -1.0
+    return 1.0 if outward[1.0] < outward[-1.0] else -1.0

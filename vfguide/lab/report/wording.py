@@ -1,0 +1,138 @@
+"""Figures in words, the same for the page and the terminal."""
+
+from dataclasses import dataclass
+
+from vfguide.lab.report.figures import Spread
+from vfguide.lab.report.metrics import reject_error, reject_separation, reject_settling
+from vfguide.lab.report.summary import FollowerSummary, LeaderSummary, Summary
+
+UNKNOWN = "not measured"
+NOT_REQUIRED = "no limit"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedFigure:
+    """A figure beside what the mission asks of it."""
+
+    name: str
+    """What it is."""
+    measured: str
+    """With its unit."""
+    required: str
+    """With its unit, or that nothing is."""
+    met: bool | None
+    """Whether it is good enough; None where nothing is required."""
+
+
+def in_digits(value: float | None, unit: str = "") -> str:
+    """A figure with three digits that count, never in powers of ten, and its unit."""
+    if value is None:
+        return UNKNOWN
+    size = abs(value)
+    decimals = 3 if size < 1.0 else 2 if size < 10.0 else 1 if size < 100.0 else 0
+    return f"{value:.{decimals}f} {unit}".rstrip()
+
+
+def mean_in_digits(spread: Spread | None) -> str:
+    """The mean of a figure."""
+    return in_digits(None if spread is None else spread.mean)
+
+
+def in_percent(fraction: float | None) -> str:
+    """A fraction as a percentage."""
+    return UNKNOWN if fraction is None else f"{100.0 * fraction:.1f} %"
+
+
+def settled_after(settled_s: float | None) -> str:
+    """A settling time; without one, that a follower was still out."""
+    return "still out at the end" if settled_s is None else f"after {settled_s:.1f} s"
+
+
+def verdict(summary: Summary) -> str:
+    """The outcome in a word or two."""
+    return "Accepted" if summary.accepted else "Not accepted"
+
+
+def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
+    """All figures of the formation, beside what the mission asks for."""
+    formation, wanted = summary.formation, summary.acceptance
+    return (
+        _compare_error(
+            "Mean formation error",
+            formation.mean_error_m,
+            wanted.mean_error_m,
+        ),
+        ComparedFigure(
+            name="95 % of formation errors are below",
+            measured=in_digits(formation.p95_error_m, "m"),
+            required=NOT_REQUIRED,
+            met=None,
+        ),
+        _compare_error("Greatest formation error", formation.max_error_m, wanted.max_error_m),
+        ComparedFigure(
+            name="Mean distance from the slot as the path means it, not as gusts turn the leader",
+            measured=in_digits(formation.intended_error_m, "m"),
+            required=NOT_REQUIRED,
+            met=None,
+        ),
+        _compare_settling(10, formation.settle_10m_s, wanted.settle_10m_s),
+        _compare_settling(1, formation.settle_1m_s, wanted.settle_1m_s),
+        ComparedFigure(
+            name="Least separation, whole flight",
+            measured=in_digits(formation.min_separation_m, "m"),
+            required=f"at least {wanted.min_separation_m:g} m",
+            met=reject_separation(formation.min_separation_m, wanted.min_separation_m) is None,
+        ),
+    )
+
+
+def _compare_error(name: str, error_m: float | None, limit_m: float | None) -> ComparedFigure:
+    """A formation error beside its limit."""
+    return ComparedFigure(
+        name=name,
+        measured=in_digits(error_m, "m"),
+        required=NOT_REQUIRED if limit_m is None else f"at most {limit_m:g} m",
+        met=None if limit_m is None else reject_error(name, error_m, limit_m) is None,
+    )
+
+
+def _compare_settling(
+    distance_m: int, settled_s: float | None, limit_s: float | None
+) -> ComparedFigure:
+    """A settling time beside its limit."""
+    return ComparedFigure(
+        name=f"All within {distance_m} m of their slots",
+        measured=settled_after(settled_s),
+        required=NOT_REQUIRED if limit_s is None else f"after at most {limit_s:g} s",
+        met=None if limit_s is None else reject_settling(distance_m, settled_s, limit_s) is None,
+    )
+
+
+def setting(summary: Summary) -> str:
+    """What was flown, and how."""
+    return (
+        f"controller {summary.controller}, plant {summary.plant}, wind {summary.wind}, "
+        f"{summary.mode}, {summary.rate_hz:g} Hz, seed {summary.seed}"
+    )
+
+
+def pace(summary: Summary) -> str:
+    """How long the flight was, and how long it took."""
+    flown = f"{summary.duration_s:g} s"
+    if summary.wall_s is not None:
+        flown += f" in {summary.wall_s:.1f} s"
+    if summary.real_time_factor is not None:
+        flown += f" ({summary.real_time_factor:.3g} times real time)"
+    return flown
+
+
+def main_error(vehicle: LeaderSummary | FollowerSummary) -> tuple[str, str, str]:
+    """Mean, 95th percentile and greatest of what a vehicle is judged by: off its path, or off its slot."""
+    error = (
+        vehicle.cross_track_error_m
+        if isinstance(vehicle, LeaderSummary)
+        else vehicle.formation_error_m
+    )
+    if error is None:
+        return UNKNOWN, UNKNOWN, UNKNOWN
+    return in_digits(error.mean), in_digits(error.p95), in_digits(error.max)

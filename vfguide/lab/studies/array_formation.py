@@ -1,0 +1,270 @@
+"""Thousands of formations at once: the laws on arrays, a plant on arrays, and nothing in between.
+
+What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step: every
+vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are called,
+with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a formation.
+
+Setpoints on their way from the companions to the autopilots, on arrays.
+
+The companions' calibration of airspeeds, for thousands at once: the same arithmetic on arrays.
+"""
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from vfguide.angles import TURN, wrap_angle
+from vfguide.companion.autopilot_clock import AutopilotClock
+from vfguide.companion.own_vehicle import PERIOD_SHARE
+from vfguide.elementwise import FloatArray, clip, hypot
+from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
+from vfguide.guidance.navigation import Sample, first_state, navigate
+from vfguide.lab.studies.array_case import Conditions, Push, Start, Watcher, fleet_at
+from vfguide.lab.studies.array_followers import followers_of
+from vfguide.lab.studies.array_ground import Report
+from vfguide.lab.studies.array_plant import Fleet
+from vfguide.laws.leader import leader_step
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.setpoint_stream import DIGITS
+from vfguide.state import LeaderState, VehicleState
+
+
+class Stream:
+    """Setpoints on their way to ArduPlane: rounded, and sent where they change or have not been for a while.
+
+    As `vfguide.mavlink.setpoint_stream` does it, for each vehicle and for course and speed apart.
+    """
+
+    def __init__(self) -> None:
+        self._content: FloatArray | None = None
+        self._sent: FloatArray | None = None
+        self._told: FloatArray | None = None
+
+    def told(
+        self, course: FloatArray, speed: FloatArray, now: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """(course, speed) that the autopilots hold from now on."""
+        degrees = np.round(np.degrees(course % TURN), 3) % 360.0
+        fresh = np.stack([degrees, speed])
+        content = decimals(fresh)
+        if self._content is None or self._sent is None or self._told is None:
+            self._content, self._told = content, fresh
+            self._sent = np.full_like(fresh, now)
+        else:
+            due = (content != self._content) | (now - self._sent >= ArduPlane.keep_alive_s)
+            self._content = np.where(due, content, self._content)
+            self._sent = np.where(due, now, self._sent)
+            self._told = np.where(due, fresh, self._told)
+        single = self._told.astype(np.float32).astype(np.float64)
+        return np.radians(single[0]), single[1]
+
+
+def decimals(values: FloatArray) -> FloatArray:
+    """Hundredths, to the nearest as Python rounds: a product in double precision would invent ties."""
+    hundredths: FloatArray = np.rint(values.astype(np.longdouble) * 10**DIGITS).astype(np.float64)
+    return hundredths
+
+
+class Calibrations:
+    """One for each vehicle."""
+
+    def __init__(self) -> None:
+        self._known: Calibration = calibration_of(slips=False)
+        self._heading: FloatArray | None = None
+        self._time_s = 0.0
+
+    @property
+    def scale(self) -> FloatArray:
+        """True airspeeds over the reported ones."""
+        return np.asarray(self._known.scale)
+
+    def learn(
+        self,
+        sample: Sample[FloatArray],
+        reported_airspeed: FloatArray,
+        state: VehicleState[FloatArray],
+    ) -> None:
+        """Learn from a report (its airspeed apart, as it came) and the state that it led to."""
+        before, self._heading = self._heading, sample.heading
+        interval, self._time_s = sample.time_s - self._time_s, sample.time_s
+        if before is None:
+            return
+        # Elementwise functions take arrays for what they call floats. Nobody here is too slow to learn from.
+        seen: dict[str, Any] = {
+            "reported_airspeed": reported_airspeed,
+            "heading": sample.heading,
+            "turn_rate": wrap_angle(sample.heading - before) / interval,
+            "velocity_north": sample.velocity_north,
+            "velocity_east": sample.velocity_east,
+            "wind_rate": hypot(state.wind_rate_north, state.wind_rate_east),
+        }
+        self._known = calibrated(self._known, **seen, period=interval)
+
+
+def fly_formations(
+    start: Start, conditions: Conditions, watch: Watcher, random: Generator | None = None
+) -> None:
+    """Fly a batch of formations to the end.
+
+    Args:
+        start: where they begin.
+        conditions: what they have in common.
+        watch: hears what happens.
+        random: for the noise, where there is any.
+    """
+    fleet = fleet_at(start, conditions)
+    followers = followers_of(start, conditions)
+    clock, stream = Clock(conditions.rate_hz), Stream()
+    calibrates = conditions.calibrates and conditions.airframe.hold == "heading-hold"
+    calibrations = Calibrations() if calibrates else None
+    delayed = math.ceil(conditions.link_delay_s * conditions.rate_hz - 1e-6)
+    heard: deque[LeaderState[FloatArray]] = deque(maxlen=delayed + 1)
+    engaged = round(conditions.engaged_after_s * conditions.rate_hz) + 1
+    steps = math.floor(conditions.duration_s * conditions.rate_hz + 1e-6)
+    state: VehicleState[FloatArray] | None = None
+    motion: MotionEstimate[FloatArray] | None = None
+    task = conditions.task
+    leader_law = task.law(task.gains, conditions.settings, conditions.airframe)
+    for step in range(steps + 1):
+        now = step / conditions.rate_hz
+        if step > 0:
+            fleet.advance((step - 1) / conditions.rate_hz, 1.0 / conditions.rate_hz)
+        time_s = clock.report(now)
+        sample, said = reported(fleet, conditions, now, random)
+        reported_airspeed = sample.airspeed
+        if calibrations is not None:
+            sample = replace(sample, airspeed=calibrations.scale * reported_airspeed)
+        sample = replace(sample, time_s=time_s)
+        filters = conditions.settings.filters
+        state = first_state(sample) if state is None else navigate(state, sample, filters)
+        if calibrations is not None:
+            calibrations.learn(sample, reported_airspeed, state)
+        leaders = rows(state, 0)
+        motion = (
+            motion_at_first(leaders)
+            if motion is None
+            else estimated_motion(
+                motion, leaders, conditions.airframe, conditions.settings.rate_filter_s
+            )
+        )
+        north, east = conditions.ground.shifted(
+            (said[0][0], said[1][0]),
+            motion.told.north - sample.north[0],
+            motion.told.east - sample.east[0],
+        )
+        heard.append(replace(motion.told, north=north, east=east))
+        if step < engaged:
+            # As in a companion that waits: it is guided already, and has learnt nothing.
+            followers.reset()
+        following = followers.step(rows(state, slice(1, None)), heard[0], clock.period)
+        if step >= engaged:
+            leading = leader_step(
+                leaders,
+                leader_law,
+                conditions.task,
+                period=clock.period,
+            ).setpoint
+            course = np.vstack([leading.course[None], following.course])
+            speed = np.vstack([leading.speed[None], following.speed])
+            if calibrations is not None:
+                airframe = conditions.airframe
+                shown = speed / calibrations.scale
+                speed = clip(shown, airframe.airspeed_min, airframe.airspeed_max)
+            if conditions.rounded:
+                course, speed = stream.told(course, speed, now)
+            fleet.guide(*pushed(course, speed, conditions.push, now), now)
+        watch(now, slot_distances(fleet, now, start.slot), following if step >= engaged else None)
+
+
+def pushed(
+    course: FloatArray, speed: FloatArray, push: Push | None, now: float
+) -> tuple[FloatArray, FloatArray]:
+    """(course, speed) that the holds hold where they were told these."""
+    if push is None or now < push.from_s:
+        return course, speed
+    followers = np.arange(len(course))[:, None] > 0
+    return course + push.course * followers, speed + push.speed * followers
+
+
+class Clock:
+    """The time of reports as companions see it, to the last bit: stamps in milliseconds, a mean period."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.period = 1.0 / rate_hz
+        """Mean interval between reports, s."""
+        self._boot = AutopilotClock()
+        self._newest: float | None = None
+
+    def report(self, now: float) -> float:
+        """When a report that is read now was true, s."""
+        reading = self._boot.read(round(now * 1e3) * 1e-3, now)
+        time_s = now if reading is None else reading.time_s
+        if self._newest is not None:
+            self.period += PERIOD_SHARE * (time_s - self._newest - self.period)
+        self._newest = time_s
+        return time_s
+
+
+def reported(
+    fleet: Fleet, conditions: Conditions, time_s: float, random: Generator | None
+) -> tuple[Sample[FloatArray], Report]:
+    """What the autopilots report now, in the local frame; and the positions as they are reported."""
+    moving = fleet.motion(time_s)
+    wind_north, wind_east = fleet.wind.at(time_s)
+    air_north, air_east = moving.north - wind_north, moving.east - wind_east
+    if fleet.airframe.hold == "heading-hold":
+        heading, airspeed = fleet.direction, fleet.speed
+    else:
+        heading, airspeed = np.arctan2(air_east, air_north), np.hypot(air_north, air_east)
+    place = fleet.place
+    if random is not None and conditions.position_noise_m > 0.0:
+        shape = (2, *fleet.direction.shape)
+        place = fleet.ground.advance(
+            place, *(conditions.position_noise_m * random.standard_normal(shape))
+        )
+    velocity_north, velocity_east = moving.north, moving.east
+    if conditions.rounded:
+        velocity_north, velocity_east = np.rint(moving.north * 100.0), np.rint(moving.east * 100.0)
+        velocity_north, velocity_east = velocity_north * 1e-2, velocity_east * 1e-2
+        heading = np.radians((np.rint(np.degrees(heading) * 100.0) % 36_000.0) * 1e-2)
+        airspeed = airspeed.astype(np.float32).astype(np.float64)
+    said = fleet.ground.report(place, rounded=conditions.rounded)
+    north, east = fleet.ground.local(said)
+    sample = Sample(
+        time_s=time_s,
+        north=north,
+        east=east,
+        velocity_north=velocity_north,
+        velocity_east=velocity_east,
+        heading=heading,
+        airspeed=airspeed,
+    )
+    return sample, said
+
+
+def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:
+    """Some rows of a state."""
+    taken: dict[str, Any] = {
+        name: getattr(state, name)[wanted]
+        for name in VehicleState.__dataclass_fields__
+        if name != "time_s"
+    }
+    return replace(state, **taken)
+
+
+def slot_distances(fleet: Fleet, time_s: float, slot: Slot[FloatArray]) -> FloatArray:
+    """Distances of the followers from their slots in the leaders' true course frame, m."""
+    north, east = fleet.ground.local(fleet.ground.report(fleet.place, rounded=False))
+    moving = fleet.motion(time_s)
+    speed = np.hypot(moving.north[0], moving.east[0])
+    ahead, aside = moving.north[0] / speed, moving.east[0] / speed
+    slot_north = north[0] + slot.forward * ahead - slot.right * aside
+    slot_east = east[0] + slot.forward * aside + slot.right * ahead
+    distances: FloatArray = np.hypot(slot_north - north[1:], slot_east - east[1:])
+    return distances

@@ -1,0 +1,258 @@
+"""The article's comparison: missions, laws, plants, twice: as shipped, and over a bad link with noise.
+
+The comparison as text.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, fields
+from random import Random
+from typing import Any
+
+from vfguide.lab.studies.article import (
+    ARTICLE_ERROR_M,
+    FOLLOWER_STARTS,
+    LEADER_STARTS,
+    MISSIONS,
+    Changes,
+)
+from vfguide.lab.studies.flown import Case, Figures, Tracks, fly
+from vfguide.lab.studies.spread import flown_by
+
+PLANTS = ("heading-hold", "course-hold")
+
+BAD_LINK = {
+    "link_delay_s": 0.2,
+    "link_jitter_s": 0.05,
+    "link_loss": 0.2,
+    "position_noise_m": 0.3,
+}
+"""The conditions of the flights that differ by their seed."""
+
+START_SPREAD_M = 25.0
+"""And so do the starts, by up to this on each axis."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """How much is flown."""
+
+    duration_s: float
+    """Of each flight."""
+    seeds: int
+    """Flights over the bad link for each mission, law and plant."""
+    bad_link_plants: tuple[str, ...]
+    """Plants that are flown over the bad link."""
+
+
+FULL = Extent(duration_s=300.0, seeds=5, bad_link_plants=PLANTS)
+QUICK = Extent(duration_s=60.0, seeds=2, bad_link_plants=PLANTS[:1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One mission, law, plant and condition."""
+
+    mission: str
+    """Of the four."""
+    law: str
+    """Of the followers."""
+    plant: str
+    """Of the two."""
+    condition: str
+    """`shipped` or `bad link`."""
+    flights: int
+    """Over which the mean is taken."""
+    mean: Figures
+    """Of each figure; settling: None if any flight did not."""
+    half_width: dict[str, float | None]
+    """Of the 95 % confidence interval of each mean; None for a single flight."""
+
+
+def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
+    """Everything that is flown, by each of these laws."""
+    shipped = [
+        Case(
+            mission=mission,
+            controller=law,
+            plant=plant,
+            changes={"rehearsal": {"duration_s": extent.duration_s}},
+            label="shipped",
+            drawn=plant == PLANTS[0],
+        )
+        for mission in MISSIONS
+        for law in laws
+        for plant in PLANTS
+    ]
+    bad = [
+        Case(
+            mission=mission,
+            controller=law,
+            plant=plant,
+            changes=seeded(mission, seed, extent.duration_s),
+            label="bad link",
+        )
+        for mission in MISSIONS
+        for law in laws
+        for plant in extent.bad_link_plants
+        for seed in range(1, extent.seeds + 1)
+    ]
+    return shipped + bad
+
+
+def seeded(mission: str, seed: int, duration_s: float) -> Changes:
+    """A flight over the bad link: noise, losses and starts of this seed, the same for every law."""
+    random = Random(seed)
+    starts: dict[str, Any] = {
+        follower: {
+            "forward_m": ahead + random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "right_m": right + random.uniform(-START_SPREAD_M, START_SPREAD_M),
+        }
+        for follower, (ahead, right) in FOLLOWER_STARTS.items()
+    }
+    starts["leader"] = LEADER_STARTS[mission.partition("-")[0]]
+    return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
+
+
+def compare(
+    executor: Executor, extent: Extent, laws: Sequence[str]
+) -> tuple[list[Row], dict[tuple[str, str], Tracks]]:
+    """Fly everything by some laws; the table, and the tracks by mission and law."""
+    flown = cases(extent, laws)
+    results = list(flown_by(executor, fly, flown))
+    tracks = {
+        (case.mission, case.controller): drawn
+        for case, (_, drawn) in zip(flown, results, strict=True)
+        if drawn is not None
+    }
+    return list(rows(zip(flown, (figures for figures, _ in results), strict=True))), tracks
+
+
+def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[Row]:
+    """One row for all flights that differ by nothing but their seed."""
+    groups: dict[tuple[str, str, str, str], list[Figures]] = {}
+    for case, figures in results:
+        key = (case.mission, case.controller, case.plant, case.label)
+        groups.setdefault(key, []).append(figures)
+    for (mission, law, plant, condition), several in groups.items():
+        mean, half_width = summed_up(several)
+        yield Row(
+            mission=mission,
+            law=law,
+            plant=plant,
+            condition=condition,
+            flights=len(several),
+            mean=mean,
+            half_width=half_width,
+        )
+
+
+def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]:
+    """Mean and half of the 95 % confidence interval of each figure, by Student's distribution."""
+    # Here, because it takes a third of a second to load.
+    from scipy.stats import t as student
+
+    means: dict[str, Any] = {}
+    halves: dict[str, float | None] = {}
+    for field in fields(Figures):
+        values = [getattr(one, field.name) for one in several]
+        known = [value for value in values if value is not None]
+        complete = len(known) == len(values)
+        mean = sum(known) / len(known) if complete else None
+        means[field.name], halves[field.name] = mean, None
+        if mean is not None and len(known) > 1:
+            variance = sum((value - mean) ** 2 for value in known) / (len(known) - 1)
+            point = float(student.ppf(0.975, len(known) - 1))
+            halves[field.name] = point * math.sqrt(variance / len(known))
+    return Figures(**means), halves
+
+
+def row_json(row: Row) -> dict[str, Any]:
+    """A row ready for JSON, which knows no NaN."""
+    content = asdict(row)
+    for part in ("mean", "half_width"):
+        content[part] = {
+            name: value if value is None or math.isfinite(value) else None
+            for name, value in content[part].items()
+        }
+    return content
+
+
+COLUMNS = (
+    "mean, m",
+    "95 %, m",
+    "max, m",
+    "10 m, s",
+    "1 m, s",
+    "effort, m/s²",
+    "course back and forth, rad/s",
+    "speed variation, m/s²",
+    "cut by limits",
+    "nearest, m",
+)
+"""Of the long table: errors, settling, control, separation."""
+
+
+def metres(value: float | None) -> str:
+    """A figure with the digits that it deserves."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{value:.3f}" if value < 1.0 else f"{value:.2f}" if value < 10.0 else f"{value:.0f}"
+
+
+def seconds(value: float | None) -> str:
+    """A settling time."""
+    return "never" if value is None else f"{value:.1f}"
+
+
+def short_table(rows: Sequence[Row], costs: Mapping[str, Mapping[str, Any]]) -> str:
+    """Mean errors by mission and law, the shipped missions on the air-relative plant: the one table."""
+    laws = list(dict.fromkeys(row.law for row in rows))
+    found = {
+        (row.mission, row.law): row.mean.mean_error_m
+        for row in rows
+        if row.plant == "heading-hold" and row.condition == "shipped"
+    }
+    lines = [
+        "| mean error, m | article's claim | " + " | ".join(laws) + " |",
+        "|---|" + "---|" * (len(laws) + 1),
+    ]
+    for mission in MISSIONS:
+        values = [found[mission, law] for law in laws]
+        best = min(values)
+        cells = [f"**{metres(value)}**" if value == best else metres(value) for value in values]
+        lines.append(f"| {mission} | {ARTICLE_ERROR_M[mission]:.2f} | " + " | ".join(cells) + " |")
+    steps = " | ".join(f"{costs[law]['median_us']:.0f} µs" for law in laws)
+    lines.append(f"| one guidance step | | {steps} |")
+    return "\n".join(lines) + "\n"
+
+
+def long_table(rows: Sequence[Row], plant: str, condition: str) -> str:
+    """All figures of one plant and condition."""
+    chosen = [row for row in rows if row.plant == plant and row.condition == condition]
+    if not chosen:
+        return ""
+    lines = [
+        f"| mission | law | {' | '.join(COLUMNS)} |",
+        "|---|---|" + "---|" * len(COLUMNS),
+    ]
+    for row in chosen:
+        mean, half = row.mean, row.half_width["mean_error_m"]
+        spread = f" ± {metres(half)}" if half is not None else ""
+        cells = [
+            row.mission,
+            row.law,
+            metres(mean.mean_error_m) + spread,
+            metres(mean.p95_error_m),
+            metres(mean.max_error_m),
+            seconds(mean.settle_10m_s),
+            seconds(mean.settle_1m_s),
+            f"{mean.effort_m_s2:.2f}",
+            f"{mean.course_variation_rad_s:.3f}",
+            f"{mean.speed_variation_m_s2:.2f}",
+            f"{mean.limited:.1%}",
+            f"{mean.min_separation_m:.1f}",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,190 @@
+"""`vfguide bench latency`: how fast a companion answers, and how old what it follows is.
+
+What latency is required to be, for a reader to hold the measured figures against.
+
+With four companions, their emulators and the broker on two cores at 50 Hz; on a machine that is busy with
+something else, or at another rate, the comparison says little.
+"""
+
+import asyncio
+import os
+import platform
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from sitl_stub.server import precise_event_loop
+from vfguide.lab.rehearsal.usage import load
+from vfguide.lab.studies.link_age import measure_link_age
+from vfguide.lab.studies.programs import broker
+from vfguide.lab.studies.response import measure_responses
+
+
+def comparison(result: dict[str, Any]) -> list[dict[str, Any]]:
+    """Each required figure with the measured one; a figure that could not be measured is None."""
+    responses, companions = result["response"]["clients"], result["response"]["companions"]
+    ours = [responses[name] for name in companions["names"]]
+    ages = {entry["subscribers"]: entry for entry in result["link_age"]}
+    rows = [
+        ("companion's response, p50", "ms", 0.7, companions.get("p50_ms")),
+        ("companion's response, p99", "ms", 3.0, companions.get("p99_ms")),
+        ("share of a core, busiest companion", "%", 5.0, greatest(ours, "cpu_percent")),
+        ("memory, largest companion", "MB", 80.0, greatest(ours, "memory_mb")),
+        ("age on arrival, 3 followers, p99", "ms", 15.0, ages[3].get("p99_ms")),
+        ("age on arrival, 100 subscribers, p99", "ms", 40.0, ages[100].get("p99_ms")),
+    ]
+    return [
+        {
+            "figure": figure,
+            "unit": unit,
+            "at_most": at_most,
+            "measured": measured,
+            "met": measured is not None and measured <= at_most,
+        }
+        for figure, unit, at_most, measured in rows
+    ]
+
+
+def greatest(entries: list[dict[str, Any]], key: str) -> float | None:
+    """The greatest of the figures that there are."""
+    return max((float(entry[key]) for entry in entries if key in entry), default=None)
+
+
+SUBSCRIBERS = ((3, 3), (100, 2))
+"""Followers and the processes that they are spread over, of each measurement of the link."""
+
+
+def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
+    """Measure everything; takes three times the seconds and some more for starting.
+
+    Args:
+        seconds: length of each of the three measurements.
+        rate_hz: telemetry and leader states per second.
+
+    Returns:
+        Figures in milliseconds, percent of one core and 10^6 bytes, ready for JSON.
+
+    Raises:
+        VfguideError: the broker or one of the programs does not do its part.
+    """
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        asyncio.Runner(loop_factory=precise_event_loop) as runner,
+    ):
+        return runner.run(_measure(Path(scratch), seconds=seconds, rate_hz=rate_hz))
+
+
+async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[str, Any]:
+    before = load()
+    async with broker(directory) as (name, port):
+        link = f"mqtt://127.0.0.1:{port}"
+        response = await measure_responses(
+            link, seconds=seconds, rate_hz=rate_hz, directory=directory
+        )
+        ages = [
+            await measure_link_age(
+                link,
+                subscribers=subscribers,
+                processes=processes,
+                seconds=seconds,
+                rate_hz=rate_hz,
+                directory=directory,
+            )
+            for subscribers, processes in SUBSCRIBERS
+        ]
+    result: dict[str, Any] = {
+        "rate_hz": rate_hz,
+        "seconds": seconds,
+        "machine": {
+            "cores": len(os.sched_getaffinity(0)),
+            "python": platform.python_version(),
+            "load_before": before,
+            "load_after": load(),
+        },
+        "broker": name,
+        "response": response,
+        "link_age": ages,
+    }
+    return {**result, "required": comparison(result)}
+
+
+def render(result: dict[str, Any]) -> str:
+    """The result as plain tables."""
+    machine, response = result["machine"], result["response"]
+    before, after = (" ".join(f"{one:.2f}" for one in machine[key]) for key in LOADS)
+    title = (
+        f"{result['rate_hz']:g} Hz, {result['seconds']:g} s each; {machine['cores']} cores, "
+        f"Python {machine['python']}, broker {result['broker']}"
+    )
+    blocks = [
+        [title, f"load before {before}, after {after}"],
+        response_table(response),
+        age_table(result["link_age"]),
+        required_table(result["required"]),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks)
+
+
+LOADS = ("load_before", "load_after")
+
+RECORDING = ("followers that record", "followers that do not")
+
+TIMES = ("p50_ms", "p99_ms", "max_ms")
+
+
+def response_table(response: dict[str, Any]) -> list[str]:
+    """One line for each client."""
+    rows = [["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]]
+    groups = {name: response[name] for name in RECORDING if name in response}
+    entries = {**response["clients"], "companions together": response["companions"], **groups}
+    for name, entry in entries.items():
+        keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
+        rows.append([name, *(shown(entry.get(key)) for key in keys)])
+    if "mavsdk" not in response["clients"]:
+        rows.append(["mavsdk", response["mavsdk"]])
+    return aligned(rows)
+
+
+def age_table(ages: list[dict[str, Any]]) -> list[str]:
+    """One line for each number of subscribers."""
+    rows = [["age of the leader's state on arrival", *HEADINGS, "heard %", "count"]]
+    for entry in ages:
+        values = (shown(entry.get(key)) for key in (*TIMES, "heard_percent", "count"))
+        rows.append([f"{entry['subscribers']} subscribers", *values])
+    return aligned(rows)
+
+
+def required_table(required: list[dict[str, Any]]) -> list[str]:
+    """One line for each required figure."""
+    rows = [["for information", "measured", "at most", "", ""]]
+    for entry in required:
+        verdict = "met" if entry["met"] else "NOT MET"
+        measured, at_most = shown(entry["measured"]), shown(entry["at_most"])
+        rows.append([entry["figure"], measured, at_most, entry["unit"], verdict])
+    return aligned(rows)
+
+
+HEADINGS = ("p50 ms", "p99 ms", "max ms")
+
+
+def shown(value: float | None) -> str:
+    """A figure for reading; a dash for one that is not there."""
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.2f}"
+
+
+def aligned(rows: list[list[str]]) -> list[str]:
+    """Rows of a table in columns, the first to the left and the others to the right."""
+    count = max(len(row) for row in rows)
+    padded = [[*row, *[""] * (count - len(row))] for row in rows]
+    widths = [max(len(row[column]) for row in padded) for column in range(count)]
+    return [
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)),
+            ]
+        ).rstrip()
+        for row in padded
+    ]

@@ -1,0 +1,246 @@
+"""From telemetry in to setpoint out, of companions and of others, side by side."""
+
+import asyncio
+import math
+import socket
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import sitl_stub
+from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.processes import free_port, python_module
+from vfguide.lab.rehearsal.usage import Account, account_of
+from vfguide.lab.studies.figures import figures_of
+from vfguide.lab.studies.formation import formation, write_mission
+from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
+from vfguide.lab.studies.programs import last_words, program
+from vfguide.link.keys import key_places, make_keys
+from vfguide.mavlink.adapter import Vehicle, telemetry_at
+from vfguide.mavlink.codec import Codec
+from vfguide.mission import Mission
+
+WARM_S = 2.0
+"""s of answers before any of them counts."""
+
+PATIENCE_S = 45.0
+"""s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
+
+LOOK_S = 0.1
+"""s between looks at whether they do."""
+
+PACE_STEP = 0.004
+"""Between the paces of the aircraft: at 50 Hz two neighbours meet every 5 s."""
+
+PEER_LEADER = "leader"
+"""Whose start the peers' aircraft have; they fly alone."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Client:
+    """A program under test with its aircraft."""
+
+    name: str
+    """What it is called in results."""
+    command: Sequence[str]
+    """How it is run."""
+    vehicle: TimedVehicle
+    """What it speaks to."""
+    log: Path
+    """What it says."""
+    is_companion: bool = False
+    """Whether it is one of ours."""
+    environment: dict[str, str] = field(default_factory=dict)
+    """What its environment has besides."""
+    pid: int = 0
+    """Once it runs."""
+
+
+async def measure_responses(
+    link: str, *, seconds: float, rate_hz: float, directory: Path
+) -> dict[str, Any]:
+    """Run every client at once and time them.
+
+    Args:
+        link: address of the broker.
+        seconds: how long they are measured, after warming up.
+        rate_hz: position reports per second.
+        directory: for logs and the mission file.
+
+    Returns:
+        For each client its response, share of a core and memory; and which were not there.
+
+    Raises:
+        VfguideError: a companion does not answer.
+    """
+    clients = companions(link, rate_hz=rate_hz, directory=directory)
+    clients += peers(rate_hz=rate_hz, directory=directory)
+    async with AsyncExitStack() as stack:
+        for client in clients:
+            running = program(client.command, client.log, client.environment)
+            client.pid = (await stack.enter_async_context(running)).pid
+        await stack.enter_async_context(in_the_air(clients, rate_hz))
+        await warm_up(clients, rate_hz)
+        for client in clients:
+            client.vehicle.begin()
+        before = [account_of(client.pid) for client in clients]
+        await asyncio.sleep(seconds)
+        after = [account_of(client.pid) for client in clients]
+    results = {
+        client.name: {
+            **figures_of(client.vehicle.responses),
+            "unanswered": client.vehicle.unanswered,
+            **usage_between(earlier, later),
+        }
+        for client, earlier, later in zip(clients, before, after, strict=True)
+    }
+    together = [
+        one for client in clients if client.is_companion for one in client.vehicle.responses
+    ]
+    recording = recorded_ones(formation(rate_hz))
+    recorded, others = (
+        [
+            one
+            for client in clients
+            if client.is_companion
+            and client.name != PEER_LEADER
+            and (client.name in recording) is records
+            for one in client.vehicle.responses
+        ]
+        for records in (True, False)
+    )
+    version = installed_mavsdk()
+    return {
+        "clients": results,
+        "companions": {
+            "names": [client.name for client in clients if client.is_companion],
+            **figures_of(together),
+        },
+        "followers that record": figures_of(recorded),
+        "followers that do not": figures_of(others),
+        "mavsdk": "not installed" if version is None else version,
+    }
+
+
+def recorded_ones(mission: Mission) -> frozenset[str]:
+    """Every other follower: those beside them, at the same moments, show what recording costs."""
+    return frozenset([*mission.followers_by_name][::2])
+
+
+def usage_between(earlier: Account | None, later: Account | None) -> dict[str, float]:
+    """Share of a core and memory; nothing of a process that has ended."""
+    if earlier is None or later is None:
+        return {}
+    return {
+        "cpu_percent": round(100.0 * later.since(earlier).cpu_share, 2),
+        "memory_mb": round(later.rss_mb, 1),
+    }
+
+
+def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
+    """The companions of a formation, as `vfguide companion` runs them."""
+    mission = formation(rate_hz)
+    path = write_mission(mission, directory)
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    make_keys(key_places(path), mission.name, names)
+    clients = []
+    recording = recorded_ones(mission)
+    for name in names:
+        port = free_port(socket.SOCK_DGRAM)
+        options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
+        # Consent of its own: what an earlier measurement has left is of another flight.
+        options.append(f"--state={directory / 'state'}")
+        if name in recording:
+            options.append(f"--record={directory / 'recordings'}")
+        clients.append(
+            Client(
+                name=name,
+                command=python_module("vfguide", "companion", name, *options, "--engage"),
+                vehicle=TimedVehicle(emulator_of(mission, name), port=port, rate_hz=rate_hz),
+                log=directory / f"{name}.log",
+                is_companion=True,
+            )
+        )
+    return clients
+
+
+def peers(*, rate_hz: float, directory: Path) -> list[Client]:
+    """The others that are installed, each with a PX4 of its own."""
+    kinds = ["bare", "pymavlink"] if installed_mavsdk() is None else ["bare", "pymavlink", "mavsdk"]
+    mission = formation(rate_hz, "px4")
+    clients = []
+    for kind in kinds:
+        port = free_port(socket.SOCK_DGRAM)
+        autopilot = streaming(mission, rate_hz)
+        clients.append(
+            Client(
+                name=kind,
+                command=python_module("vfguide.lab.studies.peers", kind, str(port)),
+                vehicle=TimedVehicle(autopilot, port=port, rate_hz=rate_hz),
+                log=directory / f"{kind}.log",
+                environment=PYMAVLINK_ENVIRONMENT,
+            )
+        )
+    return clients
+
+
+def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:
+    """An autopilot that has been asked for position and airspeed at the rate already."""
+    autopilot = emulator_of(mission, PEER_LEADER)
+    address = Vehicle(
+        system_id=autopilot.system_id,
+        component_id=1,
+        hold="heading-hold",
+        lateral_acceleration=math.inf,
+    )
+    codec = Codec(autopilot.system_id, address.component_id)
+    autopilot.receive(codec.encode(telemetry_at(address, rate_hz)))
+    return autopilot
+
+
+@asynccontextmanager
+async def in_the_air(clients: Sequence[Client], rate_hz: float) -> AsyncIterator[None]:
+    """Fly every aircraft.
+
+    Their reports begin evenly spread over the interval, and as each clock runs at a pace of its own they then
+    drift past each other: nobody is spared the moments at which all others are busy too, and nobody meets
+    them every time.
+    """
+    first_s = asyncio.get_running_loop().time()
+    tasks = [
+        asyncio.create_task(
+            client.vehicle.fly(
+                first_s + number / (rate_hz * len(clients)),
+                pace=1.0 + PACE_STEP * (number - 0.5 * (len(clients) - 1)),
+            )
+        )
+        for number, client in enumerate(clients)
+    ]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        results = await asyncio.gather(*tasks, return_exceptions=True)
+    for result in results:
+        if isinstance(result, Exception):
+            raise result
+
+
+async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
+    """Wait until every client answers.
+
+    Raises:
+        VfguideError: a companion does not; of others the result tells.
+    """
+    enough = rate_hz * WARM_S
+    with suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE_S):
+            while any(len(client.vehicle.responses) < enough for client in clients):
+                await asyncio.sleep(LOOK_S)
+    for client in clients:
+        if client.is_companion and len(client.vehicle.responses) < enough:
+            raise VfguideError(f"{client.name} does not answer: {last_words(client.log)}")

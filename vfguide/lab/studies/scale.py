@@ -1,0 +1,208 @@
+"""How the cost grows with the number of vehicles, in lockstep in one process.
+
+What calls cost: the methods of a class, timed while something runs, by the processor time they take.
+
+What one guidance step of each law costs: as called in a flight, nothing left out.
+"""
+
+import math
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from vfguide.companion.core import Companion
+from vfguide.companion.follower_role import FollowerRole
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.studies.article import AIRCRAFT, PATHS, article_mission
+from vfguide.laws.keeper import SlotKeeper
+from vfguide.mavlink.codec import Codec
+from vfguide.mission.model import Mission
+
+
+@contextmanager
+def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
+    """Processor time of every call of a method, s, as they happen; waiting for others does not count."""
+    method: Callable[..., object] = getattr(owner, name)
+    durations: list[float] = []
+
+    def timed(*arguments: object, **options: object) -> object:
+        began = time.thread_time()
+        try:
+            return method(*arguments, **options)
+        finally:
+            durations.append(time.thread_time() - began)
+
+    setattr(owner, name, timed)
+    try:
+        yield durations
+    finally:
+        setattr(owner, name, method)
+
+
+DURATION_S = 15.0
+
+STEADY_FROM = 0.2
+"""Share of the calls that is left out: imports and the first solutions."""
+
+
+def step_costs(laws: Sequence[str], mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
+    """Median and 99th percentile of a follower's step by law, microseconds."""
+    return {law: cost_of(law, mission) for law in laws}
+
+
+def cost_of(law: str, mission: str) -> dict[str, Any]:
+    """Median, 99th percentile and greatest of one law, microseconds."""
+    flown = article_mission(
+        mission, {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
+    )
+    with calls_timed(SlotKeeper, "step") as durations:
+        fly_lockstep(flown)
+    steady = sorted(durations[round(STEADY_FROM * len(durations)) :])
+    return {
+        "calls": len(steady),
+        "median_us": statistics.median(steady) * 1e6,
+        "p99_us": steady[round(0.99 * (len(steady) - 1))] * 1e6,
+        "max_us": steady[-1] * 1e6,
+    }
+
+
+COUNTS = (4, 10, 30, 100)
+FLOWN_S, QUICK_S = 20.0, 4.0
+JOINED_S = 20.0
+"""Until everybody is in place: what is measured is a formation, not a muster."""
+
+ROW = 10
+SPACING_M = 20.0
+
+SHARES = {
+    "companion": (Companion, "receive_mavlink"),
+    "decode": (Codec, "decode"),
+    "encode": (Codec, "encode"),
+    "guidance": (FollowerRole, "step"),
+}
+"""Parts that are timed."""
+
+
+def crowd(count: int, duration_s: float) -> Mission:
+    """So many vehicles in rows of ten on a long line in the article's wind."""
+    names = ["leader", *(f"f{number}" for number in range(1, count))]
+    rows = [divmod(number, ROW) for number in range(1, count)]
+    content: dict[str, Any] = {
+        "name": "bench-scale",
+        "origin": {"latitude_deg": 47.397742, "longitude_deg": 8.545594, "altitude_amsl_m": 488},
+        "path": dict(PATHS["line"]),
+        "leader": {"vehicle": "leader", "airspeed_m_s": 20},
+        "followers": [
+            {
+                "vehicle": name,
+                "slot": {
+                    "forward_m": -SPACING_M * row,
+                    "right_m": SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place),
+                    "up_m": 0,
+                },
+            }
+            for name, (row, place) in zip(names[1:], rows, strict=True)
+        ],
+        "vehicles": {
+            name: {"system_id": number, **AIRCRAFT} for number, name in enumerate(names, start=1)
+        },
+        "wind": {"type": "article"},
+        "rehearsal": {
+            "duration_s": duration_s,
+            "rate_hz": 20,
+            "link_delay_s": 0.1,
+            # In place: so many that join at once stand in each other's way.
+            "start": {
+                "leader": {"north_m": 0, "east_m": 0, "course_deg": PATHS["line"]["course_deg"]},
+                **{name: {"forward_m": 0, "right_m": 0} for name in names[1:]},
+            },
+        },
+    }
+    return Mission.model_validate(content)
+
+
+def measure(count: int, duration_s: float) -> dict[str, Any]:
+    """Fly so many, twice, and measure once they are in place: the time it takes, and where it goes."""
+    before = resident_mb()
+    mission = crowd(count, JOINED_S + duration_s)
+    joining_s, wall_s, processor_s = timed_flight(mission)
+    with ExitStack() as stack:
+        durations = {
+            part: stack.enter_context(calls_timed(owner, name))
+            for part, (owner, name) in SHARES.items()
+        }
+
+        def forget() -> None:
+            for spent in durations.values():
+                spent.clear()
+
+        _, _, timed = timed_flight(mission, forget)
+    rate_hz = mission.rehearsal.rate_hz
+    steps = count * duration_s * rate_hz
+    return {
+        "vehicles": count,
+        "duration_s": duration_s,
+        "wall_s": wall_s,
+        "processor_s": processor_s,
+        "real_time_factor": duration_s / wall_s,
+        "processor_us_per_vehicle_step": processor_s / steps * 1e6,
+        "joining_us_per_vehicle_step": joining_s / (count * JOINED_S * rate_hz) * 1e6,
+        "memory_mb": resident_mb(),
+        "memory_before_mb": before,
+        "guidance_step_us": statistics.median(durations["guidance"]) * 1e6,
+        "shares": {part: sum(spent) / timed for part, spent in durations.items()},
+    }
+
+
+def timed_flight(
+    mission: Mission, joined: Callable[[], None] = lambda: None
+) -> tuple[float, float, float]:
+    """Processor time until everybody is in place, then wall time and processor time to the end, s.
+
+    Args:
+        mission: what is flown.
+        joined: called when everybody is in place.
+    """
+    began = time.process_time()
+    wall = processor = math.nan
+
+    def notice(now: float) -> None:
+        nonlocal wall, processor
+        if math.isnan(wall) and now >= JOINED_S:
+            joined()
+            wall, processor = time.perf_counter(), time.process_time()
+
+    fly_lockstep(mission, progress=notice)
+    return processor - began, time.perf_counter() - wall, time.process_time() - processor
+
+
+def resident_mb() -> float:
+    """Greatest memory of this process so far, MB."""
+    scale = 1e6 if sys.platform == "darwin" else 1e3
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
+
+
+def growth_exponent(results: Sequence[dict[str, Any]]) -> float:
+    """P of processor time ~ vehicles^p, fitted by least squares in the logarithms."""
+    vehicles = [math.log(one["vehicles"]) for one in results]
+    # Per flight second: flights of different length compare.
+    times = [math.log(one["processor_s"] / one["duration_s"]) for one in results]
+    return float(np.polyfit(vehicles, times, 1)[0])
+
+
+def measure_all(*, quick: bool) -> dict[str, Any]:
+    """All sizes, each in a fresh process of its own, one after the other."""
+    results = []
+    for count in COUNTS:
+        duration_s = QUICK_S if quick else FLOWN_S
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            results.append(pool.submit(measure, count, duration_s).result())
+    return {"sizes": results, "exponent": growth_exponent(results)}

@@ -1,0 +1,232 @@
+"""What a law by which the leader follows its path is made of, and vfguide's own: the field around the path.
+
+A law says which course it wants. What every leader needs is done around it, once: late autopilots are
+compensated for, the airspeed gives way to slots that need another, other vehicles are kept clear of, and the
+course is turned into setpoints through the wind triangle and within the vehicle's limits.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Generic
+
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import Number
+from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
+from vfguide.guidance.observer import speed_estimate_rate
+from vfguide.guidance.path import Path, PathPoint
+from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.setpoint import cruise_setpoint
+from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.sliding_laws import sliding_course_rate
+from vfguide.mission.quantity import Section
+from vfguide.registry import leader_laws
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+leader_law = leader_laws.register
+"""`@leader_law("name")` makes a class known as the law `leader.law: name`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderView(Generic[Number]):
+    """What a leader's law is told in one step: floats for one vehicle, or arrays for as many as wanted.
+
+    North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
+    """
+
+    state: VehicleState[Number]
+    """Of the leader: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    path: Path
+    """The mission's path: `at` and `length` look ahead along it."""
+    point: PathPoint[Number]
+    """Of the path, nearest to the leader: course, curvature, progress, and the cross-track error."""
+    path_gains: PathGains
+    """The mission's `path.gain`, and the angle at which its field comes from far away."""
+    airspeed: float
+    """Cruise of the mission, m/s."""
+    period: float
+    """Since the step before and until the next, s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderMotion(Generic[Number]):
+    """The motion that a leader's law wants."""
+
+    course: Number
+    """chi_d over the ground, rad; what the course differs from it is the law's course error."""
+    course_rate: Number
+    """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
+    ground_speed: Number
+    """V_g that the law flew by, m/s: the measured one, or an estimate where none is measured."""
+
+
+class LeaderLaw(ABC):
+    """A law by which the leader follows its path.
+
+    A subclass with `@leader_law("name")` is known as `leader.law: name`, with the fields of its `Gains` in
+    the mission's `leader.gains`.
+    """
+
+    name: ClassVar[str]
+    """What a mission calls it; set by `@leader_law`."""
+
+    Gains: ClassVar[type[Section]] = Section
+    """Its gains: fields with their units, bounds and defaults."""
+
+    def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
+        """Make the law of one leader, or of a batch of them.
+
+        Args:
+            gains: an instance of `Gains`.
+            settings: what the mission sets for every law, slowed for an autopilot that answers late.
+            airframe: response and limits of the vehicle.
+        """
+        self.gains = gains
+        self.settings = settings
+        self.airframe = airframe
+
+    def start(self, view: LeaderView[Number]) -> Any:  # noqa: ANN401
+        """What the law remembers before its first step."""
+        del view
+
+    @abstractmethod
+    def step(
+        self,
+        view: LeaderView[Number],
+        memory: Any,  # noqa: ANN401 - each law has its own
+    ) -> tuple[LeaderMotion[Number], Any]:
+        """(motion, memory): what the law wants now, and what it remembers until the next step."""
+
+    def follow(
+        self, view: LeaderView[Number], *, course: Number, course_rate: Number
+    ) -> LeaderMotion[Number]:
+        """The motion that drives the course to a wanted one as fast as the vehicle's own hold can.
+
+        Args:
+            view: of this step.
+            course: wanted over the ground, rad.
+            course_rate: at which that turns, rad/s.
+        """
+        return LeaderMotion(
+            course=course,
+            course_rate=sliding_course_rate(
+                wrap_angle(view.state.course - course),
+                course_rate,
+                self.settings.sliding.kappa,
+                self.settings.sliding.layer(view.period),
+            ),
+            ground_speed=view.state.ground_speed,
+        )
+
+
+@leader_law("field")
+class PathField(LeaderLaw):
+    """The vector field around the path, of the article; its ground speed may be an adaptive estimate."""
+
+    def step(
+        self, view: LeaderView[Number], memory: Number | None
+    ) -> tuple[LeaderMotion[Number], Number]:
+        """Along the field; the memory is V^_g, m/s, None before the first step."""
+        state, gains = view.state, (view.path_gains.gain, view.path_gains.approach_angle)
+        course = desired_course(view.point, *gains)
+        regressor = desired_course_rate_per_speed(view.point, state.course, *gains)
+        ground_speed = state.ground_speed
+        if self.settings.speed_source == "observer":
+            before = state.airspeed if memory is None else memory
+            # V_ref is the airspeed, since nothing was measured.
+            ground_speed = before + view.period * speed_estimate_rate(
+                before,
+                state.airspeed,
+                wrap_angle(state.course - course),
+                regressor,
+                self.settings.observer,
+            )
+        motion = self.follow(view, course=course, course_rate=ground_speed * regressor)
+        return replace(motion, ground_speed=ground_speed), ground_speed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderTask:
+    """What a leader flies, and for whom."""
+
+    path: Path
+    """The path."""
+    path_gains: PathGains
+    """The field around it."""
+    airspeed: float
+    """Cruise, m/s."""
+    followers: Sequence[SlotLimits]
+    """Slots, and what their vehicles can do."""
+    law: type[LeaderLaw] = PathField
+    """By which it follows the path."""
+    gains: Section = field(default_factory=Section)
+    """Of that law."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderGuidance(Generic[Number]):
+    """Result of one step."""
+
+    setpoint: Setpoint[Number]
+    """For the autopilot."""
+    memory: Any
+    """Of the law, handed to the next step."""
+    cross_track_error: Number
+    """m, positive right of the path."""
+    course_error: Number
+    """chi~, rad."""
+
+
+FIRST = object()
+"""In place of a memory: the law has none yet."""
+
+
+def leader_step(
+    state: VehicleState[Number],
+    law: LeaderLaw,
+    task: LeaderTask,
+    *,
+    period: float,
+    memory: Any = FIRST,  # noqa: ANN401 - each law has its own
+) -> LeaderGuidance[Number]:
+    """Setpoint of the leader.
+
+    Args:
+        state: navigated state.
+        law: of the task, with the vehicle's settings and limits.
+        task: path, cruise airspeed, slots.
+        period: since the step before, s.
+        memory: of the law, after the step before; absent in the first.
+    """
+    settings, airframe = law.settings, law.airframe
+    point = task.path.nearest(state.north, state.east, state.course)
+    view = LeaderView(
+        state=state,
+        path=task.path,
+        point=point,
+        path_gains=task.path_gains,
+        airspeed=task.airspeed,
+        period=period,
+    )
+    motion, memory = law.step(view, law.start(view) if memory is FIRST else memory)
+    # Everything below flies by the ground speed that the law flew by.
+    state = replace(state, ground_speed=motion.ground_speed)
+    airspeed = state.airspeed * 0.0 + task.airspeed
+    if settings.give_way:
+        turn_rate = point.curvature * state.ground_speed
+        airspeed = airspeed_that_gives_way(
+            task.airspeed, state, turn_rate, task.followers, airframe
+        )
+    return LeaderGuidance(
+        setpoint=cruise_setpoint(
+            state,
+            airspeed,
+            motion.course_rate,
+            airframe,
+            wind_feedforward=settings.wind_feedforward,
+            hold=period,
+        ),
+        memory=memory,
+        cross_track_error=point.cross_track_error,
+        course_error=wrap_angle(state.course - motion.course),
+    )
