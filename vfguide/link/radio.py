@@ -29,7 +29,7 @@ from vfguide.link.packed import MOST_VEHICLES
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import LARGEST_FRAME
 from vfguide.link.radio_schedule import Channel, Turn, make_timetable
-from vfguide.link.radio_station import Station
+from vfguide.link.radio_station import PRESENCE_S, Station
 
 EXAMPLE = f"serial:///dev/ttyUSB1:57600?key=MISSION.keys/{RADIO_KEY}"
 
@@ -133,6 +133,7 @@ class RadioCarrier(DatagramCarrier):
     """Carries messages by a radio."""
 
     address: RadioAddress
+    presence_s = PRESENCE_S
 
     def __init__(
         self,

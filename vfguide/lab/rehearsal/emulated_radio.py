@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from random import Random
+from typing import Protocol
 
 from vfguide.link.radio_schedule import Channel, Turn
-from vfguide.link.radio_station import Station
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +31,22 @@ class RadioQuality:
     """Share of the time that a receiver is in a burst, in which it misses everything, 0 to below 1."""
     burst_s: float = 1.0
     """Mean length of a burst, s."""
+
+
+class Speaker(Protocol):
+    """What can be on the air: `vfguide.link.radio_station.Station`. Times are on its own clock, s."""
+
+    def begin(self, now: float) -> None:
+        """Begin to hear."""
+
+    def next_turn(self, now: float) -> Turn | None:
+        """When it sends next."""
+
+    def speak(self, turn: Turn, now: float) -> bytes:
+        """What it sends then."""
+
+    def hear(self, data: bytes, now: float) -> bool:
+        """Take bytes, cut anywhere."""
 
 
 class Bursts:
@@ -57,7 +73,7 @@ class Bursts:
 class Radio:
     """A station's end of the channel."""
 
-    station: Station
+    station: Speaker
     """What it belongs to."""
     bursts: Bursts
     """That it hears nothing in."""
@@ -121,7 +137,7 @@ class Air:
         self._number = count()
         self._on_air: list[Transmission] = []
 
-    def add(self, station: Station, *, offset_s: float = 0.0, rate: float = 1.0) -> Radio:
+    def add(self, station: Speaker, *, offset_s: float = 0.0, rate: float = 1.0) -> Radio:
         """Plug a station in now.
 
         Args:
