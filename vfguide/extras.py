@@ -17,7 +17,7 @@ IMPORTED_AS = {"pillow": "PIL"}
 DEVELOPMENT = "dev"
 """The extra of those who change vfguide itself: its tools are nothing that a user misses."""
 
-PLOTTING = ("matplotlib", "PIL")
+PLOTTING = ("matplotlib", "PIL", "jinja2")
 """What a report is drawn by."""
 
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")

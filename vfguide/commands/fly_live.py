@@ -242,7 +242,7 @@ async def flown_live(
         flight = await stack.enter_async_context(
             live_flight(mission, directory=directory, links=links, speedup=speedup)
         )
-        presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
+        _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         before, flies, interrupted = flight.accounts(), False, False
         while (
             now_s := flight.truth_collector.time_s

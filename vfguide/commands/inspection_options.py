@@ -34,8 +34,11 @@ def status(
     roster: RosterFile = None,
     insecure: Insecure = False,
     as_json: AsJson = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Again and again, once a second, until Ctrl-C.")
+    ] = False,
 ) -> None:
-    """Tell how the vehicles of a mission are, as their companions say over the link.
+    """Tell how the vehicles of a mission are, and whether they are ready: one line, go or no-go.
 
     Exit status: 0 every companion is online, 1 some are not, 2 the input is wrong, 3 no broker.
     """
@@ -44,7 +47,9 @@ def status(
 
     loaded = read_mission(mission)
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
-    raise typer.Exit(show_status(loaded.mission, links=link, keys=keys, as_json=as_json))
+    raise typer.Exit(
+        show_status(loaded.mission, links=link, keys=keys, as_json=as_json, watch=watch)
+    )
 
 
 def check(

@@ -2,21 +2,33 @@
 
 import asyncio
 import json
-from collections.abc import Sequence
+import math
+import signal
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from random import Random
 
 from rich import box
+from rich.console import Group
+from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.terminal import Terminal
 from vfguide.link.address import parse_links
 from vfguide.link.presence import Presence
-from vfguide.link.watch import Watched, presences
+from vfguide.link.watch import Watched, check_connected, presences, watching
 from vfguide.mission import Mission
+from vfguide.mission.feasibility import check_mission
 
 LISTEN_S = 1.5
 """Long enough for a presence from everybody who lives."""
+
+SILENT_S, SILENT_TURNS = 5.0, 2.5
+"""A companion that has not said for so long how it is counts as gone: a kept presence may be old. On a slow
+link that is more than two of its turns."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 
@@ -24,17 +36,17 @@ SIGNED, INSECURE = "signed", "INSECURE"
 
 NOT_FRESH = "without an operator's private key nothing shows whether this was said today: give one with --key"
 
-COLUMNS = {
-    "response ms p50": "response_ms_p50",
-    "p99": "response_ms_p99",
-    "leader age ms p50": "leader_age_ms_p50",
-    "age p99": "leader_age_ms_p99",
-}
-"""Figures of a presence that the table shows."""
+COLUMNS = {"answer, ms": "response_ms", "leader's age, ms": "leader_age_ms"}
+"""Figures of a presence that the table shows: the median and the 99th percentile."""
+
+WATCH_S = 1.0
+"""Between two looks of `--watch`: everybody says once a second how it is."""
 
 
-def show_status(mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_json: bool) -> int:
-    """Print a line for each vehicle, and return the exit status.
+def show_status(
+    mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_json: bool, watch: bool
+) -> int:
+    """Print a line for each vehicle and whether the formation is ready, and return the exit status.
 
     Raises:
         InputError: an address is wrong, or a key is missing or in the wrong hands.
@@ -48,18 +60,116 @@ def show_status(mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_js
         roster=credentials.roster,
         key=credentials.key,
     )
-    found = asyncio.run(presences(watched, seconds=LISTEN_S, random=Random()))
-    names = [mission.leader.vehicle, *mission.followers_by_name]
     output = Terminal()
+    if credentials.roster is not None and credentials.key is None and not as_json:
+        Terminal(stderr=True).tell(NOT_FRESH)
+    if watch:
+        asyncio.run(keep_showing(mission, watched, output, as_json=as_json))
+        return ALL_THERE
+    found = asyncio.run(presences(watched, seconds=LISTEN_S, random=Random()))
     if as_json:
-        content = {name: described(found.get(name)) for name in names}
-        output.tell(json.dumps(content, indent=2))
+        output.tell(json.dumps(status_json(mission, found), indent=2))
     else:
-        output.print(status_table(mission.name, names, found))
-        if credentials.roster is not None and credentials.key is None:
-            Terminal(stderr=True).tell(NOT_FRESH)
-    online = all(name in found and found[name].status == "online" for name in names)
+        output.print(status_table(mission, found))
+        output.tell(readiness(mission, found))
+    online = all(name in found and found[name].status == "online" for name in names_of(mission))
     return ALL_THERE if online else SOME_MISSING
+
+
+async def keep_showing(
+    mission: Mission, watched: Watched, output: Terminal, *, as_json: bool
+) -> None:
+    """Show how the vehicles are, again and again, until Ctrl-C: in place on a terminal, else line by line.
+
+    Raises:
+        VfguideError: no link stands at first; one that is lost later comes back by itself.
+    """
+    loop, ended = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    async with watching(watched, random=Random()) as (link, current):
+        check_connected(link)
+        slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        freshness = Freshness(max(SILENT_S, SILENT_TURNS * slowest_s))
+        await asyncio.sleep(LISTEN_S)
+        with Live(console=output, auto_refresh=False) as live:
+            while not ended.is_set():
+                found = freshness.judge(dict(current), loop.time())
+                if as_json:
+                    output.tell(json.dumps(status_json(mission, found)))
+                elif output.is_terminal:
+                    line = Text(readiness(mission, found))
+                    live.update(Group(status_table(mission, found), line), refresh=True)
+                else:
+                    output.tell(readiness(mission, found))
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(WATCH_S):
+                        await ended.wait()
+
+
+class Freshness:
+    """Which presences are of now: a broker keeps the last one of a companion that is gone, too."""
+
+    def __init__(self, silent_s: float = SILENT_S) -> None:
+        """Begin with nobody heard; who says nothing for so long (s) is offline."""
+        self._silent_s = silent_s
+        self._heard: dict[str, tuple[float, float]] = {}
+
+    def judge(self, found: Mapping[str, Presence], now: float) -> dict[str, Presence]:
+        """The presences, those that have not changed for a while as offline.
+
+        Args:
+            found: what each vehicle said last.
+            now: s.
+        """
+        judged = {}
+        for name, presence in found.items():
+            said_s, heard = self._heard.get(name, (math.nan, now))
+            if presence.time_s != said_s:
+                heard = now
+            self._heard[name] = (presence.time_s, heard)
+            silent_s = now - heard
+            if silent_s > self._silent_s and presence.status == "online":
+                text = f"its companion has been silent for {silent_s:.0f} s"
+                judged[name] = replace(presence, status="offline", obstacle=text)
+            else:
+                judged[name] = presence
+        return judged
+
+
+def names_of(mission: Mission) -> list[str]:
+    """All vehicles, the leader first."""
+    return [mission.leader.vehicle, *mission.followers_by_name]
+
+
+def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
+    """Whether the formation may take off, in one line: go, or no-go and everything that speaks against it."""
+    against = [
+        f"mission: {one.message}" for one in check_mission(mission) if one.severity == "error"
+    ]
+    versions = {one.version for one in found.values() if one.status == "online"}
+    for name in names_of(mission):
+        presence = found.get(name)
+        if presence is None:
+            against.append(f"{name}: no companion is heard")
+        elif presence.status != "online":
+            against.append(f"{name}: {presence.obstacle or 'its companion is offline'}")
+        elif presence.obstacle:
+            against.append(f"{name}: {presence.obstacle}")
+        elif not presence.signed:
+            against.append(f"{name}: its messages are not signed (--insecure)")
+        elif presence.figures.get("links_lost", 0.0) > 0.0:
+            against.append(f"{name}: {presence.figures['links_lost']:.0f} of its links is lost")
+    if len(versions) > 1:
+        against.append(f"companions of different versions: {', '.join(sorted(versions))}")
+    if against:
+        return f"NO-GO  {'; '.join(against)}"
+    return f"GO  {mission.name}: all {len(names_of(mission))} companions are ready"
+
+
+def status_json(mission: Mission, found: Mapping[str, Presence]) -> dict[str, object]:
+    """Everybody's presence as JSON holds it."""
+    return {name: described(found.get(name)) for name in names_of(mission)}
 
 
 def described(presence: Presence | None) -> dict[str, object]:
@@ -71,25 +181,36 @@ def described(presence: Presence | None) -> dict[str, object]:
         "mode": presence.mode,
         "version": presence.version,
         "signed": presence.signed,
+        "obstacle": presence.obstacle,
         **presence.figures,
     }
 
 
-def status_table(title: str, names: list[str], found: dict[str, Presence]) -> Table:
+def status_table(mission: Mission, found: Mapping[str, Presence]) -> Table:
     """A line for each vehicle."""
     table = Table(
-        "vehicle", "status", "mode", "messages", box=box.SIMPLE, title=title, title_justify="left"
+        *("vehicle", "status", "mode", "messages"),
+        box=box.SIMPLE,
+        title=mission.name,
+        title_justify="left",
     )
     for heading in (*COLUMNS, "refused"):
         table.add_column(heading, justify="right")
-    for name in names:
-        presence = found.get(name)
+    for vehicle in names_of(mission):
+        presence = found.get(vehicle)
         if presence is None:
-            table.add_row(name, "never seen")
+            table.add_row(vehicle, "never seen")
             continue
-        figures = (presence.figures.get(key) for key in COLUMNS.values())
-        cells = ("-" if figure is None else f"{figure:.2f}" for figure in figures)
+        cells = (
+            " / ".join(
+                "-"
+                if (figure := presence.figures.get(f"{name}_{share}")) is None
+                else f"{figure:.1f}"
+                for share in ("p50", "p99")
+            )
+            for name in COLUMNS.values()
+        )
         refused = f"{presence.figures.get('refused', 0.0):.0f}"
         messages = SIGNED if presence.signed else INSECURE
-        table.add_row(name, presence.status, presence.mode, messages, *cells, refused)
+        table.add_row(vehicle, presence.status, presence.mode, messages, *cells, refused)
     return table

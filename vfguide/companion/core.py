@@ -18,6 +18,7 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.readiness import obstacle
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -283,6 +284,15 @@ class Companion:
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
         return self._role.leader_age(now)
+
+    def obstacle(self, now: float) -> str | None:
+        """What would keep it from steering now, in words; None where nothing would."""
+        return obstacle(
+            self._timeouts,
+            telemetry_age=now - self._telemetry_time,
+            doubts=self._own.doubts,
+            leader_age=self.leader_age(now),
+        )
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
         """One datagram, whose commands wait for their answers from now on."""

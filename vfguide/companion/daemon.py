@@ -288,6 +288,7 @@ class Daemon:
                 time_s=now,
                 version=VERSION,
                 signed=self._surroundings.trust.signs,
+                obstacle=self._companion.obstacle(now) or "",
                 figures=self._figures(),
             )
         )

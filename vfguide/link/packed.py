@@ -10,7 +10,7 @@ on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 | a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
-| a presence | the leader's session (u64), flags (u8: online, signed), mode and version (16 characters) |
+| a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
 
 The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
 packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
@@ -46,17 +46,18 @@ BEAT = struct.Struct("<BBBH")
 MOTION = struct.Struct("<iiiHHhhh")
 QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
-PRESENCE_TEXT = 16
-"""Characters of mode and version."""
-
-PRESENCE = struct.Struct(f"<QB{PRESENCE_TEXT}s")
+PRESENCE = struct.Struct("<QB10s8s")
 EPOCH = struct.Struct("<Q")
 
 NOT_STEERED = 0x80
 """Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
 
-ONLINE, SIGNED = 0x01, 0x02
+ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
 """Flags of a presence."""
+
+OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
+LINKS_LOST = "links_lost"
+"""What becomes of the last two."""
 
 LEADER = 0
 """Number of the leader."""
@@ -207,10 +208,12 @@ def encode_answer(to: int, number: int, session: int, received: int) -> bytes:
 
 
 def encode_packed_presence(presence: Presence, session: int) -> bytes:
-    """The body of a presence: without its figures, its version as far as there is room."""
+    """The body of a presence: without its figures, its texts as far as there is room."""
     flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
-    texts = f"{presence.mode} {presence.version}".encode("ascii", "replace")[:PRESENCE_TEXT]
-    return PRESENCE.pack(session, flags, texts)
+    flags |= OBSTACLE * bool(presence.obstacle)
+    flags |= LINK_LOST * (presence.figures.get(LINKS_LOST, 0.0) > 0.0)
+    mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
+    return PRESENCE.pack(session, flags, mode, version)
 
 
 def encode_packet(
@@ -301,9 +304,9 @@ def _answer(packet: Packet, body: bytes) -> Packet:
 
 
 def _presence(packet: Packet, body: bytes) -> Packet:
-    session, flags, texts = _fields(PRESENCE, body)
+    session, flags, *texts = _fields(PRESENCE, body)
     try:
-        mode, _, version = texts.rstrip(b"\0").decode("ascii").partition(" ")
+        mode, version = (text.rstrip(b"\0").decode("ascii") for text in texts)
     except UnicodeDecodeError:
         raise LinkDataError("no text") from None
     if not (mode + version).isprintable():
@@ -314,6 +317,8 @@ def _presence(packet: Packet, body: bytes) -> Packet:
         time_s=packet.ticks * TICK_S,
         version=version,
         signed=bool(flags & SIGNED),
+        obstacle=OBSTACLE_TEXT if flags & OBSTACLE else "",
+        figures={LINKS_LOST: 1.0} if flags & LINK_LOST else {},
     )
     return replace(packet, session=session, presence=presence)
 

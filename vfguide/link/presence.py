@@ -33,6 +33,8 @@ class Presence:
     """Of the vehicle's companion."""
     signed: bool = False
     """Whether its messages are signed; else anybody can say what it says."""
+    obstacle: str = ""
+    """What would keep it from steering now, in words; empty where nothing would."""
     figures: dict[str, float] = field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
@@ -71,6 +73,7 @@ def decode_presence(data: bytes) -> Presence:
         time_s=_number(content.get("time_s")),
         version=_text(content.get("version", "")),
         signed=content.get("signed") is True,
+        obstacle=_text(content.get("obstacle", "")),
         figures=_figures(content.get("figures", {})),
     )
 

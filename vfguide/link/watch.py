@@ -50,13 +50,6 @@ def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
     raise InputError("the key is no operator's in the roster; run `vfguide keys make`")
 
 
-@asynccontextmanager
-async def watching(watched: Watched, *, random: Random) -> AsyncIterator[Mapping[str, Presence]]:
-    """Presences by vehicle, kept current for as long as the context lasts; old ones while no link stands."""
-    async with _spectator(watched, random) as (_, found):
-        yield found
-
-
 async def presences(watched: Watched, *, seconds: float, random: Random) -> dict[str, Presence]:
     """What each vehicle of a formation last said about itself, by name.
 
@@ -70,7 +63,7 @@ async def presences(watched: Watched, *, seconds: float, random: Random) -> dict
     Raises:
         VfguideError: no link stands.
     """
-    async with _spectator(watched, random) as (link, found):
+    async with watching(watched, random=random) as (link, found):
         check_connected(link)
         slowest_s = max(carrier.presence_s for carrier in link.carriers)
         await asyncio.sleep(max(seconds, HEARD_SHARE * slowest_s))
@@ -84,7 +77,7 @@ async def check_reachable(watched: Watched, *, random: Random) -> None:
     Raises:
         VfguideError: none does; the text says why.
     """
-    async with _spectator(watched, random) as (link, _):
+    async with watching(watched, random=random) as (link, _):
         check_connected(link)
 
 
@@ -99,10 +92,10 @@ def check_connected(link: Link) -> None:
 
 
 @asynccontextmanager
-async def _spectator(
-    watched: Watched, random: Random
-) -> AsyncIterator[tuple[Link, dict[str, Presence]]]:
-    """A link on which presences come in, and those that have."""
+async def watching(
+    watched: Watched, *, random: Random
+) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
+    """A link on which presences come in, and those that have, by vehicle; old ones while no link stands."""
     found: dict[str, Presence] = {}
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
     if watched.roster is not None:

@@ -1,7 +1,8 @@
 """Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -11,11 +12,14 @@ from vfguide.mission.explain import explain
 from vfguide.mission.faults import Fault, MissionError
 from vfguide.mission.flight_path import Location, MissionSource
 from vfguide.mission.model import Mission
-from vfguide.mission.yaml_tree import Tree, TreeError, read_tree
+from vfguide.mission.yaml_tree import MAX_NODES, Tree, TreeError, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular
 
 MAX_BYTES = 1024 * 1024
 """Far beyond any mission; what is larger is something else."""
+
+DEFAULTS = "defaults"
+"""Under `vehicles`: what all of them have that do not say otherwise."""
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -74,6 +78,7 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
         raise _error(
             file, f"the file {found}", "begin with name: …; see the missions that come along"
         )
+    spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
     faults = [Fault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults]
     mission = None
@@ -81,9 +86,47 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
         mission = Mission.model_validate(tree.data)
     except ValidationError as error:
         faults += _validation_faults(error, tree.data, source)
+        faults = [*dict.fromkeys(where_it_stands(one, spread) for one in faults)]
     if mission is None or faults:
         raise MissionError(_in_order(faults))
     return LoadedMission(mission, source)
+
+
+def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
+    """Put the fields of `vehicles.defaults` into every vehicle that does not have them itself.
+
+    Returns:
+        Where each such field of a vehicle really stands.
+
+    Raises:
+        MissionError: there are too many of them.
+    """
+    vehicles = tree.data.get("vehicles") if isinstance(tree.data, dict) else None
+    defaults = vehicles.get(DEFAULTS) if isinstance(vehicles, dict) else None
+    if not isinstance(vehicles, dict) or not isinstance(defaults, dict):
+        return {}
+    place = ("vehicles", DEFAULTS)
+    lines = [(at[2:], line) for at, line in tree.lines.items() if at[:2] == place and at != place]
+    if len(vehicles) * len(lines) > MAX_NODES:
+        raise _error(file, f"more than {MAX_NODES} entries", "this is no mission file")
+    del vehicles[DEFAULTS]
+    spread: dict[Location, Location] = {}
+    for name, vehicle in vehicles.items():
+        if vehicle is not None and not isinstance(vehicle, dict):
+            continue
+        own = vehicle or {}
+        vehicles[name] = {**copy.deepcopy(defaults), **own}
+        for (field, *rest), line in lines:
+            if field not in own:
+                spread["vehicles", name, field] = (*place, field)
+                tree.lines["vehicles", name, field, *rest] = line
+    return spread
+
+
+def where_it_stands(fault: Fault, spread: Mapping[Location, Location]) -> Fault:
+    """The fault of a vehicle's field at the place in the file that it comes from."""
+    place = spread.get(fault.location[:3])
+    return fault if place is None else replace(fault, location=(*place, *fault.location[3:]))
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -150,7 +150,7 @@ class Mission(Section):
     """Who follows, and where; a leader alone is a mission too."""
 
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
-    """Every vehicle of the mission by name."""
+    """Every vehicle of the mission by name; `defaults` holds what all have that do not say otherwise."""
 
     controller: Annotated[
         SerializeAsAny[Controller],

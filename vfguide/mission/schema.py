@@ -26,6 +26,20 @@ def mission_schema() -> dict[str, object]:
         group = f"Gains of `{name}`, for when the mission is flown by it."
         controller[name] = {"$ref": f"#/$defs/{gains['title']}", "description": group}
     schema["$defs"]["Vehicle"]["properties"]["autopilot"]["enum"] = list(autopilots.own)
+    defaults = {key: one for key, one in schema["$defs"]["Vehicle"].items() if key != "required"}
+    schema["$defs"]["VehicleDefaults"] = defaults | {
+        "title": "VehicleDefaults",
+        "description": "What every vehicle has that does not say otherwise.",
+    }
+    vehicles = schema["properties"]["vehicles"]
+    ((pattern, vehicle),) = vehicles["patternProperties"].items()
+    vehicles["patternProperties"] = {pattern.replace("^", "^(?!defaults$)", 1): vehicle}
+    vehicles["properties"] = {
+        "defaults": {
+            "$ref": "#/$defs/VehicleDefaults",
+            "description": "What every vehicle has that does not say otherwise.",
+        }
+    }
     plant = schema["$defs"]["Emulator"]["properties"]["plant"]["anyOf"]
     plant[0]["enum"] = list(plants.own)
     del schema["$defs"]["PathShape"]

@@ -1,12 +1,13 @@
 """YAML text → plain data, with the line of every field.
 
 Only what a mission file needs is understood: groups, lists, text, numbers, true/false and null, by the
-rules of YAML 1.2 that editors follow (`no` and `12:30` are text, `1e3` is a number). Aliases and foreign tags
-are refused, and size and depth are bounded: a mission file may come from anywhere.
+rules of YAML 1.2 that editors follow (`no` and `12:30` are text, `1e3` is a number). An alias stands for all
+that its anchor holds, and `<<: *anchor` puts the anchor's fields into a group. Foreign tags are refused, and
+size and depth are bounded, with aliases written out: a mission file may come from anywhere.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import yaml
@@ -17,6 +18,8 @@ from vfguide.mission.flight_path import Location
 MAX_DEPTH = 16
 MAX_NODES = 20_000
 MAX_DIGITS = 400
+MERGE = "<<"
+"""The key whose value's fields become the group's own, where the group does not have them."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
@@ -99,7 +102,8 @@ class _Reader:
     def __init__(self, text: str) -> None:
         self._tree = Tree()
         self._nodes = 0
-        self._events: Iterator[yaml.Event] = self._bounded(yaml.parse(text, Loader=yaml.SafeLoader))
+        events = yaml.parse(text, Loader=yaml.SafeLoader)
+        self._events: Iterator[yaml.Event] = self._bounded(written_out(events))
 
     def read(self) -> Tree:
         for event in self._events:
@@ -113,7 +117,7 @@ class _Reader:
         return self._tree
 
     def _bounded(self, events: Iterator[yaml.Event]) -> Iterator[yaml.Event]:
-        """The events, as long as they are few, shallow and without aliases."""
+        """The events, as long as they are few and shallow."""
         depth = 0
         for event in events:
             self._nodes += isinstance(event, yaml.NodeEvent)
@@ -123,9 +127,6 @@ class _Reader:
                 message, remedy = f"more than {MAX_NODES} entries", "this is no mission file"
             elif depth > MAX_DEPTH:
                 message, remedy = "nested too deeply", "no field lies that deep"
-            elif isinstance(event, yaml.AliasEvent):
-                message = f"alias *{shortened(str(event.anchor))} is not supported"
-                remedy = "write the value out"
             else:
                 yield event
                 continue
@@ -145,12 +146,16 @@ class _Reader:
 
     def _mapping(self, location: Location) -> dict[str, object]:
         found: dict[str, object] = {}
+        merged: list[tuple[dict[str, object], dict[Location, int]]] = []
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
                 message = "a list or group cannot be the name of a field"
                 raise TreeError(TreeFault(_line(event), location, message, "write name: value"))
             name = self._text(event, location)
             inner = (*location, name)
+            if name == MERGE and event.style is None:
+                merged += self._merged(next(self._events), location)
+                continue
             if name in found:
                 first = self._tree.lines[inner]
                 message = f"given twice, first in line {first}"
@@ -159,7 +164,33 @@ class _Reader:
                 continue
             self._tree.lines[inner] = _line(event)
             found[name] = self._value(next(self._events), inner)
+        own = {*found}
+        # Of several groups the first that has a field gives it.
+        for fields, lines in merged:
+            new = {*fields} - {*found}
+            found |= {name: fields[name] for name in fields if name in new}
+            place = len(location)
+            for inner, line in lines.items():
+                if len(inner) > place and inner[place] in new and inner[place] not in own:
+                    self._tree.lines[inner] = line
         return found
+
+    def _merged(
+        self, event: yaml.Event, location: Location
+    ) -> Iterator[tuple[dict[str, object], dict[Location, int]]]:
+        """The groups that are merged into one, each with the lines of its fields."""
+        if isinstance(event, yaml.SequenceStartEvent):
+            while not isinstance(one := next(self._events), yaml.SequenceEndEvent):
+                yield from self._merged(one, location)
+            return
+        outer, self._tree.lines = self._tree.lines, {}
+        fields = self._value(event, location)
+        inner, self._tree.lines = self._tree.lines, outer
+        if isinstance(fields, dict):
+            yield fields, inner
+        else:
+            message, remedy = "<<: takes a group of fields", "write <<: *name of an anchor"
+            self._tree.faults.append(TreeFault(_line(event), location, message, remedy))
 
     def _sequence(self, location: Location) -> list[object]:
         found: list[object] = []
@@ -189,6 +220,37 @@ class _Reader:
             message = f"tag {shortened(short)} is not supported"
             fault = TreeFault(_line(event), location, message, "write the plain value")
             self._tree.faults.append(fault)
+
+
+def written_out(events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
+    """The events with those of its anchor in place of each alias.
+
+    Raises:
+        TreeError: an alias stands for nothing, or for what it is itself a part of.
+    """
+    held: dict[str, list[yaml.Event]] = {}
+    open_anchors: list[tuple[str | None, list[yaml.Event]]] = []
+    for event in events:
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in held:
+                message = f"alias *{shortened(str(event.anchor))} has no anchor before it"
+                remedy = f"put &{shortened(str(event.anchor))} before the value that it stands for"
+                raise TreeError(TreeFault(_line(event), (), message, remedy))
+            content = held[event.anchor]
+        else:
+            content = [event]
+        for one in content:
+            for _, inside in open_anchors:
+                inside.append(one)
+            yield one
+        if isinstance(event, yaml.CollectionStartEvent):
+            open_anchors.append((event.anchor, [event]))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, inside = open_anchors.pop()
+            if anchor is not None:
+                held[anchor] = inside
+        elif isinstance(event, yaml.ScalarEvent) and event.anchor is not None:
+            held[event.anchor] = [event]
 
 
 def _line(event: yaml.Event) -> int:

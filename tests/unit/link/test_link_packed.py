@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError
 from vfguide.link.packed import (
     LEADER,
+    OBSTACLE_TEXT,
     TAG_SIZE,
     TICK_S,
     BeatInfo,
@@ -34,7 +35,15 @@ from vfguide.link.radio_schedule import LONGEST_FRAME, SHORTEST_FRAME
 
 BEAT = BeatInfo(beat=3, beats=4, members=12, period_ms=100)
 TAG = bytes(TAG_SIZE)
-PRESENCE = Presence(status="online", mode="predicting", time_s=7.0, version="12.34.56", signed=True)
+PRESENCE = Presence(
+    status="online",
+    mode="predicting",
+    time_s=7.0,
+    version="12.34.56.dev7",
+    signed=True,
+    obstacle="no position",
+    figures={"links": 2.0, "links_lost": 1.0},
+)
 
 BODIES = {
     PackedKind.BEAT: encode_beat(BEAT),
@@ -136,8 +145,22 @@ def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind: PackedKind) ->
         assert packet.received == 123
     if kind is PackedKind.PRESENCE:
         assert packet.session == 2**64 - 1
-        # As much of the version as there is room for, and the formation's time.
-        assert packet.presence == replace(PRESENCE, version="12.34", time_s=TICK_S)
+        # As much of the version as there is room for, the formation's time, and that something is wrong.
+        assert packet.presence == replace(
+            PRESENCE,
+            version="12.34.56",
+            time_s=TICK_S,
+            obstacle=OBSTACLE_TEXT,
+            figures={"links_lost": 1.0},
+        )
+
+
+def test_a_companion_that_is_ready_says_so() -> None:
+    ready = replace(PRESENCE, obstacle="", figures={"links": 2.0, "links_lost": 0.0})
+    packet = decode_packet(packed(PackedKind.PRESENCE, encode_packed_presence(ready, 1)))
+    assert packet.presence is not None
+    assert not packet.presence.obstacle
+    assert not packet.presence.figures
 
 
 def test_a_question_is_as_long_as_its_answer() -> None:
@@ -166,8 +189,8 @@ def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
         (packed(PackedKind.BEAT, encode_beat(BEAT), steered=False), "flag"),
         (b"\x09" + bytes(30), "no kind"),
         (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(18), sender=1), "no place"),
-        (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 16), "no text"),
-        (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(13)), "printed"),
+        (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
+        (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(15)), "printed"),
     ],
 )
 def test_what_is_wrong_is_refused(data: bytes, fault: str) -> None:

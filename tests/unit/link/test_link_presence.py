@@ -20,6 +20,7 @@ SOUND = st.builds(
     mode=TEXTS,
     time_s=FINITE,
     version=TEXTS,
+    obstacle=TEXTS,
     figures=st.dictionaries(st.text("abc_", max_size=8), FINITE, max_size=10),
 )
 JSON: Any = st.recursive(

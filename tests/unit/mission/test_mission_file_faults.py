@@ -224,7 +224,9 @@ def test_a_name_is_proposed_once() -> None:
         (b"name: a\n\x00", "m.yaml:2: character U+0000 cannot stand"),
         (b"name: a\n  path: b", "m.yaml:2: not valid YAML"),
         (b"name: [1", "m.yaml:1: not valid YAML"),
-        (b"a: &a [1]\nb: *a\n", "m.yaml:2: alias *a is not supported"),
+        (b"a: 1\nb: *a\n", "m.yaml:2: alias *a has no anchor before it"),
+        (b"a: &a [1, *a]\n", "m.yaml:1: alias *a has no anchor before it"),
+        (b"a: &a [1]\n<<: *a\n", "m.yaml:1: <<: takes a group of fields"),
         (b"[" * 100_000, "m.yaml:1: nested too deeply"),
         (b"- 1\n" * 30_000, "more than 20000 entries"),
         (b"? [a]\n: 1\n", "a list or group cannot be the name of a field"),
@@ -234,7 +236,7 @@ def test_a_name_is_proposed_once() -> None:
         (b"name: " + b"9" * 5000, "name: inf is not text"),
         (b"%YAML " + b"9" * 5000 + b".1\n---\nname: a", "not valid YAML"),
     ],
-    ids=range(17),
+    ids=range(19),
 )
 def test_what_is_no_mission_at_all_is_refused_in_one_line(content: bytes, expected: str) -> None:
     assert any(expected in one for one in faults_of(content))

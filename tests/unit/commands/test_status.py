@@ -1,0 +1,84 @@
+"""What `vfguide status` makes of the presences: ready or not, in one line, and who has fallen silent."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vfguide.commands.status import Freshness, readiness, status_json
+from vfguide.companion.readiness import DOUBTED, NO_LEADER, NOTHING_HEARD, obstacle
+from vfguide.companion.supervisor import Timeouts
+from vfguide.link.presence import Presence
+from vfguide.mission import load_mission
+
+MISSION = load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+READY = Presence(status="online", mode="waiting", time_s=1.0, version="1", signed=True)
+ALL = dict.fromkeys(("leader", "f1", "f2", "f3"), READY)
+
+
+def test_a_formation_whose_companions_are_all_ready_may_go() -> None:
+    assert readiness(MISSION, ALL) == "GO  line-calm: all 4 companions are ready"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"f1": None}, "f1: no companion is heard"),
+        ({"f1": replace(READY, status="offline")}, "f1: its companion is offline"),
+        ({"f1": replace(READY, obstacle=NO_LEADER)}, f"f1: {NO_LEADER}"),
+        ({"f1": replace(READY, signed=False)}, "f1: its messages are not signed (--insecure)"),
+        ({"f1": replace(READY, figures={"links_lost": 1.0})}, "f1: 1 of its links is lost"),
+        ({"f1": replace(READY, version="2")}, "companions of different versions: 1, 2"),
+    ],
+)
+def test_whatever_speaks_against_it_is_said(change: dict[str, Presence | None], said: str) -> None:
+    found = {name: one for name, one in {**ALL, **change}.items() if one is not None}
+    assert readiness(MISSION, found) == f"NO-GO  {said}"
+
+
+def test_everything_that_speaks_against_it_stands_in_one_line() -> None:
+    line = readiness(MISSION, {"f1": replace(READY, obstacle=NOTHING_HEARD)})
+    assert line.count("no companion is heard") == 3
+    assert NOTHING_HEARD in line
+    assert "\n" not in line
+
+
+def test_a_kept_presence_that_does_not_change_is_a_companion_that_is_gone() -> None:
+    freshness = Freshness()
+    assert freshness.judge({"f1": READY}, 10.0)["f1"] == READY
+    assert freshness.judge({"f1": READY}, 15.0)["f1"].status == "online"
+    gone = freshness.judge({"f1": READY}, 16.0)["f1"]
+    assert (gone.status, gone.obstacle) == ("offline", "its companion has been silent for 6 s")
+    # Heard anew, it counts from then on.
+    again = replace(READY, time_s=2.0)
+    assert freshness.judge({"f1": again}, 17.0)["f1"] == again
+
+
+@pytest.mark.parametrize(
+    ("telemetry_age", "doubts", "leader_age", "expected"),
+    [
+        (0.1, False, 0.1, None),
+        (float("inf"), False, 0.1, NOTHING_HEARD),
+        (float("nan"), False, 0.1, NOTHING_HEARD),
+        (0.1, True, 0.1, DOUBTED),
+        (0.1, False, float("inf"), NO_LEADER),
+        (1.1, True, 9.0, NOTHING_HEARD),
+    ],
+)
+def test_the_first_obstacle_is_told(
+    telemetry_age: float, leader_age: float, expected: str | None, *, doubts: bool
+) -> None:
+    found = obstacle(Timeouts(), telemetry_age=telemetry_age, doubts=doubts, leader_age=leader_age)
+    assert found == expected
+
+
+def test_the_json_holds_what_keeps_each_from_steering() -> None:
+    content = status_json(MISSION, {"f1": replace(READY, obstacle=NO_LEADER)})
+    assert content["f1"] == {
+        "status": "online",
+        "mode": "waiting",
+        "version": "1",
+        "signed": True,
+        "obstacle": NO_LEADER,
+    }
+    assert content["leader"] == {"status": "never seen"}
