@@ -294,7 +294,7 @@ class Station:
         about = packet.sender, packet.kind
         order = packet.number if packet.kind is PackedKind.QUESTION else packet.ticks
         before = self._newest.get(about)
-        if before is not None and not self._member.trust.takes_all:
+        if before is not None:
             known, newest = before
             repeated = order == newest if packet.kind is PackedKind.QUESTION else order <= newest
             if known == epoch and repeated:

@@ -430,6 +430,20 @@ def test_who_watches_hears_presences_and_is_silent() -> None:
     assert watcher.station.next_turn(channel.air.now) is None
 
 
+def test_who_watches_is_told_nothing_by_a_repeated_presence() -> None:
+    channel, _, one, _ = formation()
+    watcher = channel.craft("eye", session=8, watches=True)
+    frames = channel.record()
+    channel.fly(10.0)
+    kept = dict(watcher.presences)
+    said = [frame for frame in frames if packets_of([frame]) == [PackedKind.PRESENCE]]
+    for frame in said[:-2]:
+        watcher.station.hear(frame, channel.air.now)
+    assert watcher.presences == kept
+    assert watcher.counters["copies"] == len(said[:-2]) > 3
+    assert one.member.trust.proven
+
+
 def test_a_formation_of_twelve_fits_into_half_of_4000_bytes_a_second() -> None:
     channel = Shared()
     names = (LEADER, *(f"v{number:02}" for number in range(11)))
