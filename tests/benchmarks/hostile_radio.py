@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
@@ -45,7 +46,7 @@ class Hostile:
         self._random = Random(1)
         self._real = real
         self._key = key
-        self._kinds = (
+        self._kinds: tuple[Callable[[], bytes], ...] = (
             lambda: self._random.randbytes(self._random.randrange(100)),
             lambda: encode_frame(self._one())[: self._random.randrange(1, 40)],
             lambda: encode_frame(self._changed()),
