@@ -28,6 +28,7 @@ REAL_TIME = {
     "integration/foreign": 2,
     "integration/live": 2,
     "integration/mqtt": 2,
+    "integration/radio": 2,
     "integration/sitl_stub": 2,
     "integration/transports": 2,
     "integration/udp": 2,

@@ -166,7 +166,12 @@ links = Registry(
     "link",
     group="vfguide.links",
     has=("address_of", "run"),
-    own={"mqtt": "vfguide.link.mqtt", "mqtts": "vfguide.link.mqtt", "udp": "vfguide.link.udp"},
+    own={
+        "mqtt": "vfguide.link.mqtt",
+        "mqtts": "vfguide.link.mqtt",
+        "udp": "vfguide.link.udp",
+        "serial": "vfguide.link.radio",
+    },
 )
 """What carries a formation's messages, by the scheme of its address."""
 

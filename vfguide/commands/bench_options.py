@@ -98,6 +98,48 @@ def trust(
 
 
 @bench.command()
+def radio(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=20.0, max=600.0, help="Length of each flight.")
+    ] = 120.0,
+    aircraft: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", min=2, max=12, help="Size of a formation; 2, 4, 8 and 12."),
+    ] = None,
+    rate: Annotated[
+        list[float] | None,
+        typer.Option(metavar="HZ", min=0.5, max=20.0, help="The leader's; 20, 10, 5 and 2."),
+    ] = None,
+    followers: Annotated[
+        float, typer.Option(metavar="HZ", min=0.5, max=20.0, help="Rate of each follower.")
+    ] = 2.5,
+    loss: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of packets that a receiver misses.")
+    ] = 0.0,
+    bursts: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of the time that it misses all.")
+    ] = 0.0,
+    json_file: JsonFile = None,
+) -> None:
+    """Fly circle-wind over an emulated radio of 57600 baud and 4000 B/s that all share.
+
+    The mean slot error for each size of the formation and each rate of the leader, through MAVLink bytes.
+    """
+    from vfguide.commands.bench_radio import show_radio
+
+    show_radio(
+        seconds=seconds,
+        aircraft=aircraft,
+        rates_hz=rate,
+        followers_hz=followers,
+        loss=loss,
+        bursts=bursts,
+        json_file=json_file,
+    )
+
+
+@bench.command()
 @with_plugins
 def ablations(
     *,

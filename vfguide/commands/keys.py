@@ -17,6 +17,7 @@ from vfguide.link.keys import (
     Roster,
     key_places,
     make_keys,
+    make_radio_key,
     public_bytes,
     read_private_key,
     read_roster,
@@ -48,7 +49,7 @@ def make(mission: Mission, file: Path, operators: Sequence[str]) -> None:
             )
     places = key_places(file)
     made = make_keys(places, mission.name, vehicles_of(mission), operators=operators or (OPERATOR,))
-    tell_made(places, made)
+    tell_made(places, made, radio=make_radio_key(places))
 
 
 def rotate(mission: Mission, file: Path, names: Sequence[str]) -> None:
@@ -68,18 +69,24 @@ def rotate(mission: Mission, file: Path, names: Sequence[str]) -> None:
     made = make_keys(
         places, mission.name, vehicles_of(mission), operators=(), anew=tuple(names) or members
     )
-    tell_made(places, made)
+    # Who had the key that is replaced had this one, too.
+    tell_made(places, made, radio=make_radio_key(places, anew=True))
 
 
-def tell_made(places: KeyPlaces, made: Sequence[str]) -> None:
+def tell_made(places: KeyPlaces, made: Sequence[str], *, radio: bool) -> None:
     """Say what is new, and what is to be done with it."""
     output = Terminal()
-    if not made:
+    if radio:
+        output.tell(f"{places.radio}: new radio key, the same for all members that share a radio")
+    if not made and not radio:
         output.tell(f"{places.roster}: everybody has a key; nothing was changed")
         return
     for name in made:
         output.tell(f"{places.private(name)}: new private key, for {name} alone")
-    output.tell(f"{places.roster}: new roster, for everybody; companions read it when they start")
+    if made:
+        output.tell(
+            f"{places.roster}: new roster, for everybody; companions read it when they start"
+        )
 
 
 def show(mission: Mission, file: Path, *, as_json: bool) -> int:

@@ -26,8 +26,9 @@ from vfguide.mission.feasibility import check_mission
 LISTEN_S = 1.5
 """Long enough for a presence from everybody who lives."""
 
-SILENT_S = 5.0
-"""A companion that has not said for so long how it is counts as gone: a kept presence may be old."""
+SILENT_S, SILENT_TURNS = 5.0, 2.5
+"""A companion that has not said for so long how it is counts as gone: a kept presence may be old. On a slow
+link that is more than two of its turns."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 
@@ -86,9 +87,10 @@ async def keep_showing(
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
-    freshness = Freshness()
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
+        slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        freshness = Freshness(max(SILENT_S, SILENT_TURNS * slowest_s))
         await asyncio.sleep(LISTEN_S)
         with Live(console=output, auto_refresh=False) as live:
             while not ended.is_set():
@@ -108,7 +110,9 @@ async def keep_showing(
 class Freshness:
     """Which presences are of now: a broker keeps the last one of a companion that is gone, too."""
 
-    def __init__(self) -> None:
+    def __init__(self, silent_s: float = SILENT_S) -> None:
+        """Begin with nobody heard; who says nothing for so long (s) is offline."""
+        self._silent_s = silent_s
         self._heard: dict[str, tuple[float, float]] = {}
 
     def judge(self, found: Mapping[str, Presence], now: float) -> dict[str, Presence]:
@@ -125,7 +129,7 @@ class Freshness:
                 heard = now
             self._heard[name] = (presence.time_s, heard)
             silent_s = now - heard
-            if silent_s > SILENT_S and presence.status == "online":
+            if silent_s > self._silent_s and presence.status == "online":
                 text = f"its companion has been silent for {silent_s:.0f} s"
                 judged[name] = replace(presence, status="offline", obstacle=text)
             else:

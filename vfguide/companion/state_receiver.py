@@ -26,6 +26,9 @@ PAST_S = 60.0
 """A state that is older than this when it arrives is not believed either."""
 
 
+COPY_S = 1e-3
+"""States whose times are as near as that are copies of one, over links that round times differently."""
+
 ANY_REACH = reach_of(Airframe(airspeed_max=60.0, max_bank=math.radians(60.0)))
 """What the aircraft of others can do at most: a listener does not know their limits."""
 
@@ -72,7 +75,7 @@ class StateReceiver:
         # Not "below": where the shared clock is not known yet the time is NaN.
         elif not time_s >= now - PAST_S:
             self.counters["too old"] += 1
-        elif time_s <= self._judged_s:
+        elif time_s <= self._judged_s + COPY_S:
             self.counters["not newer"] += 1
         else:
             return self._judge(motion, time_s)

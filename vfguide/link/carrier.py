@@ -26,6 +26,9 @@ class Carrier(ABC):
     name: ClassVar[str]
     """The scheme of its addresses; set by `@link`."""
 
+    presence_s: ClassVar[float] = 1.0
+    """Every member has said how it is within this time, s, where presences are not kept."""
+
     def __init__(
         self,
         address: Any,  # noqa: ANN401 - each carrier has addresses of its own

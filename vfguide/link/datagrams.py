@@ -85,9 +85,13 @@ class DatagramCarrier(Carrier):
         if data in self._sent:
             return
         if self._member.take(data):
-            self._heard_s = asyncio.get_running_loop().time()
-            if not self.status.connected:
-                self._up()
+            self.heard()
+
+    def heard(self) -> None:
+        """Note that a member of the formation was heard: the link stands."""
+        self._heard_s = asyncio.get_running_loop().time()
+        if not self.status.connected:
+            self._up()
 
     def broke(self, error: Exception) -> None:
         """Note that sending or hearing failed: it is opened again."""
@@ -106,8 +110,8 @@ class DatagramCarrier(Carrier):
                 reason = described_error(error)
             if self._stop.is_set():
                 return
-            heard = asyncio.get_running_loop().time() - self._heard_s < SILENCE_S + BEAT_S
-            failures = 1 if heard else failures + 1
+            recent = asyncio.get_running_loop().time() - self._heard_s < SILENCE_S + BEAT_S
+            failures = 1 if recent else failures + 1
             self.status.down(reason)
             with suppress(TimeoutError):
                 async with asyncio.timeout(retry_delay(failures, self._random.random())):
@@ -142,7 +146,7 @@ class DatagramCarrier(Carrier):
         try:
             while not self._stop.is_set() and not self._broken:
                 self._wake.clear()
-                self._beat(self._presence)
+                self.say(self._presence)
                 silent_s = loop.time() - max(self._heard_s, opened_s)
                 if silent_s > SILENCE_S:
                     return "nobody is heard; is anybody else on this network?"
@@ -153,7 +157,7 @@ class DatagramCarrier(Carrier):
                         await self._wake.wait()
             if not self._broken and not self._member.watches:
                 for _ in range(GOODBYES):
-                    self._beat(replace(self._presence, status="offline"))
+                    self.say(replace(self._presence, status="offline"))
             return self._broken
         finally:
             self._open = False
@@ -164,8 +168,8 @@ class DatagramCarrier(Carrier):
             self.status.up()
             self._member.hurry.set()
 
-    def _beat(self, presence: Presence) -> None:
-        """Say how this member is."""
+    def say(self, presence: Presence) -> None:
+        """Say how this member is: once a second, and at the end."""
         if self._member.watches:
             return
         data = self._member.presence(presence).data

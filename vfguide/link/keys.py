@@ -5,6 +5,7 @@ unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its
 """
 
 import os
+import secrets
 import stat
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -32,6 +33,9 @@ LARGEST_KEY = 4096
 
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 """Permissions of everybody but the owner."""
+
+RADIO_KEY, RADIO_KEY_SIZE = "radio.psk", 32
+"""File with the key by which members know each other on a radio, 64 hexadecimal digits, and its bytes."""
 
 OPERATOR = "operator"
 """Name of the key pair of those who watch and order, made along with the vehicles'."""
@@ -71,6 +75,11 @@ class KeyPlaces:
         """The private key of a member."""
         return self.directory / f"{name}.key"
 
+    @property
+    def radio(self) -> Path:
+        """The radio key, the same for all members."""
+        return self.directory / RADIO_KEY
+
 
 def key_places(mission: Path) -> KeyPlaces:
     """Where the keys of a mission file are."""
@@ -88,24 +97,7 @@ def read_private_key(path: Path, environment: Mapping[str, str] = os.environ) ->
     Raises:
         InputError: it cannot be read, is no Ed25519 key, or others than its owner may read it.
     """
-    try:
-        with open_regular(path) as stream:
-            found = os.fstat(stream.fileno())
-            content = stream.read(LARGEST_KEY + 1)
-    except OSError as error:
-        raise InputError(
-            f"{path}: the private key cannot be read ({error.strerror}); make keys with `vfguide keys make`"
-        ) from None
-    # systemd keeps others out of this directory by an access list, which shows as the group's permissions.
-    credentials = environment.get("CREDENTIALS_DIRECTORY")
-    kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
-    if not kept_by_systemd:
-        if found.st_mode & OTHERS:
-            raise InputError(f"{path}: others may read this private key; run: chmod 600 {path}")
-        if found.st_uid not in {os.geteuid(), 0}:
-            raise InputError(
-                f"{path}: this private key belongs to another user; run: chown {os.geteuid()} {path}"
-            )
+    content = read_secret(path, "private key", environment)
     try:
         key = load_pem_private_key(content, password=None)
     except (ValueError, TypeError, UnsupportedAlgorithm):
@@ -115,10 +107,72 @@ def read_private_key(path: Path, environment: Mapping[str, str] = os.environ) ->
     return key
 
 
+def read_radio_key(path: Path, environment: Mapping[str, str] = os.environ) -> bytes:
+    """The radio key in a file, 32 bytes.
+
+    Raises:
+        InputError: it cannot be read, is none, or others than its owner may read it.
+    """
+    content = read_secret(path, "radio key", environment)
+    try:
+        key = bytes.fromhex(content.decode("ascii"))
+    except ValueError:
+        key = b""
+    if len(key) != RADIO_KEY_SIZE:
+        raise InputError(
+            f"{path}: is no radio key of {2 * RADIO_KEY_SIZE} hexadecimal digits; see `vfguide keys make`"
+        )
+    return key
+
+
+def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
+    """The content of a file that only its owner may read.
+
+    Args:
+        path: of the file.
+        what: it holds, in words.
+        environment: names systemd's directory of credentials.
+
+    Raises:
+        InputError: it cannot be read, or others may read it.
+    """
+    try:
+        with open_regular(path) as stream:
+            found = os.fstat(stream.fileno())
+            content = stream.read(LARGEST_KEY + 1)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the {what} cannot be read ({error.strerror}); make keys with `vfguide keys make`"
+        ) from None
+    # systemd keeps others out of this directory by an access list, which shows as the group's permissions.
+    credentials = environment.get("CREDENTIALS_DIRECTORY")
+    kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
+    if not kept_by_systemd:
+        if found.st_mode & OTHERS:
+            raise InputError(f"{path}: others may read this {what}; run: chmod 600 {path}")
+        if found.st_uid not in {os.geteuid(), 0}:
+            raise InputError(
+                f"{path}: this {what} belongs to another user; run: chown {os.geteuid()} {path}"
+            )
+    return content
+
+
 def write_private_key(path: Path, key: Ed25519PrivateKey) -> None:
     """Put a private key into a file that only its owner may read, in the place of any before it."""
+    write_secret(path, key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+
+
+def make_radio_key(places: KeyPlaces, *, anew: bool = False) -> bool:
+    """Make the radio key if there is none, or in any case; whether it was made."""
+    if places.radio.exists() and not anew:
+        return False
+    write_secret(places.radio, secrets.token_hex(RADIO_KEY_SIZE).encode() + b"\n")
+    return True
+
+
+def write_secret(path: Path, content: bytes) -> None:
+    """Put something into a file that only its owner may read, in the place of any before it."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    content = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
     partial = path.with_name(f".{path.name}.partial")
     partial.unlink(missing_ok=True)
     descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

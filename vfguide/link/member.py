@@ -42,6 +42,8 @@ class Parcel:
     """For whom it is; empty for everybody."""
     data: bytes
     """The envelope."""
+    body: bytes
+    """What is said, for links that have an envelope of their own."""
 
 
 def ignore(data: bytes) -> None:
@@ -133,17 +135,36 @@ class Member:
         Returns:
             Whether it shows that somebody of the formation is heard, be it by a copy of what came before.
         """
+        return self._guarded(lambda: self._take(data))
+
+    def accept(self, message: Message) -> None:
+        """Take a message that the link itself has found to be true, by tags of its own."""
+        self._believed_s = self.clock()
+        if self._wants(message.kind, message.sender, message.body):
+            self._guarded(lambda: self._use(message))
+
+    def _take(self, data: bytes) -> bool:
+        """Take a message, and tell whether it shows that somebody is heard.
+
+        Raises:
+            RefusedError: it is not believed.
+        """
+        envelope = self.trust.read(data)
+        wanted = self._wants(envelope.kind, envelope.sender, envelope.body)
+        if not (wanted or self._is_sign_of_life(envelope)):
+            return False
+        message = self.trust.believe(envelope, self.clock())
+        self._believed_s = self.clock()
+        if wanted:
+            self._use(message)
+        return True
+
+    def _guarded(self, use: Callable[[], object]) -> bool:
+        """Do something with a message; whether it shows that somebody is heard."""
         try:
-            envelope = self.trust.read(data)
-            wanted = self._wants(envelope)
-            if not (wanted or self._is_sign_of_life(envelope)):
-                return False
-            message = self.trust.believe(envelope, self.clock())
-            self._believed_s = self.clock()
-            if wanted:
-                self._use(message)
+            return use() is not False
         except RefusedError as refusal:
-            self._note_refusal(str(refusal))
+            self.note_refusal(str(refusal))
             return str(refusal) == HEARD_BEFORE
         except Exception:
             # What comes over the network must not end the link, whatever a receiver makes of it.
@@ -152,12 +173,18 @@ class Member:
             self.counters["failed to use"] += 1
         return True
 
+    def accept_presence(self, vehicle: str, presence: Presence) -> None:
+        """Take a presence that the link itself has found to be true."""
+        if self.watches:
+            self._receive_presence(vehicle, presence)
+
     def _is_sign_of_life(self, envelope: Envelope) -> bool:
         """Whether a presence is worth a look only because nothing else was heard for a while."""
         quiet = self.clock() - self._believed_s > QUIET_S
         return quiet and envelope.kind is Kind.PRESENCE and envelope.sender != self.name
 
-    def _note_refusal(self, reason: str) -> None:
+    def note_refusal(self, reason: str) -> None:
+        """Count a message that is not believed; people hear of some reasons the first time."""
         if reason == HEARD_BEFORE:
             # Over several links that is what becomes of every second copy.
             self.counters["copies"] += 1
@@ -169,10 +196,10 @@ class Member:
         if text is not None and self.counters[f"refused: {reason}"] == 1:
             logger.warning(text, self.name)
 
-    def _wants(self, envelope: Envelope) -> bool:
+    def _wants(self, kind: Kind, sender: str, body: bytes) -> bool:
         """Whether a message is about something that this member has a use for."""
-        sender, leads = envelope.sender, envelope.sender == self.trust.leader
-        match envelope.kind:
+        leads = sender == self.trust.leader
+        match kind:
             case Kind.STATE:
                 return (leads and self.listens) or sender in self.neighbours or sender == self.name
             case Kind.QUESTION:
@@ -181,7 +208,7 @@ class Member:
                 # On a wire that all share, others' answers are no news: they are not worth a look at the
                 # signature.
                 clock = self.peer_clock
-                return clock is not None and clock.awaits(envelope.body)
+                return clock is not None and clock.awaits(body)
             case Kind.PRESENCE | Kind.WILL:
                 return self.watches
             case _:
@@ -226,14 +253,15 @@ class Member:
             return
         self._receive_presence(message.sender, presence)
 
-    def _now(self) -> float:
+    def formation_time(self) -> float:
         """Now on the formation's clock, s; NaN while not known."""
         if self.trust.leads:
             return self.clock()
         return math.nan if self.peer_clock is None else self.peer_clock.to_peer(self.clock())
 
     def _seal(self, kind: Kind, to: str, body: bytes) -> Parcel:
-        return Parcel(kind=kind, to=to, data=self.trust.seal(kind, body, time_s=self._now()))
+        data = self.trust.seal(kind, body, time_s=self.formation_time())
+        return Parcel(kind=kind, to=to, data=data, body=body)
 
     def _send(self, kind: Kind, to: str, body: bytes) -> Parcel:
         parcel = self._seal(kind, to, body)

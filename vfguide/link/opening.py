@@ -79,7 +79,7 @@ class Link:
         expected = len(self.carriers) > 1
         for carrier in self.carriers:
             status = carrier.status
-            before = self._stood.get(status.address, expected)
+            before = self._stood.get(status.address, expected or status.connected)
             self._stood[status.address] = status.connected
             if before and not status.connected:
                 rest = (

@@ -152,6 +152,13 @@ class Trust:
         return self._roster is not None
 
     @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the roster's vehicles, the leader first; none without a roster."""
+        if self._roster is None:
+            return ()
+        return (self.leader, *sorted(set(self._roster.vehicles) - {self.leader}))
+
+    @property
     def leads(self) -> bool:
         """Whether this member is the leader."""
         return self.name == self.leader
@@ -276,8 +283,25 @@ class Trust:
         self._heard.pop(self.leader, None)
 
     @property
-    def _takes_all(self) -> bool:
+    def takes_all(self) -> bool:
+        """Whether all that sounds right is good enough: for who watches, while no leader has answered."""
         return self._watches and not self.proven
+
+    def epochs(self, now: float) -> tuple[int, ...]:
+        """Sessions of the leader that a message may have been said under, the one that lives first.
+
+        Args:
+            now: s, on the clock of `believe`.
+        """
+        if not self.proven:
+            return ()
+        graced = self._epoch_before != 0 and now < self._grace_ends_s
+        return (self._epoch, self._epoch_before) if graced else (self._epoch,)
+
+    def note_leader(self, session: int, now: float) -> None:
+        """Note that a session of the leader was heard by other means than an envelope."""
+        if session == self._epoch:
+            self._leader_s = now
 
     def _may(self, sender: str) -> frozenset[Kind]:
         if sender == self.leader:
@@ -302,7 +326,7 @@ class Trust:
         if envelope.sender == self.leader:
             # Whether an answer is one to this member's question is for its number to say.
             known = envelope.kind is Kind.ANSWER or envelope.session == self._epoch
-            if not (known or self._takes_all):
+            if not (known or self.takes_all):
                 raise RefusedError("another session of the leader")
         elif not asks and not self._under(envelope.epoch, now):
             raise RefusedError("another flight")
@@ -330,7 +354,7 @@ class Trust:
         Raises:
             RefusedError: it is not.
         """
-        if self._takes_all:
+        if self.takes_all:
             newer = True
         elif envelope.epoch == heard.epoch:
             newer = envelope.time_s > heard.time_s or math.isnan(heard.time_s)

@@ -17,6 +17,9 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import Trust, new_session
 
+HEARD_SHARE = 1.5
+"""Of the time within which everybody says how it is: so long it takes to hear all of them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched:
@@ -54,7 +57,7 @@ async def presences(watched: Watched, *, seconds: float, random: Random) -> dict
 
     Args:
         watched: the formation.
-        seconds: how long to listen.
+        seconds: how long to listen; longer on a slow link, until everybody should have been heard.
         random: keeps those who lost the same broker from coming back in step.
 
     Raises:
@@ -62,7 +65,8 @@ async def presences(watched: Watched, *, seconds: float, random: Random) -> dict
     """
     async with watching(watched, random=random) as (link, found):
         check_connected(link)
-        await asyncio.sleep(seconds)
+        slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        await asyncio.sleep(max(seconds, HEARD_SHARE * slowest_s))
         check_connected(link)
         return dict(found)
 

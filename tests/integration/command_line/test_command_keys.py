@@ -12,7 +12,13 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 
 from tests.integration.command_line.conftest import PAIR
 from vfguide.errors import InputError
-from vfguide.link.keys import key_places, public_bytes, read_private_key, read_roster
+from vfguide.link.keys import (
+    key_places,
+    public_bytes,
+    read_private_key,
+    read_radio_key,
+    read_roster,
+)
 
 Make = Callable[..., Any]
 
@@ -112,6 +118,52 @@ def test_a_private_key_that_others_may_read_is_refused(command: Make, keyed: Pat
     outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
     assert outcome.status == 2
     assert outcome.lines == [f"{path}: others may read this private key; run: chmod 600 {path}"]
+
+
+def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(
+    command: Make, keyed: Path
+) -> None:
+    path = key_places(keyed).radio
+    before = read_radio_key(path)
+    assert len(before) == 32
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert "nothing was changed" in command("keys", "make", keyed).out
+    assert read_radio_key(path) == before
+    outcome = command("keys", "rotate", keyed, "wing")
+    assert f"{path}: new radio key, the same for all members" in " ".join(outcome.out.split())
+    assert read_radio_key(path) != before
+
+
+@pytest.mark.parametrize(
+    ("content", "mode", "fault"),
+    [
+        ("0" * 64, 0o644, "others may read this radio key; run: chmod 600"),
+        ("0" * 62, 0o600, "is no radio key of 64 hexadecimal digits"),
+        ("no key", 0o600, "is no radio key of 64 hexadecimal digits"),
+    ],
+)
+def test_a_radio_key_that_cannot_be_used_is_one_line(
+    command: Make, keyed: Path, content: str, mode: int, fault: str
+) -> None:
+    path = key_places(keyed).radio
+    path.write_text(content)
+    path.chmod(mode)
+    link = f"--link=serial:///dev/ttyNONE:57600?key={path}"
+    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], link)
+    assert outcome.status == 2
+    assert fault in outcome.lines[-1]
+
+
+def test_a_radio_without_its_key_says_how_to_make_one(command: Make, keyed: Path) -> None:
+    link = "--link=serial:///dev/ttyNONE:57600"
+    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], link)
+    assert outcome.status == 2
+    assert "a radio needs the formation's radio key" in outcome.lines[-1]
+    assert "vfguide keys make" in outcome.lines[-1]
+    insecure = f"{link}?key={key_places(keyed).radio}"
+    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], insecure, "--insecure")
+    assert outcome.status == 2
+    assert "leave key= out" in outcome.lines[-1]
 
 
 def test_what_systemd_hands_over_counts_as_kept(keyed: Path) -> None:

@@ -49,6 +49,11 @@ def test_a_kept_presence_that_does_not_change_is_a_companion_that_is_gone() -> N
     assert freshness.judge({"f1": READY}, 15.0)["f1"].status == "online"
     gone = freshness.judge({"f1": READY}, 16.0)["f1"]
     assert (gone.status, gone.obstacle) == ("offline", "its companion has been silent for 6 s")
+    # On a radio everybody's turn to say so comes more rarely.
+    slow = Freshness(10.0)
+    slow.judge({"f1": READY}, 10.0)
+    assert slow.judge({"f1": READY}, 19.0)["f1"].status == "online"
+    assert slow.judge({"f1": READY}, 21.0)["f1"].status == "offline"
     # Heard anew, it counts from then on.
     again = replace(READY, time_s=2.0)
     assert freshness.judge({"f1": again}, 17.0)["f1"] == again

@@ -143,6 +143,8 @@ def test_the_distance_is_that_from_the_slot(
     [
         (10.0, 10.0, "not newer"),
         (9.95, 10.0, "not newer"),
+        # A copy by a link that rounds times.
+        (10.0009, 10.0, "not newer"),
         (10.26, 10.0, "from the future"),
         (1e300, 10.0, "from the future"),
         (10.5, 71.0, "too old"),

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from vfguide.errors import InputError
 from vfguide.link.address import MqttAddress, UdpAddress, parse_link, parse_links
+from vfguide.link.radio import RadioAddress
+from vfguide.link.radio_schedule import Channel
 
 HIDDEN = "hunter2"
 AWKWARD = "p/w:@"
@@ -58,7 +60,7 @@ def test_addresses(text: str, expected: MqttAddress) -> None:
         ("", "mqtt://HOST:1883/PREFIX"),
         ("broker:1883", "mqtt://HOST:1883/PREFIX"),
         ("mqtt:broker", "mqtt://HOST:1883/PREFIX"),
-        ("http://broker", "begin with mqtt://, mqtts:// or udp://"),
+        ("http://broker", "begin with mqtt://, mqtts://, udp:// or serial://"),
         ("udp://239.0.0.1", "IPv4 addresses and ports"),
         ("udp://[ff02::1]:14700", "IPv4 addresses and ports"),
         ("udp://host:14700", "IPv4 addresses and ports"),
@@ -70,6 +72,16 @@ def test_addresses(text: str, expected: MqttAddress) -> None:
         ("udp://239.0.0.1:14700?interface=a b", "blanks"),
         ("udp://239.0.0.1:14700?interface=a/b", "is no interface"),
         ("udp://10.0.0.1:1?port=99999", "within 1 to 65535"),
+        ("serial:///dev/ttyUSB1", "a device file and a baud rate"),
+        ("serial://dev/ttyUSB1:57600", "a device file and a baud rate"),
+        ("serial:///dev/:57600", "a device file and a baud rate"),
+        ("serial:///dev/ttyUSB1:fast", "the baud rate is missing"),
+        ("serial:///dev/ttyUSB1:300", "within 1200 to 12000000"),
+        ("serial:///dev/ttyUSB1:57600?slots=3", "key=, leader=, followers= and air="),
+        ("serial:///dev/ttyUSB1:57600?air=1&air=2", "once each"),
+        ("serial:///dev/ttyUSB1:57600?key=", "names no file"),
+        ("serial:///dev/ttyUSB1:57600?leader=nan", "leader= must be within 0.1 to 50"),
+        ("serial:///dev/ttyUSB1:57600?air=0", "air= must be within 0.1 to 1e+06"),
         ("mqtt://", "the host is missing"),
         ("mqtt://bro ker", "blanks"),
         ("mqtt://broker\n", "blanks or control"),
@@ -181,3 +193,16 @@ def test_no_text_is_a_traceback(text: str) -> None:
     for start in ("", "udp://", "udp://10.0.0.1:", "mqtt://"):
         with suppress(InputError):
             parse_link(start + text, {})
+
+
+def test_a_radio_is_a_port_with_a_speed_and_rates() -> None:
+    text = "serial:///dev/serial/by-path/pci-0000:00:14.0-port0:57600?key=a.keys/radio.psk&leader=5&air=2000"
+    address = parse_link(text, {})
+    assert address == RadioAddress(
+        device="/dev/serial/by-path/pci-0000:00:14.0-port0",
+        channel=Channel(baud=57_600, air_bytes_s=2000.0),
+        key=Path("a.keys/radio.psk"),
+        leader_hz=5.0,
+        followers_hz=2.5,
+    )
+    assert str(address) == text.partition("?")[0]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
@@ -18,13 +19,21 @@ Instant = tuple[float, Sequence[Mail]]
 class Aircraft:
     """An aircraft of a rehearsal, in virtual time."""
 
-    def __init__(self, mission: Mission, name: str, *, log: TelemetryLog | None = None) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        name: str,
+        *,
+        log: TelemetryLog | None = None,
+        clock: SharedClock = SAME_CLOCK,
+    ) -> None:
         """Put the aircraft of this name at its start.
 
         Args:
             mission: the mission.
             name: of the vehicle.
             log: notes every datagram of the MAVLink connection.
+            clock: the formation's, as this aircraft knows it.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -40,7 +49,7 @@ class Aircraft:
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
         self._emulator = emulator_of(mission, name)
-        self.companion = Companion(plan, adapter_of(vehicle), engage=True)
+        self.companion = Companion(plan, adapter_of(vehicle), engage=True, clock=clock)
         """May be replaced by one that knows nothing, as when the process is restarted."""
         self.leads = plan.leads
         """Whether it is the leader."""

@@ -1,0 +1,196 @@
+"""Formations on a radio, by real serial ports: pseudo terminals whose far ends are one shared channel."""
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.unit.link.shared_radio import SharedAir, state_at
+from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
+from vfguide.errors import InputError
+from vfguide.link.address import parse_links
+from vfguide.link.codec import decode
+from vfguide.link.member import Member, ignore
+from vfguide.link.opening import Link, open_link
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.presence import Presence
+from vfguide.link.trust import new_session
+from vfguide.link.watch import Watched, presences
+
+PATIENCE_S = 60.0
+
+
+class Crew:
+    """One member on its radio, and what it has heard."""
+
+    def __init__(self, name: str) -> None:
+        self.heard: list[float] = []
+        self.neighbours: list[str] = []
+        leads = name == LEADER
+        self.member = Member(
+            trust_of(name, new_session()),
+            clock=time.monotonic,
+            receive=ignore if leads else lambda data: self.heard.append(decode(data).time_s),
+            neighbours=[one for one in ("f1", "f2") if one != name],
+            receive_neighbour=lambda vehicle, _: self.neighbours.append(vehicle),
+            peer_clock=None if leads else PeerClock(),
+        )
+        self.link: Link
+
+    @property
+    def counters(self) -> Counter[str]:
+        return self.link.counters
+
+    async def publish(self) -> None:
+        """20 states a second, for ever."""
+        while True:
+            time_s = self.member.formation_time()
+            if time_s > 0.0:
+                self.link.publish(state_at(time_s))
+            await asyncio.sleep(0.05)
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.02)
+
+
+@asynccontextmanager
+async def crews_on(air: SharedAir, *names: str) -> AsyncIterator[list[Crew]]:
+    """Members that publish on their radios."""
+    async with AsyncExitStack() as stack:
+        stack.callback(air.close)
+        crews = []
+        for name in names:
+            crew = Crew(name)
+            crew.link = await stack.enter_async_context(
+                open_link(
+                    parse_links([air.address(name)]),
+                    formation=FORMATION,
+                    member=crew.member,
+                    random=Random(name),
+                )
+            )
+            task = asyncio.create_task(crew.publish())
+            stack.callback(task.cancel)
+            crews.append(crew)
+        yield crews
+
+
+@pytest.fixture
+def air(tmp_path: Path) -> SharedAir:
+    return SharedAir(tmp_path)
+
+
+def test_a_formation_hears_itself_over_its_radios(air: SharedAir) -> None:
+    names = (LEADER, "f1", "f2")
+
+    async def scenario() -> None:
+        for name in names:
+            air.plug(name)
+        async with crews_on(air, *names) as (leader, one, other):
+            await until(lambda: one.heard and other.heard)
+            await until(lambda: {"f1", "f2"} <= set(leader.neighbours) and "f2" in one.neighbours)
+            assert one.member.peer_clock is not None
+            # All read one clock here.
+            assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s < 0.1
+            assert leader.link.connected
+            assert one.link.connected
+
+    asyncio.run(scenario())
+
+
+def test_a_radio_that_is_unplugged_is_told_and_comes_back_by_itself(
+    air: SharedAir, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        for name in (LEADER, "f1"):
+            air.plug(name)
+        async with crews_on(air, LEADER, "f1") as (leader, one):
+            await until(lambda: one.heard)
+            one.link.news()
+            air.plugs["f1"].pull_out()
+            await until(lambda: not one.link.connected)
+            assert "tty-f1:57600 is lost" in "".join(one.link.news())
+            await asyncio.sleep(2.0)
+            one.heard.clear()
+            air.plugs["f1"].put_in()
+            await until(lambda: one.heard)
+            assert one.link.connected
+            assert "is back" in "".join(one.link.news())
+            assert leader.counters["failed to use"] == 0
+
+    asyncio.run(scenario())
+    assert "tty-f1:57600: not connected" in caplog.text
+
+
+def test_a_port_that_is_not_there_is_one_line_and_tried_again(
+    air: SharedAir, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        async with crews_on(air, "f1") as (one,):
+            await until(lambda: one.counters["failed to connect"] >= 3)
+            assert "No such file or directory" in one.link.detail
+
+    asyncio.run(scenario())
+    assert caplog.text.count("not connected") == 1
+
+
+def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
+    random = Random(2)
+
+    async def scenario() -> None:
+        for name in (LEADER, "f1"):
+            air.plug(name)
+        async with crews_on(air, LEADER, "f1") as (_, one):
+            await until(lambda: one.heard)
+            for _ in range(100):
+                air.plugs["f1"].hear(random.randbytes(random.randrange(60)))
+                await asyncio.sleep(0.01)
+            one.heard.clear()
+            await until(lambda: len(one.heard) > 5)
+            assert one.counters["refused: damaged on the air"] > 5
+            assert one.counters["failed to use"] == 0
+
+    asyncio.run(scenario())
+
+
+def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
+    watched = Watched(
+        addresses=parse_links([air.address("eye")]),
+        formation=FORMATION,
+        leader=LEADER,
+        roster=ROSTER,
+    )
+
+    async def scenario() -> None:
+        for name in (LEADER, "f1", "f2", "eye"):
+            air.plug(name)
+        async with crews_on(air, LEADER, "f1", "f2") as (_, one, other):
+            await until(lambda: one.heard and other.heard)
+            found = dict[str, Presence]()
+            async with asyncio.timeout(PATIENCE_S):
+                while set(found) != {LEADER, "f1", "f2"}:
+                    found = await presences(watched, seconds=5.0, random=Random(1))
+            assert {presence.status for presence in found.values()} == {"online"}
+
+    asyncio.run(scenario())
+
+
+def test_without_the_radio_key_nothing_is_opened(air: SharedAir) -> None:
+    async def scenario() -> None:
+        crew = Crew("f1")
+        (address,) = parse_links([air.address("f1", key=False)])
+        with pytest.raises(InputError, match="a radio needs the formation's radio key"):
+            async with open_link(
+                (address,), formation=FORMATION, member=crew.member, random=Random(1)
+            ):
+                pass
+
+    asyncio.run(scenario())

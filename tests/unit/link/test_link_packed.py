@@ -1,0 +1,226 @@
+"""What goes over a radio: small packets, each with a short tag."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError
+from vfguide.link.packed import (
+    LEADER,
+    OBSTACLE_TEXT,
+    TAG_SIZE,
+    TICK_S,
+    BeatInfo,
+    PackedKind,
+    Packet,
+    decode_packet,
+    encode_answer,
+    encode_beat,
+    encode_motion,
+    encode_packed_presence,
+    encode_packet,
+    encode_question,
+    formation_key,
+    formation_mark,
+    tag_of,
+    ticks_of,
+)
+from vfguide.link.presence import Presence
+from vfguide.link.radio_framing import OVERHEAD
+from vfguide.link.radio_schedule import LONGEST_FRAME, SHORTEST_FRAME
+
+BEAT = BeatInfo(beat=3, beats=4, members=12, period_ms=100)
+TAG = bytes(TAG_SIZE)
+PRESENCE = Presence(
+    status="online",
+    mode="predicting",
+    time_s=7.0,
+    version="12.34.56.dev7",
+    signed=True,
+    obstacle="no position",
+    figures={"links": 2.0, "links_lost": 1.0},
+)
+
+BODIES = {
+    PackedKind.BEAT: encode_beat(BEAT),
+    PackedKind.QUESTION: encode_question(2**64 - 1),
+    PackedKind.ANSWER: encode_answer(5, 2**63, 77, 123),
+    PackedKind.PRESENCE: encode_packed_presence(PRESENCE, 2**64 - 1),
+}
+
+
+def packed(
+    kind: PackedKind, body: bytes, *, sender: int = LEADER, ticks: int = 1, steered: bool = True
+) -> bytes:
+    head = encode_packet(kind, formation=4, sender=sender, ticks=ticks, body=body, steered=steered)
+    return head + TAG
+
+
+def values(greatest: float) -> st.SearchStrategy[float]:
+    return st.floats(-greatest, greatest)
+
+
+@st.composite
+def states(draw: st.DrawFn) -> LeaderMessage:
+    numbers = [draw(values(one)) for one in GREATEST[1:]]
+    return LeaderMessage(
+        sequence=0,
+        time_s=draw(st.floats(0.0, 1e9)),
+        latitude_deg=numbers[0],
+        longitude_deg=numbers[1],
+        altitude_amsl=numbers[2],
+        course=numbers[3],
+        ground_speed=numbers[4],
+        acceleration=numbers[5],
+        turn_rate=numbers[6],
+        turn_acceleration=numbers[7],
+        steered=draw(st.booleans()),
+    )
+
+
+def clipped(value: float, greatest: float) -> float:
+    return min(max(value, -greatest), greatest)
+
+
+@given(states(), st.booleans())
+def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
+    state: LeaderMessage, leads: bool
+) -> None:
+    body = encode_motion(state)
+    if leads:
+        body = encode_beat(BEAT) + body
+    data = packed(
+        PackedKind.STATE,
+        body,
+        sender=LEADER if leads else 3,
+        ticks=ticks_of(state.time_s),
+        steered=state.steered,
+    )
+    assert len(data) + OVERHEAD <= LONGEST_FRAME <= 64
+    packet = decode_packet(data)
+    assert packet.beat == (BEAT if leads else None)
+    found = packet.state
+    assert found is not None
+    assert found.steered is state.steered
+    # Never later than it was true: a copy of a state must not look newer than the state itself.
+    assert -1e-6 <= state.time_s - found.time_s <= TICK_S + 1e-6
+    assert found.latitude_deg == pytest.approx(state.latitude_deg, abs=0.51e-7)
+    assert found.longitude_deg == pytest.approx(state.longitude_deg, abs=0.51e-7)
+    assert found.altitude_amsl == pytest.approx(state.altitude_amsl, abs=0.51e-3)
+    assert math.remainder(found.course - state.course, math.tau) == pytest.approx(0.0, abs=5e-5)
+    # A ground speed is never negative, and 500 m/s fit.
+    assert found.ground_speed == pytest.approx(max(state.ground_speed, 0.0), abs=0.51e-2)
+    assert found.acceleration == pytest.approx(clipped(state.acceleration, 32.767), abs=0.51e-3)
+    assert found.turn_rate == pytest.approx(clipped(state.turn_rate, 3.2767), abs=0.51e-4)
+    expected = clipped(state.turn_acceleration, 32.767)
+    assert found.turn_acceleration == pytest.approx(expected, abs=0.51e-3)
+
+
+def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) -> None:
+    """Worked out by hand from the layout in the module's text."""
+    message = leader_message(
+        latitude_deg=1e-7, longitude_deg=-1e-7, altitude_amsl=0.001, course=math.pi
+    )
+    data = packed(PackedKind.STATE, encode_motion(message), sender=2, ticks=258, steered=False)
+    assert data[:10] == bytes([0x81, 4, 0, 2, 2, 1, 0, 0, 0, 0])
+    assert data[10:22] == bytes([1, 0, 0, 0]) + b"\xff" * 4 + bytes([1, 0, 0, 0])
+    # pi is half a turn; 22 m/s; -0.25 m/s², 0.125 rad/s, 0.0625 rad/s².
+    fields = [32768, 2200, -250, 1250, 62]
+    assert data[22:32] == b"".join((one % 65536).to_bytes(2, "little") for one in fields)
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind: PackedKind) -> None:
+    data = packed(kind, BODIES[kind])
+    assert SHORTEST_FRAME <= len(data) + OVERHEAD <= LONGEST_FRAME
+    packet = decode_packet(data)
+    assert packet.kind is kind
+    assert (packet.formation, packet.sender, packet.ticks) == (4, LEADER, 1)
+    if kind is PackedKind.ANSWER:
+        assert (packet.to, packet.number, packet.session) == (5, 2**63, 77)
+        assert packet.received == 123
+    if kind is PackedKind.PRESENCE:
+        assert packet.session == 2**64 - 1
+        # As much of the version as there is room for, the formation's time, and that something is wrong.
+        assert packet.presence == replace(
+            PRESENCE,
+            version="12.34.56",
+            time_s=TICK_S,
+            obstacle=OBSTACLE_TEXT,
+            figures={"links_lost": 1.0},
+        )
+
+
+def test_a_companion_that_is_ready_says_so() -> None:
+    ready = replace(PRESENCE, obstacle="", figures={"links": 2.0, "links_lost": 0.0})
+    packet = decode_packet(packed(PackedKind.PRESENCE, encode_packed_presence(ready, 1)))
+    assert packet.presence is not None
+    assert not packet.presence.obstacle
+    assert not packet.presence.figures
+
+
+def test_a_question_is_as_long_as_its_answer() -> None:
+    """Else the difference in time on the way would look like one of the clocks."""
+    lengths = {len(BODIES[kind]) for kind in (PackedKind.QUESTION, PackedKind.ANSWER)}
+    assert len(lengths) == 1
+
+
+@given(st.binary(max_size=80))
+def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
+    try:
+        packet = decode_packet(data)
+    except LinkDataError:
+        return
+    assert isinstance(packet, Packet)
+    assert packet.tagged + packet.tag == data
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (b"", "too short"),
+        (packed(PackedKind.BEAT, encode_beat(BEAT))[:-1], "bytes where"),
+        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, beat=4))), "no beat"),
+        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, period_ms=0))), "no beat"),
+        (packed(PackedKind.BEAT, encode_beat(BEAT), steered=False), "flag"),
+        (b"\x09" + bytes(30), "no kind"),
+        (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(18), sender=1), "no place"),
+        (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
+        (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(15)), "printed"),
+    ],
+)
+def test_what_is_wrong_is_refused(data: bytes, fault: str) -> None:
+    with pytest.raises(LinkDataError, match=fault):
+        decode_packet(data)
+
+
+def test_a_tag_is_of_one_key_one_session_and_one_text() -> None:
+    key = formation_key(bytes(32), "circle", ("lead", "f1"))
+    tag = tag_of(key, 5, b"text")
+    assert len(tag) == 8
+    assert tag == tag_of(key, 5, b"text")
+    others = {
+        tag_of(key, 6, b"text"),
+        tag_of(key, 5, b"tent"),
+        tag_of(formation_key(b"\1" + bytes(31), "circle", ("lead", "f1")), 5, b"text"),
+        tag_of(formation_key(bytes(32), "line", ("lead", "f1")), 5, b"text"),
+        tag_of(formation_key(bytes(32), "circle", ("lead", "f2")), 5, b"text"),
+        tag_of(formation_key(b"", "circle", ("lead", "f1")), 5, b"text"),
+    }
+    assert len(others) == 6
+    assert tag not in others
+
+
+@pytest.mark.parametrize("time_s", [math.nan, math.inf, -1.0, 3e10])
+def test_a_time_that_no_packet_can_tell_is_refused(time_s: float) -> None:
+    with pytest.raises(ValueError, match="no time"):
+        ticks_of(time_s)
+
+
+def test_formations_have_marks_of_their_own() -> None:
+    assert formation_mark("circle") != formation_mark("line")
+    assert 0 <= formation_mark("circle") < 65536

@@ -1,0 +1,338 @@
+"""What a formation says over a radio that all share: packets of at most 45 bytes, each with a short tag.
+
+Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
+first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower), time (u48, 0.1 ms,
+on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
+
+| body of | holds |
+|---|---|
+| a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms) |
+| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²) |
+| a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
+| an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
+| a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
+
+The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
+packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
+own. A packet of another session has another tag, however it was recorded. The key is made of the formation's
+radio key, its name and the names of its vehicles: who disagrees about the formation hears nothing of it.
+
+This promises less than a signature: whoever has the radio key can speak as anybody, and one forgery in 2^64
+is believed.
+"""  # noqa: E501 - a table
+
+import hashlib
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+from vfguide.link.codec import LeaderMessage, LinkDataError
+from vfguide.link.presence import Presence
+
+TAG_SIZE = 8
+KEY_SIZE = 32
+"""Bytes."""
+
+TICK_S = 1e-4
+"""s, of times."""
+
+LARGEST_TIME = 2**48 - 1
+
+HEADER = struct.Struct("<BHB6s")
+BEAT = struct.Struct("<BBBH")
+MOTION = struct.Struct("<iiiHHhhh")
+QUESTION = struct.Struct("<Q15x")
+ANSWER = struct.Struct("<BQQ6s")
+PRESENCE = struct.Struct("<QB10s8s")
+EPOCH = struct.Struct("<Q")
+
+NOT_STEERED = 0x80
+"""Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
+
+ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
+"""Flags of a presence."""
+
+OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
+LINKS_LOST = "links_lost"
+"""What becomes of the last two."""
+
+LEADER = 0
+"""Number of the leader."""
+
+MOST_VEHICLES = 255
+"""Whose numbers fit into a byte, and so does their count."""
+
+TURN = 2.0 * math.pi
+
+
+class PackedKind(IntEnum):
+    """What a packet is about."""
+
+    STATE = 1
+    """How the sender moves; the leader's is a beat, too."""
+    BEAT = 2
+    """The beat alone, where the leader has no new state."""
+    QUESTION = 3
+    """What does your clock show?"""
+    ANSWER = 4
+    """What the leader's clock shows."""
+    PRESENCE = 5
+    """How the sender's companion is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeatInfo:
+    """The leader's beat: what the turns of all others count from."""
+
+    beat: int
+    """Which beat of the cycle this is, from 0."""
+    beats: int
+    """Beats in a cycle, in which every follower has one turn."""
+    members: int
+    """Vehicles of the formation."""
+    period_ms: int
+    """From one beat to the next, ms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Packet:
+    """A packet as it was read; nothing of it is believed yet."""
+
+    kind: PackedKind
+    """What it is about."""
+    formation: int
+    """The first bytes of its name's hash."""
+    sender: int
+    """Number of the vehicle, 0 for the leader."""
+    ticks: int
+    """When it was true or said, 0.1 ms on the formation's clock; 0 in a question."""
+    beat: BeatInfo | None = None
+    """The leader's beat."""
+    state: LeaderMessage | None = None
+    """Of a state."""
+    to: int = 0
+    """For whom an answer is."""
+    number: int = 0
+    """Of a question and its answer."""
+    session: int = 0
+    """The leader's, in an answer and in a presence."""
+    received: int = 0
+    """When the question arrived that is answered, 0.1 ms on the leader's clock."""
+    presence: Presence | None = None
+    """Of a presence."""
+    tagged: bytes
+    """All that the tag is about."""
+    tag: bytes
+    """What vouches for it."""
+
+
+def formation_mark(formation: str) -> int:
+    """A formation's name as 16 bits: by it a packet of another one is told from a forged one."""
+    return int.from_bytes(hashlib.sha256(formation.encode()).digest()[:2], "little")
+
+
+def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> bytes:
+    """The key of a formation's tags.
+
+    Args:
+        radio_key: 32 bytes of chance that all members have; empty where nobody vouches for anything.
+        formation: its name.
+        vehicles: names of its vehicles by their numbers.
+    """
+    names = "\n".join([formation, *vehicles]).encode()
+    return hashlib.blake2b(
+        names, key=radio_key, digest_size=KEY_SIZE, person=b"vfguide key"
+    ).digest()
+
+
+def tag_of(key: bytes, epoch: int, tagged: bytes) -> bytes:
+    """The tag of a packet.
+
+    Args:
+        key: of the formation.
+        epoch: the leader's session that it is said under; 0 for a question.
+        tagged: the packet without its tag.
+    """
+    text = EPOCH.pack(epoch) + tagged
+    return hashlib.blake2b(text, key=key, digest_size=TAG_SIZE, person=b"vfguide radio").digest()
+
+
+def ticks_of(time_s: float) -> int:
+    """A time (s) in 0.1 ms, rounded down.
+
+    Raises:
+        ValueError: it is no time of a clock that counts from 0.
+    """
+    ticks = math.floor(time_s / TICK_S) if math.isfinite(time_s) else -1
+    if not 0 <= ticks <= LARGEST_TIME:
+        raise ValueError(f"{time_s} s is no time that a packet can tell")
+    return ticks
+
+
+def encode_beat(beat: BeatInfo) -> bytes:
+    """The body of a beat."""
+    return BEAT.pack(beat.beat, beat.beats, beat.members, beat.period_ms)
+
+
+def encode_motion(message: LeaderMessage) -> bytes:
+    """How a vehicle moves; what is beyond the range of a field becomes its greatest or least value."""
+    return MOTION.pack(
+        limited(message.latitude_deg * 1e7, 31),
+        limited(message.longitude_deg * 1e7, 31),
+        limited(message.altitude_amsl * 1e3, 31),
+        round(message.course % TURN / TURN * 65536) % 65536,
+        max(limited(message.ground_speed * 1e2, 16), 0),
+        limited(message.acceleration * 1e3, 15),
+        limited(message.turn_rate * 1e4, 15),
+        limited(message.turn_acceleration * 1e3, 15),
+    )
+
+
+def limited(value: float, bits: int) -> int:
+    """A number that fits into so many bits and a sign."""
+    greatest: int = 2**bits - 1
+    return min(max(round(value), -greatest), greatest)
+
+
+def encode_question(number: int) -> bytes:
+    """The body of a question."""
+    return QUESTION.pack(number)
+
+
+def encode_answer(to: int, number: int, session: int, received: int) -> bytes:
+    """The body of an answer; when it leaves is the packet's own time."""
+    return ANSWER.pack(to, number, session, received.to_bytes(6, "little"))
+
+
+def encode_packed_presence(presence: Presence, session: int) -> bytes:
+    """The body of a presence: without its figures, its texts as far as there is room."""
+    flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
+    flags |= OBSTACLE * bool(presence.obstacle)
+    flags |= LINK_LOST * (presence.figures.get(LINKS_LOST, 0.0) > 0.0)
+    mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
+    return PRESENCE.pack(session, flags, mode, version)
+
+
+def encode_packet(
+    kind: PackedKind, *, formation: int, sender: int, ticks: int, body: bytes, steered: bool = True
+) -> bytes:
+    """A packet without its tag."""
+    flag = 0 if steered else NOT_STEERED
+    return HEADER.pack(kind | flag, formation, sender, ticks.to_bytes(6, "little")) + body
+
+
+def decode_packet(data: bytes) -> Packet:
+    """The packet of these bytes; its tag is not looked at.
+
+    Raises:
+        LinkDataError: they are none.
+    """
+    tagged, tag = data[:-TAG_SIZE], data[-TAG_SIZE:]
+    if len(data) < HEADER.size + TAG_SIZE:
+        raise LinkDataError("too short for a packet")
+    number, formation, sender, ticks = HEADER.unpack_from(tagged)
+    try:
+        kind = PackedKind(number & ~NOT_STEERED)
+    except ValueError:
+        raise LinkDataError("no kind of packet") from None
+    if number & NOT_STEERED and kind is not PackedKind.STATE:
+        raise LinkDataError("only a state has this flag")
+    packet = Packet(
+        kind=kind,
+        formation=formation,
+        sender=sender,
+        ticks=int.from_bytes(ticks, "little"),
+        tagged=tagged,
+        tag=tag,
+    )
+    return DECODERS[kind](packet, tagged[HEADER.size :])
+
+
+def _state(packet: Packet, body: bytes) -> Packet:
+    beat = None
+    if packet.sender == LEADER:
+        beat, body = _beat_of(body[: BEAT.size]), body[BEAT.size :]
+    steered = not packet.tagged[0] & NOT_STEERED
+    state = _motion(body, packet.ticks, steered=steered)
+    return replace(packet, beat=beat, state=state)
+
+
+def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
+    latitude, longitude, altitude, course, speed, *rates = _fields(MOTION, body)
+    acceleration, turn_rate, turn_acceleration = rates
+    if abs(latitude) > 90e7 or abs(longitude) > 180e7:
+        raise LinkDataError("no place on the earth")
+    return LeaderMessage(
+        sequence=ticks % 2**32,
+        time_s=ticks * TICK_S,
+        latitude_deg=latitude * 1e-7,
+        longitude_deg=longitude * 1e-7,
+        altitude_amsl=altitude * 1e-3,
+        course=course * TURN / 65536,
+        ground_speed=speed * 1e-2,
+        acceleration=acceleration * 1e-3,
+        turn_rate=turn_rate * 1e-4,
+        turn_acceleration=turn_acceleration * 1e-3,
+        steered=steered,
+    )
+
+
+def _beat(packet: Packet, body: bytes) -> Packet:
+    return replace(packet, beat=_beat_of(body))
+
+
+def _beat_of(body: bytes) -> BeatInfo:
+    beat, beats, members, period_ms = _fields(BEAT, body)
+    if not (beat < beats and members > 0 and period_ms > 0):
+        raise LinkDataError("no beat")
+    return BeatInfo(beat=beat, beats=beats, members=members, period_ms=period_ms)
+
+
+def _question(packet: Packet, body: bytes) -> Packet:
+    (number,) = _fields(QUESTION, body)
+    return replace(packet, number=number)
+
+
+def _answer(packet: Packet, body: bytes) -> Packet:
+    to, number, session, received = _fields(ANSWER, body)
+    return replace(
+        packet, to=to, number=number, session=session, received=int.from_bytes(received, "little")
+    )
+
+
+def _presence(packet: Packet, body: bytes) -> Packet:
+    session, flags, *texts = _fields(PRESENCE, body)
+    try:
+        mode, version = (text.rstrip(b"\0").decode("ascii") for text in texts)
+    except UnicodeDecodeError:
+        raise LinkDataError("no text") from None
+    if not (mode + version).isprintable():
+        raise LinkDataError("a text that cannot be printed")
+    presence = Presence(
+        status="online" if flags & ONLINE else "offline",
+        mode=mode,
+        time_s=packet.ticks * TICK_S,
+        version=version,
+        signed=bool(flags & SIGNED),
+        obstacle=OBSTACLE_TEXT if flags & OBSTACLE else "",
+        figures={LINKS_LOST: 1.0} if flags & LINK_LOST else {},
+    )
+    return replace(packet, session=session, presence=presence)
+
+
+def _fields(layout: struct.Struct, body: bytes) -> tuple[Any, ...]:
+    if len(body) != layout.size:
+        raise LinkDataError(f"{len(body)} bytes where {layout.size} are due")
+    return layout.unpack(body)
+
+
+DECODERS = {
+    PackedKind.STATE: _state,
+    PackedKind.BEAT: _beat,
+    PackedKind.QUESTION: _question,
+    PackedKind.ANSWER: _answer,
+    PackedKind.PRESENCE: _presence,
+}

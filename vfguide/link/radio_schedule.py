@@ -1,0 +1,224 @@
+"""Who may speak when on a radio that all share: turns that count from the leader's beat.
+
+The leader sends at each beat, ten times a second unless it says otherwise. A cycle is some beats; between
+two of them there are as many slots of equal length as it takes for every follower, and an answer of the
+leader, to have one turn in a cycle. Follower i, from 0, has slot `1 + i // beats` after beat `i % beats`;
+the answer comes after the last follower, as if it were one more.
+
+A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
+are not compared. Where a beat is missed, its own clock goes on counting. After two seconds, and three beats,
+without the leader it takes the beat from the follower of the least number that it hears, whose turns are
+known, too; the one that hears nobody before itself keeps the beat for the others. Before the first beat only
+the leader speaks.
+
+Nothing here reads a clock.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vfguide.errors import InputError
+from vfguide.link.packed import LEADER, BeatInfo
+
+SHORTEST_FRAME, LONGEST_FRAME = 28, 50
+"""Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
+
+HANDOVER_S, MISSED_BEATS = 2.0, 3
+"""After this long, and so many beats, without the one that has kept the beat, it is taken from another."""
+
+LATE_SHARE = 0.1
+"""Of what a beat comes later than expected, by which the next is expected later: most of that is the wait of
+this one packet in some buffer. What comes early was expected too late."""
+
+ROUNDING = 1e-9
+"""Of a cycle: turns are sums and quotients of times."""
+
+MOST_BEATS, LONGEST_PERIOD_MS = 255, 65535
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """How fast the radio is."""
+
+    baud: int
+    """Of the serial line to it, bits per second; ten of them carry a byte."""
+    air_bytes_s: float
+    """What all radios together can send, bytes per second."""
+
+    def latency_s(self, size: int) -> float:
+        """From the first byte of a packet into one radio to its last byte out of another, s."""
+        return size * (20.0 / self.baud + 1.0 / self.air_bytes_s)
+
+    def line_s(self) -> float:
+        """What the longest packet takes on the serial line, s."""
+        return LONGEST_FRAME * 10.0 / self.baud
+
+    def slot_s(self) -> float:
+        """The shortest slot that every packet fits into, s.
+
+        A radio sends once it has all of a packet: a long one begins later than a short one.
+        """
+        later_s = (LONGEST_FRAME - SHORTEST_FRAME) * 10.0 / self.baud
+        return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s + later_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """When a member may send one packet."""
+
+    at_s: float
+    """When it begins, s on the member's clock."""
+    beat: int | None = None
+    """Which beat it is, if it is one; None for all other turns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timetable:
+    """Turns within a cycle."""
+
+    members: int
+    """Vehicles of the formation."""
+    beats: int
+    """In a cycle."""
+    period_s: float
+    """From one beat to the next."""
+
+    @property
+    def cycle_s(self) -> float:
+        """How long a cycle takes, s."""
+        return self.beats * self.period_s
+
+    @property
+    def slots(self) -> int:
+        """Between two beats, the beat's own included."""
+        return 1 + math.ceil(self.members / self.beats)
+
+    @property
+    def slot_s(self) -> float:
+        """How long one is, s."""
+        return self.period_s / self.slots
+
+    def offset_s(self, sender: int) -> float:
+        """From the beginning of a cycle to the turn of a follower, s; that of `members` is the answer's."""
+        place = sender - 1
+        return (place % self.beats) * self.period_s + (1 + place // self.beats) * self.slot_s
+
+    def info(self, beat: int) -> BeatInfo:
+        """What the leader says at a beat."""
+        return BeatInfo(
+            beat=beat,
+            beats=self.beats,
+            members=self.members,
+            period_ms=round(self.period_s * 1e3),
+        )
+
+
+def timetable_of(info: BeatInfo) -> Timetable:
+    """The timetable that a beat tells."""
+    return Timetable(members=info.members, beats=info.beats, period_s=info.period_ms * 1e-3)
+
+
+def make_timetable(
+    members: int, *, leader_hz: float, followers_hz: float, channel: Channel
+) -> Timetable:
+    """The timetable of a formation.
+
+    Args:
+        members: vehicles of it.
+        leader_hz: beats per second.
+        followers_hz: turns per second of each follower, at least; at most one a beat.
+        channel: that has to carry it.
+
+    Raises:
+        InputError: the channel is too slow for it.
+    """
+    period_s = round(1e3 / leader_hz) * 1e-3
+    beats = min(max(math.floor(leader_hz / followers_hz + 1e-6), 1), MOST_BEATS)
+    made = Timetable(members=members, beats=beats, period_s=period_s)
+    if made.slot_s < channel.slot_s():
+        raise InputError(
+            f"{members} vehicles, a leader at {leader_hz:g} Hz and followers at {followers_hz:g} Hz do not"
+            f" fit {channel.air_bytes_s:g} bytes a second at {channel.baud} baud; write less for leader= or"
+            " followers= behind the ?"
+        )
+    return made
+
+
+class Beat:
+    """What one member knows of the beat."""
+
+    def __init__(self, number: int | None) -> None:
+        """Know nothing yet.
+
+        Args:
+            number: of the member; None for one who only listens.
+        """
+        self._number = number
+        self.timetable: Timetable | None = None
+        """None before the first beat."""
+        self._origin_s = 0.0
+        self._keeper = LEADER
+        self._kept_s = -math.inf
+        self._spoke_s = -math.inf
+
+    def begin(self, timetable: Timetable, now: float) -> None:
+        """Be the leader, and begin with the first beat now."""
+        if self.timetable is None:
+            self.timetable, self._origin_s = timetable, now
+
+    def hear_leader(self, info: BeatInfo, began_s: float) -> None:
+        """Count from a beat that began to be sent at a time, s on one's own clock."""
+        heard = timetable_of(info)
+        fresh = self.timetable != heard
+        self.timetable = heard
+        self._adopt(LEADER, info.beat * heard.period_s, began_s, fresh=fresh)
+
+    def hear_follower(self, number: int, began_s: float) -> None:
+        """Note a turn of a follower, which counts while the leader is silent."""
+        table = self.timetable
+        if table is None or self._number is None or not LEADER < number < self._number:
+            return
+        if number <= self._keeper or self.is_silent(began_s):
+            self._adopt(number, table.offset_s(number), began_s, fresh=False)
+
+    def is_silent(self, now: float) -> bool:
+        """Whether nobody has kept the beat for a while."""
+        period_s = 0.0 if self.timetable is None else self.timetable.period_s
+        return now - self._kept_s > max(HANDOVER_S, MISSED_BEATS * period_s)
+
+    def spoken(self, turn: Turn) -> None:
+        """Note that a turn was taken, or let go."""
+        self._spoke_s = turn.at_s
+
+    def next_turn(self, now: float) -> Turn | None:
+        """The member's next turn, at or after this time; None for one that may not speak."""
+        table, number = self.timetable, self._number
+        if table is None or number is None or number >= table.members:
+            return None
+        if number == LEADER:
+            return self._next_of_leader(table, now)
+        # A beat that was heard a little later moves the turn that was just taken: once in a cycle is enough.
+        after = max(now, self._spoke_s + 0.5 * table.cycle_s)
+        return Turn(at_s=self._next(table, table.offset_s(number), after))
+
+    def _next_of_leader(self, table: Timetable, now: float) -> Turn:
+        after = max(now, self._spoke_s + 0.5 * table.slot_s)
+        answer = Turn(at_s=self._next(table, table.offset_s(table.members), after))
+        count = math.ceil((after - self._origin_s) / table.period_s - ROUNDING)
+        beat = Turn(at_s=self._origin_s + count * table.period_s, beat=count % table.beats)
+        return min(beat, answer, key=lambda turn: turn.at_s)
+
+    def _next(self, table: Timetable, offset_s: float, after: float) -> float:
+        first_s = self._origin_s + offset_s
+        return first_s + math.ceil((after - first_s) / table.cycle_s - ROUNDING) * table.cycle_s
+
+    def _adopt(self, keeper: int, offset_s: float, began_s: float, *, fresh: bool) -> None:
+        """Let the cycle begin so that a turn of this offset began when it was heard."""
+        table = self.timetable
+        if table is None:
+            return
+        origin_s = began_s - offset_s
+        late_s = math.remainder(origin_s - self._origin_s, table.cycle_s)
+        expected = not fresh and keeper == self._keeper and 0.0 <= late_s < 0.5 * table.slot_s
+        self._origin_s = origin_s - (1.0 - LATE_SHARE) * late_s if expected else origin_s
+        self._keeper, self._kept_s = keeper, began_s

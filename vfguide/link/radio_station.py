@@ -1,0 +1,454 @@
+"""One member on a radio that all share: bytes from the radio in, a packet for each of its own turns out.
+
+Of each kind only the newest waits: a state that has not been sent gives way to the next, and one that is a
+second old is not sent at all. At its turn a follower sends its question if it has one and did not ask
+lately, else now and then its presence, else its state. The leader sends its state at each beat, or the beat
+alone, and answers one question in a cycle: of those that wait, the one whose asker was answered longest ago.
+
+Stamps of the clock comparison leave the waiting for turns out: the answer is stamped when it leaves, and the
+asker takes the question's arrival for as much earlier as the question had waited for its turn.
+
+What was in a collision, or lost otherwise, is not sent again.
+
+A beat counts if its tag is right. After two seconds without one, a beat counts whose tag cannot be checked:
+a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a forged beat
+can do is what every transmitter can do, too: a collision.
+
+Nothing here owns a port or reads a clock but the member's, for stamps.
+"""
+
+import hmac
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from vfguide.link.clock_codec import Tell, decode_ask, encode_tell
+from vfguide.link.codec import LinkDataError, decode, encode
+from vfguide.link.envelope import Kind
+from vfguide.link.member import Member, Parcel
+from vfguide.link.packed import (
+    LEADER,
+    TICK_S,
+    PackedKind,
+    Packet,
+    decode_packet,
+    encode_answer,
+    encode_beat,
+    encode_motion,
+    encode_packed_presence,
+    encode_packet,
+    encode_question,
+    formation_key,
+    formation_mark,
+    tag_of,
+    ticks_of,
+)
+from vfguide.link.peer_clock import HURRIED_S, OPEN
+from vfguide.link.presence import Presence
+from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
+from vfguide.link.radio_schedule import Beat, Channel, Timetable, Turn, timetable_of
+from vfguide.link.trust import HEARD_BEFORE, Message, RefusedError
+
+STALE_S = 1.0
+"""A state that has waited for so long is not sent."""
+
+ANSWERABLE_S = 1.5
+"""A question that has waited for so long is not answered: its asker has asked again."""
+
+HURRIED_CYCLES, CALM_CYCLES = 2, 12
+"""From one question of a follower to its next: while its clock is not settled, and later. One that knows no
+session of the leader has nothing else to say, and asks in each of its turns."""
+
+PRESENCE_S, IDLE_S = 4.0, 1.0
+"""From one presence to the next: where it takes the turn of a state, and where there is none to be sent."""
+
+LEAST_LATE_S = 0.002
+"""s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
+
+ONLY_LEADER = frozenset({PackedKind.BEAT, PackedKind.ANSWER})
+ONLY_FOLLOWERS = frozenset({PackedKind.QUESTION})
+"""Kinds that not everybody may say."""
+
+UNKNOWN_SESSION = "another session or forged"
+"""Why a packet is refused whose tag is not of this session of the leader."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiting:
+    """Something that is to be said."""
+
+    body: bytes
+    """What."""
+    since_s: float
+    """Since when it waits, s on the clock of the turns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A question that the leader has heard."""
+
+    number: int
+    """Of the exchange."""
+    received_s: float
+    """When, s on the member's clock."""
+
+
+class Station:
+    """One member's part of what goes on a radio."""
+
+    def __init__(
+        self,
+        member: Member,
+        *,
+        formation: str,
+        vehicles: tuple[str, ...],
+        key: bytes,
+        channel: Channel,
+        timetable: Timetable | None = None,
+    ) -> None:
+        """Make one that has heard nothing.
+
+        Args:
+            member: says and hears.
+            formation: its name.
+            vehicles: names of all vehicles, the leader first, the same everywhere.
+            key: the formation's radio key; empty to believe anybody.
+            channel: how fast the radio is.
+            timetable: of the leader, who tells the others.
+        """
+        self._member = member
+        self._vehicles = vehicles
+        self._mark = formation_mark(formation)
+        self._key = formation_key(key, formation, vehicles)
+        self._channel = channel
+        self._timetable = timetable
+        known = member.name in vehicles and not member.watches
+        self._number = vehicles.index(member.name) if known else None
+        self._beat = Beat(self._number)
+        self._framer = Framer(member.counters)
+        self._sent: deque[bytes] = deque(maxlen=8)
+        self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
+        self._true_leader_s = -math.inf
+        self._state: Waiting | None = None
+        self._question: Waiting | None = None
+        self._asked_s = -math.inf
+        self._open: dict[int, tuple[float, float]] = {}
+        self._questions: dict[int, Question] = {}
+        self._answered_s: dict[int, float] = {}
+        self._presence: Presence | None = None
+        self._told_s = -math.inf
+
+    def begin(self, now: float) -> None:
+        """Begin to hear and, for the leader, to give the beat; at a time on the clock of the turns, s."""
+        self._framer.clear()
+        if self._timetable is not None and self._number == LEADER:
+            self._beat.begin(self._timetable, now)
+
+    def post(self, parcel: Parcel, now: float) -> None:
+        """Have a message of the member sent at its next turn; the one before it of its kind is forgotten."""
+        match parcel.kind:
+            case Kind.STATE:
+                if self._state is not None:
+                    self._member.counters["radio: replaced before its turn"] += 1
+                self._state = Waiting(body=parcel.body, since_s=now)
+            case Kind.QUESTION:
+                self._question = Waiting(body=parcel.body, since_s=now)
+            case _:
+                # Answers and presences are made here, where the turn is known; orders are not for radios.
+                return
+
+    def announce(self, presence: Presence) -> None:
+        """Say now and then how the member is, and soon where that has changed."""
+        if self._presence is None or presence.mode != self._presence.mode:
+            self._told_s = -math.inf
+        self._presence = presence
+
+    def next_turn(self, now: float) -> Turn | None:
+        """When to call `speak` next; None while there is no turn."""
+        return self._beat.next_turn(now)
+
+    def speak(self, turn: Turn, now: float) -> bytes:
+        """What to send in a turn, if it is now; nothing where there is nothing to say."""
+        self._beat.spoken(turn)
+        if now - turn.at_s > self._spare_s():
+            # It would run into the next one's.
+            self._member.counters["radio: late for its turn"] += 1
+            return b""
+        packet = self._said_by_leader(turn, now) if self._number == LEADER else self._said(now)
+        if not packet:
+            return b""
+        frame = encode_frame(packet)
+        self._sent.append(packet)
+        return frame
+
+    def hear(self, data: bytes, now: float) -> bool:
+        """Take bytes from the radio; whatever is wrong with them ends up as a counter.
+
+        Args:
+            data: cut anywhere, and perhaps damaged.
+            now: on the clock of the turns, s.
+
+        Returns:
+            Whether somebody of the formation was heard.
+        """
+        heard = False
+        for packet in self._framer.feed(data):
+            if packet in self._sent:
+                self._member.counters["own packets heard"] += 1
+                continue
+            try:
+                self._take(packet, now)
+                heard = True
+            except LinkDataError:
+                self._member.note_refusal("malformed")
+            except RefusedError as refusal:
+                self._member.note_refusal(str(refusal))
+        return heard
+
+    def _take(self, data: bytes, now: float) -> None:
+        """Take a packet.
+
+        Raises:
+            LinkDataError: it is none.
+            RefusedError: it is not believed.
+        """
+        packet = decode_packet(data)
+        if packet.formation != self._mark:
+            raise RefusedError("another formation")
+        if packet.sender >= len(self._vehicles):
+            raise RefusedError("a stranger")
+        leads = packet.sender == LEADER
+        if packet.kind in (ONLY_FOLLOWERS if leads else ONLY_LEADER):
+            raise RefusedError("not for its sender to say")
+        began_s = now - self._channel.latency_s(len(data) + OVERHEAD)
+        epoch = self._epoch_of(packet)
+        if epoch is None:
+            self._take_unproven_beat(packet, began_s)
+            raise RefusedError(UNKNOWN_SESSION)
+        if packet.sender == self._number:
+            raise RefusedError("another companion of this name")
+        self._check_newer(packet, epoch)
+        if leads:
+            self._note_leader(packet, epoch, began_s)
+        elif packet.kind is not PackedKind.QUESTION:
+            self._beat.hear_follower(packet.sender, began_s)
+        self._use(packet, epoch)
+
+    def _epoch_of(self, packet: Packet) -> int | None:
+        """The leader's session that a packet was said under; None where its tag is of none that counts."""
+        trust = self._member.trust
+        match packet.kind:
+            case PackedKind.QUESTION:
+                epochs: tuple[int, ...] = (0,)
+            case PackedKind.ANSWER:
+                epochs = (packet.session,)
+            case PackedKind.PRESENCE if trust.takes_all:
+                epochs = (packet.session,)
+            case _:
+                epochs = trust.epochs(self._member.clock())
+        for epoch in epochs:
+            if hmac.compare_digest(tag_of(self._key, epoch, packet.tagged), packet.tag):
+                return epoch
+        return None
+
+    def _take_unproven_beat(self, packet: Packet, began_s: float) -> None:
+        """Take a beat that nothing vouches for, where no true one was heard for a while."""
+        if packet.sender != LEADER or packet.beat is None:
+            return
+        # The leader may have started anew: asking it tells.
+        self._member.hurry.set()
+        if self._beat.is_silent(began_s):
+            self._count_from(packet, began_s)
+
+    def _count_from(self, packet: Packet, began_s: float) -> None:
+        """Count from a beat.
+
+        Raises:
+            RefusedError: its timetable is not of this formation, or of no radio.
+        """
+        info = packet.beat
+        if info is None or self._number == LEADER:
+            return
+        if info.members != len(self._vehicles):
+            raise RefusedError("another number of vehicles")
+        if timetable_of(info).slot_s < self._channel.line_s():
+            raise RefusedError("a beat that is too fast")
+        self._beat.hear_leader(info, began_s)
+
+    def _note_leader(self, packet: Packet, epoch: int, began_s: float) -> None:
+        """Note a true packet of the leader."""
+        if packet.beat is None:
+            return
+        self._member.trust.note_leader(epoch, self._member.clock())
+        self._count_from(packet, began_s)
+
+    def _check_newer(self, packet: Packet, epoch: int) -> None:
+        """See that a packet comes after all before of its sender and kind.
+
+        Raises:
+            RefusedError: it was heard before, or a newer one was.
+        """
+        if packet.kind is PackedKind.ANSWER:
+            # Whether it is new is for the number to say that it answers.
+            return
+        about = packet.sender, packet.kind
+        order = packet.number if packet.kind is PackedKind.QUESTION else packet.ticks
+        before = self._newest.get(about)
+        if before is not None:
+            known, newest = before
+            repeated = order == newest if packet.kind is PackedKind.QUESTION else order <= newest
+            if known == epoch and repeated:
+                raise RefusedError(HEARD_BEFORE)
+            # What is said under the leader's last session comes before what was said under this one.
+            now = self._member.clock()
+            if known != epoch and known == next(iter(self._member.trust.epochs(now)), 0):
+                raise RefusedError("an earlier session")
+        self._newest[about] = epoch, order
+
+    def _use(self, packet: Packet, epoch: int) -> None:
+        """Hand on what is believed."""
+        match packet.kind:
+            case PackedKind.QUESTION if self._number == LEADER:
+                received_s = self._member.clock()
+                self._questions[packet.sender] = Question(
+                    number=packet.number, received_s=received_s
+                )
+            case PackedKind.ANSWER if packet.to == self._number:
+                self._hear_answer(packet)
+            case PackedKind.STATE if packet.state is not None:
+                self._accept(packet, Kind.STATE, epoch, encode(packet.state))
+            case PackedKind.PRESENCE if packet.presence is not None:
+                self._member.accept_presence(self._vehicles[packet.sender], packet.presence)
+
+    def _accept(self, packet: Packet, kind: Kind, session: int, body: bytes) -> None:
+        sender = self._vehicles[packet.sender]
+        self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
+
+    def _hear_answer(self, packet: Packet) -> None:
+        """Learn the leader's clock, as if the question had been heard when it was asked."""
+        asked = self._open.pop(packet.number, None)
+        if asked is None:
+            return
+        originate_s, waited_s = asked
+        tell = Tell(
+            number=packet.number,
+            originate_s=originate_s,
+            receive_s=packet.received * TICK_S - waited_s,
+            transmit_s=packet.ticks * TICK_S,
+        )
+        self._accept(packet, Kind.ANSWER, packet.session, encode_tell(tell))
+
+    def _said_by_leader(self, turn: Turn, now: float) -> bytes:
+        """The leader's packet for a turn."""
+        table = self._beat.timetable
+        if turn.beat is None or table is None:
+            return self._answer(now) or self._said_of_itself(now, PRESENCE_S)
+        beat, state = encode_beat(table.info(turn.beat)), self._fresh_state(now)
+        if state is None:
+            return self._sealed(PackedKind.BEAT, beat, self._member.clock())
+        return self._sealed_state(state, beat)
+
+    def _said(self, now: float) -> bytes:
+        """A follower's packet for its turn."""
+        question = self._due_question(now)
+        if question:
+            return question
+        presence = self._said_of_itself(now, PRESENCE_S)
+        if presence:
+            return presence
+        state = self._fresh_state(now)
+        return self._said_of_itself(now, IDLE_S) if state is None else self._sealed_state(state)
+
+    def _spare_s(self) -> float:
+        """What a slot has more than the longest packet needs, s."""
+        table = self._beat.timetable
+        spare_s = 0.0 if table is None else table.slot_s - self._channel.slot_s()
+        return max(spare_s, LEAST_LATE_S)
+
+    def _fresh_state(self, now: float) -> bytes | None:
+        """The newest state, if it was not sent yet."""
+        state, self._state = self._state, None
+        if state is None:
+            return None
+        if now - state.since_s > STALE_S:
+            self._member.counters["radio: too old for its turn"] += 1
+            return None
+        return state.body
+
+    def _sealed_state(self, body: bytes, beat: bytes = b"") -> bytes:
+        """A state as a packet; nothing where its time is none."""
+        message = decode(body)
+        return self._sealed(
+            PackedKind.STATE,
+            beat + encode_motion(message),
+            message.time_s,
+            steered=message.steered,
+        )
+
+    def _due_question(self, now: float) -> bytes:
+        """The question that waits, unless the last was asked a short time ago."""
+        clock, table, question = self._member.peer_clock, self._beat.timetable, self._question
+        if clock is None or table is None or question is None:
+            return b""
+        hurried = clock.pause_s <= HURRIED_S or self._member.hurry.is_set()
+        cycles = HURRIED_CYCLES if hurried else max(CALM_CYCLES, table.members)
+        cycles = cycles if self._member.trust.proven else 1
+        if now - self._asked_s < (cycles - 0.5) * table.cycle_s:
+            return b""
+        self._question, self._asked_s = None, now
+        ask = decode_ask(question.body)
+        self._open[ask.number] = ask.originate_s, self._member.clock() - ask.originate_s
+        while len(self._open) > OPEN:
+            del self._open[next(iter(self._open))]
+        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), 0.0)
+
+    def _answer(self, now: float) -> bytes:
+        """The answer to one of the questions that wait."""
+        clock_s = self._member.clock()
+        self._questions = {
+            asker: question
+            for asker, question in self._questions.items()
+            if clock_s - question.received_s < ANSWERABLE_S
+        }
+        if not self._questions:
+            return b""
+        asker = min(self._questions, key=lambda one: self._answered_s.get(one, -math.inf))
+        question = self._questions.pop(asker)
+        self._answered_s[asker] = now
+        (session, *_) = self._member.trust.epochs(clock_s)
+        body = encode_answer(asker, question.number, session, ticks_of(question.received_s))
+        return self._sealed(PackedKind.ANSWER, body, clock_s)
+
+    def _said_of_itself(self, now: float, every_s: float) -> bytes:
+        """The presence, where it is time for it."""
+        trust, presence = self._member.trust, self._presence
+        if presence is None or not trust.proven or now - self._told_s < every_s:
+            return b""
+        self._told_s = now
+        (session, *_) = trust.epochs(self._member.clock())
+        body = encode_packed_presence(presence, session)
+        return self._sealed(PackedKind.PRESENCE, body, self._member.formation_time())
+
+    def _sealed(
+        self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
+    ) -> bytes:
+        """A packet with its tag; nothing where the formation's time is not known."""
+        epoch = 0
+        if kind is not PackedKind.QUESTION:
+            epoch = next(iter(self._member.trust.epochs(self._member.clock())), 0)
+        if self._number is None or (epoch == 0 and kind is not PackedKind.QUESTION):
+            return b""
+        try:
+            ticks = ticks_of(time_s)
+        except ValueError:
+            self._member.counters["radio: no time to tell"] += 1
+            return b""
+        packet = encode_packet(
+            kind,
+            formation=self._mark,
+            sender=self._number,
+            ticks=ticks,
+            body=body,
+            steered=steered,
+        )
+        return packet + tag_of(self._key, epoch, packet)
