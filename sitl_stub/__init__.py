@@ -16,6 +16,7 @@ from sitl_stub.plants import (
     plant,
     plant_of,
 )
+from sitl_stub.route import Route
 from sitl_stub.signing import Signing
 from sitl_stub.truth import Truth
 from sitl_stub.turbulence import TurbulenceField, low_altitude_intensity
@@ -35,6 +36,7 @@ __all__ = [
     "Fault",
     "Plant",
     "PlantParameters",
+    "Route",
     "Shear",
     "Signing",
     "SteadyWind",

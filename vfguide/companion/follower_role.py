@@ -9,9 +9,16 @@ from vfguide.angles import wrap_angle
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.foresight import Law
 from vfguide.companion.hearing import Hearing
+from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.motion_report import GAP_S, MotionReport
 from vfguide.companion.own_vehicle import Fix
-from vfguide.companion.plan import FlightPlan, FollowerTask, follower_law, late_laws
+from vfguide.companion.plan import (
+    FlightPlan,
+    FollowerTask,
+    ForeignLeader,
+    follower_law,
+    late_laws,
+)
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.supervisor import Mode
@@ -26,6 +33,7 @@ from vfguide.guidance.intended_motion import (
     planned_motion,
 )
 from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.observed_motion import carried_on
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.virtual_leader import carry_along_path
@@ -80,7 +88,11 @@ class FollowerRole:
         self._clock = clock
         # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
         broken_up_s = plan.patience.prediction_s + plan.patience.breakaway_s + HANDED_BACK_S
-        self._leader = Hearing(plan.frame, clock, moved_s=broken_up_s)
+        self._leader: Hearing | LeaderTelemetry = (
+            LeaderTelemetry(task.leader, plan.frame, moved_s=broken_up_s)
+            if isinstance(task.leader, ForeignLeader)
+            else Hearing(plan.frame, clock, moved_s=broken_up_s)
+        )
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._leader_name = next(one.name for one in plan.others if one.leads)
@@ -105,14 +117,16 @@ class FollowerRole:
     @property
     def leader(self) -> LeaderState[float] | None:
         """Newest leader state as slots are fixed to it, times on the follower's clock."""
+        if isinstance(self._task.leader, ForeignLeader):
+            return self._leader.newest
         return None if self._intended is None else self._intended.motion
 
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
-        heard, before = self._leader.newest, self._intended
-        if heard is None:
+        heard, before, known = self._leader.newest, self._intended, self._task.leader
+        if heard is None or isinstance(known, ForeignLeader):
             return
-        planned = planned_motion(heard, self._task.leader, self._wind)
+        planned = planned_motion(heard, known, self._wind)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -123,7 +137,7 @@ class FollowerRole:
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take a leader state if it is sound and newer than the one before."""
+        """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
         if self._leader.take(data, now):
             self._carried = self._breakaway_course = None
             self._intend()
@@ -248,11 +262,13 @@ class FollowerRole:
         return self._report.message(motion, fix, time_s, steered=mode.steers)
 
     def _leader_at(self, fix: Fix) -> LeaderState[float] | None:
-        """The leader as last heard; after a silence, as it would have flown on along its path."""
-        heard = self.leader
-        if heard is None or self.leader_age(fix.state.time_s) <= self._plan.patience.leader_s:
-            return heard
+        """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
+        heard, known = self.leader, self._task.leader
         now = fix.state.time_s
+        if isinstance(known, ForeignLeader):
+            return None if heard is None else carried_on(heard, now - heard.time_s, GAP_S)
+        if heard is None or self.leader_age(now) <= self._plan.patience.leader_s:
+            return heard
         carried = self._carried
         if carried is None:
             carried = predict_leader(heard, min(now, heard.time_s + GAP_S))
@@ -260,9 +276,7 @@ class FollowerRole:
         count = min(math.ceil((now - carried.time_s) / CARRY_S), MOST_STEPS)
         for left in range(count, 0, -1):
             time_s = carried.time_s + (now - carried.time_s) / left
-            carried = carry_along_path(
-                carried, replace(fix.state, time_s=time_s), self._task.leader
-            )
+            carried = carry_along_path(carried, replace(fix.state, time_s=time_s), known)
         self._carried = carried
         return carried
 

@@ -28,13 +28,35 @@ from vfguide.registry import autopilots, laws
 from vfguide.state import Airframe
 
 
+LEAST_SILENCE_S = 2.5
+"""A leader without a companion is not silent before: one message a second, half a second late, one lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForeignLeader:
+    """A leader without a companion."""
+
+    connection: str
+    """MAVLink address at which it is heard."""
+    system_id: int | None
+    """Of the aircraft; None where it is heard by ADS-B."""
+    icao_address: int | None
+    """Of the aircraft by ADS-B; None where it speaks itself."""
+    least_delay_s: float
+    """How long its messages take at least, s."""
+    airframe: Airframe
+    """What it can do."""
+    rate_filter_s: float
+    """Time constant of its rates, s."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowerTask:
     """A slot, and what a follower knows of the one it follows."""
 
     slot: Slot[float]
     """Its place in the formation."""
-    leader: KnownLeader
+    leader: KnownLeader | ForeignLeader
     """What the mission tells about the leader."""
     airspeed: float
     """To fly away at when the formation breaks up, m/s."""
@@ -138,13 +160,21 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
-        patience=Patience(**mission.patience.model_dump()),
+        patience=patience_of(mission),
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
     )
+
+
+def patience_of(mission: Mission) -> Patience:
+    """How long silences are borne."""
+    patience = Patience(**mission.patience.model_dump())
+    if not mission.leader.is_foreign:
+        return patience
+    return replace(patience, leader_s=max(patience.leader_s, LEAST_SILENCE_S))
 
 
 def formation_of(mission: Mission) -> list[str]:
@@ -240,17 +270,35 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
 
 def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
     """A slot of the mission, for a vehicle that holds it."""
-    leads = leader_task(mission)
     lowest, highest = vehicle.airspeed_range_m_s
     return FollowerTask(
         slot=Slot(forward=offset.forward_m, right=offset.right_m),
-        leader=KnownLeader(
-            path=leads.path,
-            path_gains=leads.path_gains,
-            airspeed=leads.airspeed,
-            rate_filter_s=mission.controller.rate_filter_s,
-        ),
-        airspeed=min(max(leads.airspeed, lowest), highest),
+        leader=foreign_leader(mission) if mission.leader.is_foreign else known_leader(mission),
+        airspeed=min(max(mission.leader.airspeed_m_s, lowest), highest),
+    )
+
+
+def known_leader(mission: Mission) -> KnownLeader:
+    """What the mission tells about a leader with a companion."""
+    leads = leader_task(mission)
+    return KnownLeader(
+        path=leads.path,
+        path_gains=leads.path_gains,
+        airspeed=leads.airspeed,
+        rate_filter_s=mission.controller.rate_filter_s,
+    )
+
+
+def foreign_leader(mission: Mission) -> ForeignLeader:
+    """What the mission tells about a leader without one."""
+    leader, vehicle = mission.leader, mission.leader_vehicle
+    return ForeignLeader(
+        connection=leader.connection or "",
+        system_id=vehicle.system_id if leader.follows == "mavlink" else None,
+        icao_address=leader.icao_address,
+        least_delay_s=leader.least_delay_s,
+        airframe=airframe_of(vehicle),
+        rate_filter_s=mission.controller.rate_filter_s,
     )
 
 
@@ -325,5 +373,8 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
-        slot_frame=laws.find(chosen.type).slot_frame or chosen.slot_frame,
+        # What a leader without a companion means to fly is not known.
+        slot_frame="leader"
+        if mission.leader.is_foreign
+        else laws.find(chosen.type).slot_frame or chosen.slot_frame,
     )

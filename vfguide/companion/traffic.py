@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vfguide.companion.hearing import Hearing
+from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
@@ -120,7 +121,7 @@ class Traffic:
         words, self._words = self._words, []
         return words
 
-    def note(self, vehicle: str, hearing: Hearing) -> None:
+    def note(self, vehicle: str, hearing: Hearing | LeaderTelemetry) -> None:
         """Take what is heard of a vehicle: its state, or both places where it may be."""
         row = self._rows.get(vehicle)
         if row is None:

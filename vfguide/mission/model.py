@@ -1,7 +1,7 @@
 """The whole mission file, as immutable values."""
 
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 from pydantic_core import PydanticCustomError
@@ -9,8 +9,17 @@ from pydantic_core import PydanticCustomError
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
+from vfguide.mission.foreign_leader import completed
 from vfguide.mission.patience import Patience
-from vfguide.mission.quantity import MissionName, Number, Positive, Section, Speed, VehicleName
+from vfguide.mission.quantity import (
+    Duration,
+    MissionName,
+    Number,
+    Positive,
+    Section,
+    Speed,
+    VehicleName,
+)
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
 from vfguide.mission.vehicle import Vehicle
 
@@ -31,13 +40,36 @@ class Origin(Section):
 
 
 class Leader(Section):
-    """The vehicle that follows the path."""
+    """The vehicle that follows the path, or any aircraft whose MAVLink messages are heard."""
 
     vehicle: VehicleName
-    """Its name under `vehicles`."""
+    """Its name under `vehicles`; without a companion `leader` if absent, and it needs no entry there."""
 
     airspeed_m_s: Speed
-    """Airspeed it keeps, m/s."""
+    """Airspeed it keeps, m/s; without a companion what it is expected to fly, 20 if absent."""
+
+    follows: Literal["companion", "mavlink", "adsb"] = "companion"
+    """Whom followers follow. `companion`: a leader with a companion, over the formation's link. `mavlink`: an
+    aircraft without one, by the positions that it sends. `adsb`: one that is heard by ADS-B, from at least
+    100 m away."""
+
+    connection: Annotated[str, Field(pattern=r"^[a-z]+://\S+$")] | None = None
+    """Where each follower's companion hears a leader without one: a MAVLink address, as of `--mavlink`."""
+
+    system_id: Annotated[int, Field(strict=True, ge=1, le=255)] | None = None
+    """`mavlink`: its system id, if it has no entry under `vehicles`."""
+
+    icao_address: Annotated[int, Field(strict=True, ge=1, le=0xFFFFFF)] | None = None
+    """`adsb`: its 24-bit address, such as 0x4B1900."""
+
+    least_delay_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """How long messages of a leader without a companion take at least, s: no follower can find out, and
+    flies by this times the speed behind its slot where it is not told."""
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it has no companion."""
+        return self.follows != "companion"
 
 
 class Slot(Section):
@@ -76,7 +108,7 @@ class Mission(Section):
     """Flying height of the leader above the origin's altitude, m."""
 
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
-    """What the leader follows."""
+    """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""
 
     leader: Leader
     """Who leads, and how fast."""
@@ -112,9 +144,21 @@ class Mission(Section):
         return self.vehicles[self.leader.vehicle]
 
     @property
+    def timekeeper(self) -> str:
+        """The vehicle whose clock the formation shares: the leader, or the first follower of a foreign one."""
+        if self.leader.is_foreign and self.followers:
+            return self.followers[0].vehicle
+        return self.leader.vehicle
+
+    @property
     def followers_by_name(self) -> Mapping[str, Follower]:
         """Each follower by the name of its vehicle."""
         return {follower.vehicle: follower for follower in self.followers}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, data: object) -> object:
+        return completed(data)
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

@@ -8,8 +8,8 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
-from vfguide.rehearsal.emulators import emulator_of
-from vfguide.rehearsal.recorder import VehicleRecorder
+from vfguide.rehearsal.emulators import emulator_of, foreign_leader_of
+from vfguide.rehearsal.recorder import UNSEEN, VehicleRecorder
 
 Instant = tuple[float, Sequence[Mail]]
 """Virtual time, and the states that the links are handed then."""
@@ -45,9 +45,10 @@ class Aircraft:
         self.leads = plan.leads
         """Whether it is the leader."""
         self._leader = mission.leader.vehicle
+        self._hears_directly = mission.leader.is_foreign
         seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
         seeds.pop(name, None)
-        if not plan.leads:
+        if not (plan.leads or self._hears_directly):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""
@@ -77,6 +78,10 @@ class Aircraft:
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
+        if self._hears_directly:
+            for sender, data in mail:
+                if sender == self._leader:
+                    self.companion.receive_link(data, now)
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
             if sender == self._leader:
@@ -85,7 +90,46 @@ class Aircraft:
                 self.companion.receive_neighbour(sender, data, now)
 
 
-def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) -> list[Mail]:
+class ForeignLeader:
+    """A leader without a companion, in virtual time: it flies by itself, and is heard."""
+
+    leads = True
+    """Whether it is the leader."""
+
+    def __init__(self, mission: Mission, *, log: TelemetryLog | None = None) -> None:
+        """Put it at its start.
+
+        Args:
+            mission: the mission.
+            log: notes what is heard of it.
+        """
+        self.name = mission.leader.vehicle
+        self.events = list[Event]()
+        """It reports nothing."""
+        self.recorder = VehicleRecorder(mission, self.name)
+        self.log = log
+        self._emulator = foreign_leader_of(mission)
+
+    def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
+        """Fly on to this time; what arrives of it, as mail. It hears nobody."""
+        del mail
+        heard = self._emulator.advance(now)
+        self.recorder.sample(self._emulator.truth(), UNSEEN)
+        if self.log is not None:
+            self.log.add(now, heard)
+        return [(self.name, heard)] if heard else []
+
+
+def aircraft_of(
+    mission: Mission, name: str, *, log: TelemetryLog | None = None
+) -> "Aircraft | ForeignLeader":
+    """The aircraft of this name at its start; see there."""
+    if mission.leader.is_foreign and name == mission.leader.vehicle:
+        return ForeignLeader(mission, log=log)
+    return Aircraft(mission, name, log=log)
+
+
+def step_all(formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Sequence[Mail]) -> list[Mail]:
     """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
 
     Args:
@@ -105,7 +149,7 @@ def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) ->
     return published
 
 
-def fly_window(formation: Sequence[Aircraft], window: Sequence[Instant]) -> list[Mail]:
+def fly_window(formation: Sequence[Aircraft | ForeignLeader], window: Sequence[Instant]) -> list[Mail]:
     """Let each aircraft, one after the other, fly a whole window of the exchange.
 
     Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its

@@ -15,7 +15,7 @@ from vfguide.errors import VfguideError
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.rehearsal.recorder import VehicleRecorder, flight_record
+from vfguide.rehearsal.recorder import UNSEEN, VehicleRecorder, flight_record
 from vfguide.state import Setpoint
 
 NUMBERS = frozenset(field.name for field in fields(sitl_stub.Truth)) - {"mode", "armed"}
@@ -25,9 +25,6 @@ AFTERWARDS_S = 60.0
 """After the end of the flight nobody's true state is of interest."""
 
 MODES = frozenset(mode.value for mode in Mode)
-
-UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
-"""What a judge of true states knows of a companion."""
 
 
 class Judge(asyncio.DatagramProtocol):

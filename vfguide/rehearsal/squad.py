@@ -21,7 +21,13 @@ from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import plugin_fault
-from vfguide.rehearsal.aircraft import Aircraft, Instant, fly_window
+from vfguide.rehearsal.aircraft import (
+    Aircraft,
+    ForeignLeader,
+    Instant,
+    aircraft_of,
+    fly_window,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +44,7 @@ class Outcome:
     """Its telemetry log, where one was kept."""
 
 
-def outcome_of(aircraft: Aircraft) -> Outcome:
+def outcome_of(aircraft: Aircraft | ForeignLeader) -> Outcome:
     """What an aircraft brings home so far."""
     return Outcome(
         name=aircraft.name,
@@ -48,10 +54,12 @@ def outcome_of(aircraft: Aircraft) -> Outcome:
     )
 
 
-def launch(mission: Mission, names: Sequence[str], epoch_s: float | None) -> list[Aircraft]:
+def launch(
+    mission: Mission, names: Sequence[str], epoch_s: float | None
+) -> list[Aircraft | ForeignLeader]:
     """Aircraft at their starts, with telemetry logs where time 0 is given in seconds since 1970."""
     return [
-        Aircraft(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
+        aircraft_of(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
         for name in names
     ]
 

@@ -1,0 +1,241 @@
+"""A leader without a companion, as one follower hears it: MAVLink bytes in, its motion out.
+
+What a leader's companion tells of itself over the link is found out here: which of the messages to go by, when
+they were true, whether they can be true, turn rate and acceleration.
+"""
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.leader_clock import LeaderClock, Moment
+from vfguide.companion.plan import ForeignLeader
+from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
+from vfguide.frames import LocalFrame
+from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.observed_motion import (
+    Observation,
+    ObservedMotion,
+    RateLimits,
+    observed_at_first,
+    observed_motion,
+)
+from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
+from vfguide.state import HeardState
+
+BETTER_S = 3.0
+"""A better kind of message is waited for so long before the next best is followed."""
+
+LEAST_INTERVAL_S = 0.02
+"""Messages that come closer than this say the same twice."""
+
+GAP_S = 4.0
+"""After a longer silence the rates start anew."""
+
+STALE_S = 1.0
+"""A leader that is heard later than this is worth a text to the pilot."""
+
+LONGEST_S = 12.0
+"""From one place to the next, where velocities are not told: a longer way says nothing of the course."""
+
+
+class LeaderTelemetry:
+    """The newest motion of one aircraft."""
+
+    def __init__(self, leader: ForeignLeader, frame: LocalFrame, *, moved_s: float) -> None:
+        """Make it, with nothing heard yet.
+
+        Args:
+            leader: who is listened for, and what it can do.
+            frame: the formation's local frame.
+            moved_s: for how long reports from where it cannot be have to agree before they are believed.
+        """
+        self._leader = leader
+        self._frame = frame
+        self._moved_s = moved_s
+        self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
+        self._clocks: dict[Kind, LeaderClock] = {}
+        self._heard_s: dict[Kind, float] = {}
+        self._kind: Kind | None = None
+        airframe = leader.airframe
+        self._limits = RateLimits(
+            turn_rate=bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min),
+            acceleration=2.0 * airframe.max_acceleration,
+        )
+        self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
+        self._altitude = AltitudeGate()
+        self._place: Motion | None = None
+        self._motion: ObservedMotion | None = None
+        self._doubted = self._late = False
+        self._words: list[str] = []
+        self._counters: Counter[str] = Counter()
+        self.newest: HeardState | None = None
+        """Times on one's own clock."""
+        self.doubted: tuple[HeardState, HeardState] | None = None
+        """Where it says it is while that is not believed, and where its velocities lead."""
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Messages that were not used, by reason."""
+        return self._codec.counters + self._counters
+
+    def words(self) -> list[str]:
+        """What a pilot should know of it, each once; a sentence's end, after "the leader"."""
+        words, self._words = self._words, []
+        return words
+
+    def take(self, data: bytes, now: float) -> bool:
+        """Take a datagram; whether it had a newer motion that can be true."""
+        believed = [self._take(report, now) for report in self._codec.decode(data)]
+        return any(believed)
+
+    def _take(self, report: LeaderReport, now: float) -> bool:
+        moment = self._moment(report, now)
+        if moment is None:
+            self._counters["time stamp not believed"] += 1
+            return False
+        self._heard_s[report.kind] = now
+        if self._has_better(report.kind, now):
+            self._counters["a better message comes"] += 1
+            return False
+        if moment.restarted or report.kind != self._kind:
+            self._begin(report.kind, restarted=moment.restarted)
+        self._tell_of_lateness(now - moment.time_s)
+        return self._judge(report, moment)
+
+    def _moment(self, report: LeaderReport, now: float) -> Moment | None:
+        """When a report was true."""
+        if report.stamp_s is None:
+            time_s = now - report.age_s - self._leader.least_delay_s
+            return Moment(time_s=time_s, even_s=time_s, late_s=0.0, restarted=False)
+        clock = self._clocks.get(report.kind)
+        if clock is None:
+            clock = LeaderClock(least_delay_s=self._leader.least_delay_s)
+            self._clocks[report.kind] = clock
+        return clock.read(report.stamp_s, now)
+
+    def _has_better(self, kind: Kind, now: float) -> bool:
+        """Whether a better kind of message has come of late."""
+        better = KINDS[: KINDS.index(kind)]
+        return any(now - self._heard_s.get(one, -math.inf) <= BETTER_S for one in better)
+
+    def _begin(self, kind: Kind, *, restarted: bool) -> None:
+        """From here on times are on another clock: nothing before them says how long ago it was."""
+        self._kind, self._place, self._motion = kind, None, None
+        self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
+        self._altitude = AltitudeGate()
+        if restarted:
+            self._words.append("has another clock, as after a restart: followed by that from now on")
+
+    def _tell_of_lateness(self, age_s: float) -> None:
+        """Tell the pilot when it is heard late, and when it is not any more."""
+        if age_s > STALE_S and not self._late:
+            self._late = True
+            self._words.append(
+                f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"
+            )
+        elif age_s < 0.5 * STALE_S and self._late:
+            self._late = False
+            self._words.append("is heard in time again: nothing to do")
+
+    def _judge(self, report: LeaderReport, moment: Moment) -> bool:
+        """Whether a report can be true, after those before."""
+        north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
+        velocity = report.velocity or self._velocity_between(north, east, moment)
+        if velocity is None:
+            return False
+        motion = Motion(moment.even_s, north, east, *velocity)
+        if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
+            self._counters["not newer"] += 1
+            return False
+        judgement = self._gate.judge(motion)
+        known = math.isfinite(report.altitude_amsl)
+        altitude = self._altitude.judge(report.altitude_amsl, moment.even_s) if known else math.nan
+        self._place = motion
+        if judgement.verdict is not Verdict.BELIEVED:
+            self._doubt(judgement, motion, moment, altitude)
+            return False
+        if self._doubted:
+            self._words.append("reports what can be again: believed, nothing to do")
+        self._doubted, self.doubted = False, None
+        self._observe(report, motion)
+        self.newest = self._heard(moment, altitude)
+        return True
+
+    def _velocity_between(
+        self, north: float, east: float, moment: Moment
+    ) -> tuple[float, float] | None:
+        """The velocity of a report that tells none: as observed, or at first from the place before."""
+        if self._motion is not None:
+            state = self._motion.state
+            age_s = moment.even_s - state.time_s
+            course = state.course + state.turn_rate * age_s
+            return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
+        before = self._place
+        interval_s = math.inf if before is None else moment.even_s - before.time_s
+        if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
+            self._place = Motion(moment.even_s, north, east, 0.0, 0.0)
+            return None
+        return (north - before.north) / interval_s, (east - before.east) / interval_s
+
+    def _observe(self, report: LeaderReport, motion: Motion) -> None:
+        """Learn from a report that is believed."""
+        seen = Observation(
+            time_s=motion.time_s,
+            north=motion.north,
+            east=motion.east,
+            velocity=report.velocity,
+            acceleration=report.acceleration,
+        )
+        before = self._motion
+        if before is None or not 0.0 < motion.time_s - before.state.time_s <= GAP_S:
+            course = math.atan2(motion.velocity_east, motion.velocity_north)
+            self._motion = observed_at_first(seen, course, motion.speed)
+        else:
+            self._motion = observed_motion(
+                before, seen, self._limits, self._leader.rate_filter_s
+            )
+
+    def _heard(self, moment: Moment, altitude: float) -> HeardState:
+        """The motion on one's own clock."""
+        assert self._motion is not None
+        state = self._motion.state
+        return HeardState(
+            time_s=moment.time_s,
+            north=state.north,
+            east=state.east,
+            course=state.course,
+            ground_speed=state.ground_speed,
+            acceleration=state.acceleration,
+            turn_rate=state.turn_rate,
+            turn_acceleration=state.turn_acceleration,
+            altitude_amsl=altitude,
+            steered=False,
+        )
+
+    def _doubt(
+        self, judgement: Judgement, motion: Motion, moment: Moment, altitude: float
+    ) -> None:
+        """It reports what cannot be: it may be there, or where its velocities lead."""
+        self._counters["impossible"] += 1
+        if judgement.verdict is not Verdict.REFUSED:
+            there = HeardState(
+                time_s=moment.time_s,
+                north=motion.north,
+                east=motion.east,
+                course=math.atan2(motion.velocity_east, motion.velocity_north),
+                ground_speed=motion.speed,
+                acceleration=0.0,
+                turn_rate=0.0,
+                turn_acceleration=0.0,
+                altitude_amsl=altitude,
+                steered=False,
+            )
+            self.doubted = there, replace(there, north=judgement.north, east=judgement.east)
+        if not self._doubted:
+            self._words.append(
+                f"reports what cannot be ({judgement.reason}): not believed;"
+                " be ready to take over should it come near"
+            )
+        self._doubted = True
