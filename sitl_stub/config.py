@@ -96,8 +96,8 @@ class AutopilotConfig:
     """Flown from the start on, in AUTO; None: it circles until it is told what to do."""
 
     streams: tuple[tuple[int, int], ...] | None = None
-    """Numbers of the messages that it sends beside its heartbeat without having been asked, and their intervals
-    in microseconds; None: what its autopilot sends."""
+    """Numbers of the messages that it sends without having been asked, beside its heartbeat, and their
+    intervals in microseconds; None: what its autopilot sends."""
 
     icao_address: int = 0
     """Of its transponder, 24 bits, for ADSB_VEHICLE."""

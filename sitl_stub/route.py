@@ -1,13 +1,12 @@
-"""A route that an aircraft flies by itself, as an autopilot flies its mission: points, one after the other."""
+"""A route that an aircraft flies by itself, as an autopilot flies its mission: point after point."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from sitl_stub.angles import wrap_to_pi
 from sitl_stub.earth import radii_m
-from sitl_stub.options import OptionError
 
 AHEAD_S = 2.5
 """It steers for the place on the route that it will have reached after this time."""
@@ -21,9 +20,6 @@ itself."""
 
 SAME_PLACE_M = 0.01
 """A route whose ends are nearer than this is flown round and round; points so near are one."""
-
-MOST_BYTES = 1024 * 1024
-"""Of a file with a route."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,28 +42,6 @@ class Route:
                 raise ValueError(f"{latitude_deg!r},{longitude_deg!r} is no place to fly to")
 
 
-def read_route(file: Path) -> Route:
-    """The route in a file: LAT,LON in degrees on each line.
-
-    Raises:
-        OptionError: it cannot be read, or is no route; the message is one line.
-    """
-    try:
-        with file.open(encoding="ascii") as stream:
-            text = stream.read(MOST_BYTES + 1)
-        if len(text) > MOST_BYTES:
-            raise OptionError(f"--route: {file} is larger than 1 MiB")
-        lines = [line.partition(",") for line in text.splitlines() if line.strip()]
-        points = tuple((float(latitude), float(longitude)) for latitude, _, longitude in lines)
-        return Route(points)
-    except OSError as error:
-        raise OptionError(f"--route: {file} cannot be read ({error.strerror})") from error
-    except OptionError:
-        raise
-    except ValueError as error:
-        raise OptionError(f"--route: {file} holds no route of LAT,LON lines ({error})") from error
-
-
 class RouteFollower:
     """Where on its route an aircraft is, and the course to fly from there."""
 
@@ -75,6 +49,7 @@ class RouteFollower:
         self._zero = route.points_deg[0]
         places = [self._local(latitude, longitude) for latitude, longitude in route.points_deg]
         self._legs = legs_of(places)
+        self._begins_m = [leg.begins_m for leg in self._legs]
         self._closed = abs(places[0] - places[-1]) < SAME_PLACE_M
         self._length_m = self._legs[-1].begins_m + self._legs[-1].length_m
         self._leg: int | None = None
@@ -125,9 +100,7 @@ class RouteFollower:
         """The place on the route this far along it, m."""
         if self._closed:
             progress_m %= self._length_m
-        leg = next(
-            (one for one in reversed(self._legs) if one.begins_m <= progress_m), self._legs[0]
-        )
+        leg = self._legs[max(bisect_right(self._begins_m, progress_m) - 1, 0)]
         return leg.begin + leg.ahead * (progress_m - leg.begins_m)
 
 

@@ -44,12 +44,12 @@ def show_status(mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_js
     watched = Watched(
         addresses=parse_links(links),
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         roster=credentials.roster,
         key=credentials.key,
     )
     found = asyncio.run(presences(watched, seconds=LISTEN_S, random=Random()))
-    names = [mission.leader.vehicle, *mission.followers_by_name]
+    names = list(mission.companions)
     output = Terminal()
     if as_json:
         content = {name: described(found.get(name)) for name in names}

@@ -56,6 +56,14 @@ def companion(
             metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."
         ),
     ] = None,
+    leader: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Where a leader without a companion is heard, instead of the mission's"
+            " leader.connection.",
+        ),
+    ] = None,
     clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the companion of one vehicle, until SIGTERM.
@@ -77,6 +85,7 @@ def companion(
         clock=clock,
         signing_key_file=signing_key_file,
         state=state,
+        leader=leader,
     )
 
 

@@ -162,7 +162,7 @@ class Companion:
         return self._codec.counters + self._role.counters + self._guard.counters + own
 
     def receive_link(self, data: bytes, now: float) -> None:
-        """Take a leader state from the link."""
+        """Take a leader state from the link, or a datagram of a leader without a companion."""
         self._role.receive(data, now)
 
     def lose_link(self, now: float) -> None:
@@ -266,6 +266,7 @@ class Companion:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
         out.to_autopilot = self._encode(messages, now)
+        out.to_leader = self._role.to_leader(now)
         return out
 
     def _adopt(self, plan: FlightPlan) -> None:

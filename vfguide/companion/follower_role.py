@@ -89,7 +89,7 @@ class FollowerRole:
         # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
         broken_up_s = plan.patience.prediction_s + plan.patience.breakaway_s + HANDED_BACK_S
         self._leader: Hearing | LeaderTelemetry = (
-            LeaderTelemetry(task.leader, plan.frame, moved_s=broken_up_s)
+            LeaderTelemetry(task.leader, plan.frame, moved_s=broken_up_s, system_id=plan.system_id)
             if isinstance(task.leader, ForeignLeader)
             else Hearing(plan.frame, clock, moved_s=broken_up_s)
         )
@@ -150,6 +150,10 @@ class FollowerRole:
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
         self._traffic.lose_link(now)
+
+    def to_leader(self, now: float) -> bytes:
+        """Heartbeats and questions for the time, where the leader has no companion."""
+        return self._leader.say(now) if isinstance(self._leader, LeaderTelemetry) else b""
 
     def words(self) -> list[str]:
         """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""

@@ -2,9 +2,11 @@
 
 Each message carries the sender's time. No message is read before it was sent, so the least difference
 between the reader's clock and the stamps is the one with the least delay in it. Later ones are late by the
-rest, and that is known to milliseconds. What stays unknown is how long the fastest message took: a delay that
-all of them have looks like a clock that is behind. The mission may tell it (`leader.least_delay_s`); what is
-missing there puts followers behind their slots by that time at the formation's speed.
+rest, and that is known to milliseconds. How long the fastest message took is not in the messages: a delay
+that all of them have looks like a clock that is behind. An autopilot that answers TIMESYNC shows it: its
+answer was made about midway between question and arrival, as far as both ways take alike. Of one that does
+not the mission may tell it (`leader.least_delay_s`); what is missing there puts followers behind their slots
+by that time at the formation's speed.
 """
 
 import math
@@ -24,6 +26,9 @@ CERTAIN_COUNT, CERTAIN_S = 3, 1.0
 
 STANDS_S = 10.0
 """The same where stamps go on from where they were, and are only late: a slow radio is no new clock."""
+
+FADING_S = 1e-3
+"""What the quickest answer loses of its worth with each one after it: clocks drift."""
 
 EVEN_S = 1.0
 """By so much they may disagree with each other meanwhile."""
@@ -56,13 +61,15 @@ class _Elsewhere:
 class LeaderClock:
     """Puts the stamps of one sender onto the reader's clock."""
 
-    def __init__(self, *, least_delay_s: float = 0.0) -> None:
+    def __init__(self, *, least_delay_s: float | None = None) -> None:
         """Know nothing yet.
 
         Args:
-            least_delay_s: how long the fastest message takes.
+            least_delay_s: how long the fastest message takes; None where that is to be found out.
         """
-        self._least_delay_s = least_delay_s
+        self._told_s = least_delay_s
+        self._least_round_s = math.inf
+        self._midway = math.nan
         self._least = math.nan
         self._newest = -math.inf
         self._read_s = math.nan
@@ -72,7 +79,15 @@ class LeaderClock:
     @property
     def offset_s(self) -> float:
         """The reader's clock less the sender's, s; NaN before the first message."""
-        return self._least - self._least_delay_s
+        return self._least - self.least_delay_s
+
+    @property
+    def least_delay_s(self) -> float:
+        """How long the fastest message takes, as it was told, or by the answers that have come; else 0."""
+        if self._told_s is not None:
+            return self._told_s
+        measured = self._least - self._midway
+        return min(max(measured, 0.0), LATE_S) if math.isfinite(measured) else 0.0
 
     def read(self, stamp_s: float, now: float) -> Moment | None:
         """When a message was true that is read now; None where its stamp is not believed, or not newer."""
@@ -86,6 +101,7 @@ class LeaderClock:
         difference = now - stamp_s
         if restarted or math.isnan(self._least):
             self._least, self._zero = difference, difference
+            self._least_round_s, self._midway = math.inf, math.nan
         else:
             self._least = min(self._least + DRIFT * max(now - self._read_s, 0.0), difference)
         self._newest, self._read_s, self._elsewhere = stamp_s, now, None
@@ -95,6 +111,22 @@ class LeaderClock:
             late_s=difference - self._least,
             restarted=restarted,
         )
+
+    def answer(self, asked_s: float, sender_s: float, now: float) -> None:
+        """Take the answer to a question for the sender's time.
+
+        Args:
+            asked_s: when it was asked, s on the reader's clock.
+            sender_s: what the sender's clock showed.
+            now: s on the reader's clock.
+        """
+        round_s, midway = now - asked_s, 0.5 * (asked_s + now) - sender_s
+        # Of another clock than the stamps' it says nothing.
+        if math.isnan(self._least) or not -SOONER_S <= self._least - midway <= LATE_S:
+            return
+        self._least_round_s += FADING_S
+        if 0.0 <= round_s <= self._least_round_s:
+            self._least_round_s, self._midway = round_s, midway
 
     def _goes_on(self, stamp_s: float, now: float) -> bool:
         """Whether a stamp goes on from those before."""

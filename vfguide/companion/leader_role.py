@@ -125,6 +125,11 @@ class LeaderRole:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
         self._traffic.lose_link(now)
 
+    def to_leader(self, now: float) -> bytes:
+        """The leader follows no vehicle."""
+        del now
+        return b""
+
     def words(self) -> list[str]:
         """What the pilot should know of the followers' states, and of keeping clear of them."""
         return self._traffic.words() + self._keep_clear.words()

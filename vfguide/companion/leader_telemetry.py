@@ -1,7 +1,7 @@
 """A leader without a companion, as one follower hears it: MAVLink bytes in, its motion out.
 
-What a leader's companion tells of itself over the link is found out here: which of the messages to go by, when
-they were true, whether they can be true, turn rate and acceleration.
+What a leader's companion tells of itself over the link is found out here: which of the messages to go by,
+when they were true, whether they can be true, turn rate and acceleration.
 """
 
 import math
@@ -21,7 +21,10 @@ from vfguide.guidance.observed_motion import (
     observed_at_first,
     observed_motion,
 )
+from vfguide.mavlink.announcements import heartbeat, time_question
+from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
+from vfguide.mavlink.reports import TimeReport
 from vfguide.state import HeardState
 
 BETTER_S = 3.0
@@ -36,6 +39,12 @@ GAP_S = 4.0
 STALE_S = 1.0
 """A leader that is heard later than this is worth a text to the pilot."""
 
+SAY_S = 1.0
+"""Between heartbeats for it, and questions."""
+
+OPEN = 8
+"""Questions that an answer is awaited for."""
+
 LONGEST_S = 12.0
 """From one place to the next, where velocities are not told: a longer way says nothing of the course."""
 
@@ -43,18 +52,24 @@ LONGEST_S = 12.0
 class LeaderTelemetry:
     """The newest motion of one aircraft."""
 
-    def __init__(self, leader: ForeignLeader, frame: LocalFrame, *, moved_s: float) -> None:
+    def __init__(
+        self, leader: ForeignLeader, frame: LocalFrame, *, moved_s: float, system_id: int
+    ) -> None:
         """Make it, with nothing heard yet.
 
         Args:
             leader: who is listened for, and what it can do.
             frame: the formation's local frame.
             moved_s: for how long reports from where it cannot be have to agree before they are believed.
+            system_id: of one's own vehicle.
         """
         self._leader = leader
         self._frame = frame
         self._moved_s = moved_s
         self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
+        self._voice = Codec(system_id, COMPANION_COMPONENT)
+        self._said_s = -math.inf
+        self._asked: dict[int, float] = {}
         self._clocks: dict[Kind, LeaderClock] = {}
         self._heard_s: dict[Kind, float] = {}
         self._kind: Kind | None = None
@@ -87,8 +102,33 @@ class LeaderTelemetry:
 
     def take(self, data: bytes, now: float) -> bool:
         """Take a datagram; whether it had a newer motion that can be true."""
-        believed = [self._take(report, now) for report in self._codec.decode(data)]
-        return any(believed)
+        believed = False
+        for report in self._codec.decode(data):
+            if isinstance(report, TimeReport):
+                self._answer(report, now)
+            else:
+                believed |= self._take(report, now)
+        return believed
+
+    def say(self, now: float) -> bytes:
+        """What it is told, now and then: that somebody listens, and a question for its time."""
+        if now - self._said_s < SAY_S:
+            return b""
+        self._said_s = now
+        if self._leader.system_id is None:
+            return self._voice.encode([heartbeat()])
+        stamp = round(now * 1e9)
+        self._asked[stamp] = now
+        while len(self._asked) > OPEN:
+            del self._asked[next(iter(self._asked))]
+        return self._voice.encode([heartbeat(), time_question(stamp)])
+
+    def _answer(self, report: TimeReport, now: float) -> None:
+        """It says what its clock shows."""
+        asked_s = self._asked.pop(report.stamp, None)
+        if asked_s is not None:
+            for clock in self._clocks.values():
+                clock.answer(asked_s, report.autopilot_ns * 1e-9, now)
 
     def _take(self, report: LeaderReport, now: float) -> bool:
         moment = self._moment(report, now)
@@ -107,7 +147,7 @@ class LeaderTelemetry:
     def _moment(self, report: LeaderReport, now: float) -> Moment | None:
         """When a report was true."""
         if report.stamp_s is None:
-            time_s = now - report.age_s - self._leader.least_delay_s
+            time_s = now - report.age_s - (self._leader.least_delay_s or 0.0)
             return Moment(time_s=time_s, even_s=time_s, late_s=0.0, restarted=False)
         clock = self._clocks.get(report.kind)
         if clock is None:
@@ -126,7 +166,9 @@ class LeaderTelemetry:
         self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
         self._altitude = AltitudeGate()
         if restarted:
-            self._words.append("has another clock, as after a restart: followed by that from now on")
+            self._words.append(
+                "has another clock, as after a restart: followed by that from now on"
+            )
 
     def _tell_of_lateness(self, age_s: float) -> None:
         """Tell the pilot when it is heard late, and when it is not any more."""
@@ -159,8 +201,8 @@ class LeaderTelemetry:
         if self._doubted:
             self._words.append("reports what can be again: believed, nothing to do")
         self._doubted, self.doubted = False, None
-        self._observe(report, motion)
-        self.newest = self._heard(moment, altitude)
+        self._motion = self._observed(report, motion)
+        self.newest = heard_state(self._motion, moment, altitude)
         return True
 
     def _velocity_between(
@@ -179,44 +221,21 @@ class LeaderTelemetry:
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s
 
-    def _observe(self, report: LeaderReport, motion: Motion) -> None:
-        """Learn from a report that is believed."""
+    def _observed(self, report: LeaderReport, motion: Motion) -> ObservedMotion:
+        """What is known of the motion after a report that is believed."""
         seen = Observation(
             time_s=motion.time_s,
             north=motion.north,
             east=motion.east,
             velocity=report.velocity,
-            acceleration=report.acceleration,
         )
         before = self._motion
         if before is None or not 0.0 < motion.time_s - before.state.time_s <= GAP_S:
             course = math.atan2(motion.velocity_east, motion.velocity_north)
-            self._motion = observed_at_first(seen, course, motion.speed)
-        else:
-            self._motion = observed_motion(
-                before, seen, self._limits, self._leader.rate_filter_s
-            )
+            return observed_at_first(seen, course, motion.speed)
+        return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
 
-    def _heard(self, moment: Moment, altitude: float) -> HeardState:
-        """The motion on one's own clock."""
-        assert self._motion is not None
-        state = self._motion.state
-        return HeardState(
-            time_s=moment.time_s,
-            north=state.north,
-            east=state.east,
-            course=state.course,
-            ground_speed=state.ground_speed,
-            acceleration=state.acceleration,
-            turn_rate=state.turn_rate,
-            turn_acceleration=state.turn_acceleration,
-            altitude_amsl=altitude,
-            steered=False,
-        )
-
-    def _doubt(
-        self, judgement: Judgement, motion: Motion, moment: Moment, altitude: float
-    ) -> None:
+    def _doubt(self, judgement: Judgement, motion: Motion, moment: Moment, altitude: float) -> None:
         """It reports what cannot be: it may be there, or where its velocities lead."""
         self._counters["impossible"] += 1
         if judgement.verdict is not Verdict.REFUSED:
@@ -232,10 +251,31 @@ class LeaderTelemetry:
                 altitude_amsl=altitude,
                 steered=False,
             )
-            self.doubted = there, replace(there, north=judgement.north, east=judgement.east)
+            carried = replace(there, north=judgement.north, east=judgement.east, steered=True)
+            self.doubted = there, carried
         if not self._doubted:
             self._words.append(
                 f"reports what cannot be ({judgement.reason}): not believed;"
                 " be ready to take over should it come near"
             )
         self._doubted = True
+
+
+def heard_state(motion: ObservedMotion, moment: Moment, altitude: float) -> HeardState:
+    """A motion on one's own clock, at an altitude (m above mean sea level, NaN while not known).
+
+    It counts as steered: the formation flies as it does, and is no surer of any other leader.
+    """
+    state = motion.state
+    return HeardState(
+        time_s=moment.time_s,
+        north=state.north,
+        east=state.east,
+        course=state.course,
+        ground_speed=state.ground_speed,
+        acceleration=state.acceleration,
+        turn_rate=state.turn_rate,
+        turn_acceleration=state.turn_acceleration,
+        altitude_amsl=altitude,
+        steered=True,
+    )

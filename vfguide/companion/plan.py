@@ -27,6 +27,9 @@ from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws
 from vfguide.state import Airframe
 
+STOPPED_S = 0.7
+"""A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
+under a parachute has: the place where it was last heard is not flown through."""
 
 LEAST_SILENCE_S = 2.5
 """A leader without a companion is not silent before: one message a second, half a second late, one lost."""
@@ -42,8 +45,8 @@ class ForeignLeader:
     """Of the aircraft; None where it is heard by ADS-B."""
     icao_address: int | None
     """Of the aircraft by ADS-B; None where it speaks itself."""
-    least_delay_s: float
-    """How long its messages take at least, s."""
+    least_delay_s: float | None
+    """How long its messages take at least, s; None where that is to be found out."""
     airframe: Airframe
     """What it can do."""
     rate_filter_s: float
@@ -78,6 +81,8 @@ class OtherVehicle:
     """From that slot to one's own, m, level."""
     lateral_acceleration: float
     """g tan(phi_max), m/s²: how hard it can turn."""
+    stopped_s: float = STOPPED_S
+    """Of a leader: not heard for longer, it may have stopped where it was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +125,19 @@ class FlightPlan:
     """Its own place in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
     """All other vehicles of the formation."""
+    timekeeper: str = ""
+    """The vehicle whose clock the formation shares; the leader where it is not said."""
+
+    @property
+    def keeps_time(self) -> bool:
+        """Whether the formation goes by this vehicle's clock."""
+        return self.name == self.timekeeper if self.timekeeper else self.leads
+
+    @property
+    def foreign_leader(self) -> ForeignLeader | None:
+        """The leader, where it has no companion."""
+        leader = self.task.leader if isinstance(self.task, FollowerTask) else None
+        return leader if isinstance(leader, ForeignLeader) else None
 
     @property
     def leads(self) -> bool:
@@ -166,6 +184,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         height=height - mission.origin.altitude_amsl_m,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
+        timekeeper=mission.timekeeper,
     )
 
 
@@ -319,6 +338,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
                 slot=slot,
                 spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
                 lateral_acceleration=GRAVITY * math.tan(bank),
+                stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
             )
         )
     return tuple(found)

@@ -44,6 +44,9 @@ class Role(Protocol):
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""
 
+    def to_leader(self, now: float) -> bytes:
+        """What is to be said to a leader without a companion, one datagram."""
+
     def words(self) -> list[str]:
         """What a pilot should know of what came over the link, each once: one sentence each."""
 

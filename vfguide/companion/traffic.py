@@ -9,7 +9,7 @@ import numpy as np
 
 from vfguide.companion.hearing import Hearing
 from vfguide.companion.leader_telemetry import LeaderTelemetry
-from vfguide.companion.plan import OtherVehicle
+from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
     HOLDS_S,
@@ -41,10 +41,6 @@ LEADER_ASTRAY_M = 10.0
 
 LATER_S = 0.3
 """A vehicle that was heard by so much later than another shows that the link works without the other."""
-
-STOPPED_S = 0.7
-"""A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
-under a parachute has: the place where it was last heard is not flown through."""
 
 FORGET_S = 12.0
 """After this its place is not known well enough to be avoided."""
@@ -80,6 +76,7 @@ class Traffic:
         self._hearing = {one.name: Hearing(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
         self._link_lost_s = -math.inf
+        self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
         count = len(others)
@@ -174,7 +171,7 @@ class Traffic:
         age = here.time_s - self._heard.time
         silent = age > SILENT_S
         known = age <= FORGET_S
-        linked = self._works_for(known & (age > STOPPED_S))
+        linked = self._works_for(known & (age > self._stopped_s))
         known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > ABOVE_M)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
@@ -202,7 +199,7 @@ class Traffic:
             room = np.abs(self._heard.offset - own_place) - keep
             fastest = drift + max(abs(own_drift), abs(wanted_drift))
             near |= known & ~alone & (room < ALONG_S * fastest)
-        stopped = known & believed & self._leads & (age > STOPPED_S) & linked
+        stopped = known & believed & self._leads & (age > self._stopped_s) & linked
         near |= stopped & (
             np.abs(self._heard.place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity)
         )
@@ -253,7 +250,9 @@ class Traffic:
             leader: see `possibilities`.
         """
         known = self._believed
-        if here.time_s - self._leader_s > STOPPED_S or not np.logical_and.reduce(known.steered):
+        if here.time_s - self._leader_s > self._stopped_s or not np.logical_and.reduce(
+            known.steered
+        ):
             return False
         if leader is None and here.astray > LEADER_ASTRAY_M:
             return False

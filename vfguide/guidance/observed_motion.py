@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
 from vfguide.guidance.formation import predict_leader
-from vfguide.guidance.navigation import fading_memory_2, fading_memory_3
+from vfguide.guidance.navigation import fading_memory_3
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.state import LeaderState
 
@@ -23,9 +23,6 @@ PERIODS = 0.7
 
 POSITION_S = 0.3
 """Memory of the place where velocities are told, s: less than that of any motion, more than of the noise."""
-
-RATE_S = 1.2
-"""Memory of rates that are told: they are noisy, and late by the sender's own filter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +37,6 @@ class Observation:
     """m."""
     velocity: tuple[float, float] | None = None
     """Over ground (north, east), m/s, if it is told."""
-    acceleration: tuple[float, float] | None = None
-    """m/s², if it is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,35 +122,7 @@ def _by_velocity(
         turn_acceleration=carried.turn_acceleration + 2.0 * second_gain / period**2 * turned,
     )
     jerk = before.jerk + 2.0 * second_gain / period**2 * faster
-    if seen.acceleration is None or slow:
-        return ObservedMotion(state=state, jerk=jerk)
-    return _with_rates(before, state, velocity, seen.acceleration, period)
-
-
-def _with_rates(
-    before: ObservedMotion,
-    state: LeaderState[float],
-    velocity: tuple[float, float],
-    acceleration: tuple[float, float],
-    period: float,
-) -> ObservedMotion:
-    """The same with rates that are told: omega = (v x a) / v², dV/dt = v a / |v|."""
-    gain, rate_gain = fading_memory_2(period, RATE_S)
-    speed = math.hypot(*velocity)
-    told_rate = (velocity[0] * acceleration[1] - velocity[1] * acceleration[0]) / speed**2
-    told = (velocity[0] * acceleration[0] + velocity[1] * acceleration[1]) / speed
-    expected_rate = before.state.turn_rate + before.state.turn_acceleration * period
-    expected = before.state.acceleration + before.jerk * period
-    return ObservedMotion(
-        state=replace(
-            state,
-            turn_rate=expected_rate + gain * (told_rate - expected_rate),
-            turn_acceleration=before.state.turn_acceleration
-            + rate_gain / period * (told_rate - expected_rate),
-            acceleration=expected + gain * (told - expected),
-        ),
-        jerk=before.jerk + rate_gain / period * (told - expected),
-    )
+    return ObservedMotion(state=state, jerk=jerk)
 
 
 def _by_place(

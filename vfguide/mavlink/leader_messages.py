@@ -13,7 +13,9 @@ from typing import Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
+from vfguide.mavlink.codec import time_report
 from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.reports import TimeReport
 
 Kind = Literal[
     "FOLLOW_TARGET",
@@ -32,7 +34,7 @@ KINDS: tuple[Kind, ...] = (
 )
 """The best first: of an aircraft that sends several, the first that comes is followed."""
 
-HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION = 1, 2, 4
+HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
 """Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
@@ -40,9 +42,6 @@ LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 
 GREATEST_M_S = 1000.0
 """A velocity above this is no velocity."""
-
-GREATEST_M_S2 = 100.0
-"""Nor is this an acceleration."""
 
 LONG_SILENT_S = 5.0
 """Not heard by an ADS-B receiver for longer: what it repeats then is no report."""
@@ -66,8 +65,6 @@ class LeaderReport:
     """m above mean sea level; NaN where it does not say."""
     velocity: Pair | None = None
     """Over ground (north, east), m/s; None where it does not say."""
-    acceleration: Pair | None = None
-    """Of that, m/s²; None where it does not say."""
     age_s: float = 0.0
     """How old it was when it was sent, as far as the message says, s."""
 
@@ -109,12 +106,15 @@ def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
 
 
 def follow_target(message: MAVLink_message) -> LeaderReport | None:
-    """FOLLOW_TARGET: ms since boot; velocity and acceleration (north, east, down) where its bits say so."""
+    """FOLLOW_TARGET: ms since boot; velocity (north, east, down) where its bits say so.
+
+    Its acceleration is not used: what senders put there is late, or that of the air, or 0; followers find the
+    rates by themselves.
+    """
     bits = message.est_capabilities
     if not bits & HAS_POSITION:
         return None
     velocity = pair_of(message.vel[0], message.vel[1], greatest=GREATEST_M_S)
-    acceleration = pair_of(message.acc[0], message.acc[1], greatest=GREATEST_M_S2)
     moves = bool(bits & HAS_VELOCITY)
     return report(
         "FOLLOW_TARGET",
@@ -123,7 +123,6 @@ def follow_target(message: MAVLink_message) -> LeaderReport | None:
         message.lon,
         message.alt,
         velocity=velocity if moves else None,
-        acceleration=acceleration if moves and bits & HAS_ACCELERATION else None,
         needs_velocity=moves,
     )
 
@@ -173,7 +172,6 @@ def report(
     altitude: float,
     *,
     velocity: Pair | None = None,
-    acceleration: Pair | None = None,
     needs_velocity: bool = False,
     age_s: float = 0.0,
 ) -> LeaderReport | None:
@@ -193,18 +191,23 @@ def report(
         longitude_deg=longitude_deg,
         altitude_amsl=altitude_of(altitude),
         velocity=velocity,
-        acceleration=acceleration,
         age_s=age_s,
     )
 
 
-READERS: dict[int, Callable[[MAVLink_message], LeaderReport | None]] = {
+Reader = Callable[[MAVLink_message], LeaderReport | TimeReport | None]
+
+READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET: follow_target,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT_COV: global_position_cov,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position,
     mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2: high_latency,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: time_report,
 }
 """What is read of the aircraft itself."""
+
+ADSB_READERS: dict[int, Reader] = {mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: adsb_vehicle}
+"""What is read of one that only an ADS-B receiver hears."""
 
 
 class LeaderCodec:
@@ -215,33 +218,31 @@ class LeaderCodec:
 
         Args:
             system_id: of the aircraft, by its own messages; whichever of its components sends them.
-            icao_address: of the aircraft, by what an ADS-B receiver hears; whichever system passes it on.
+            icao_address: of the aircraft instead, by what an ADS-B receiver hears; whichever system passes
+                it on.
         """
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
         self._system_id = system_id
         self._icao_address = icao_address
+        self._readers = READERS if icao_address is None else ADSB_READERS
         self._parser = MAVLink(None)
 
-    def decode(self, datagram: bytes) -> list[LeaderReport]:
+    def decode(self, datagram: bytes) -> list[LeaderReport | TimeReport]:
         """Reports in one datagram; whatever the bytes are, this does not raise."""
-        found = []
+        found: list[LeaderReport | TimeReport] = []
         for frame in frames_of(datagram):
             if frame is None:
                 self.counters["not MAVLink"] += 1
-                continue
-            by_adsb = frame.message_id == mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
-            if by_adsb is (self._icao_address is None) or not (
-                by_adsb or frame.message_id in READERS
-            ):
-                continue
-            if not by_adsb and frame.system_id != self._system_id:
+            elif (reader := self._readers.get(frame.message_id)) is None:
+                self.counters["not used"] += 1
+            elif self._system_id is not None and frame.system_id != self._system_id:
                 self.counters["of another system"] += 1
             elif (message := self._message(frame.content)) is None:
                 self.counters["not MAVLink"] += 1
-            elif by_adsb and message.ICAO_address != self._icao_address:
+            elif self._icao_address is not None and message.ICAO_address != self._icao_address:
                 self.counters["of another aircraft"] += 1
-            elif (one := READERS.get(frame.message_id, adsb_vehicle)(message)) is None:
+            elif (one := reader(message)) is None:
                 self.counters["out of range"] += 1
             else:
                 found.append(one)

@@ -250,7 +250,7 @@ def _unheard_leader(data: Mapping[str, object]) -> Iterator[Inconsistency]:
         "least_delay_s": ("mavlink", "adsb"),
     }
     for field, of in kinds.items():
-        if follows not in of and leader.get(field) not in (None, 0.0):
+        if follows not in of and leader.get(field) is not None:
             yield Inconsistency(
                 ("leader", field),
                 f"a leader that followers hear by `follows: {follows}` has none",

@@ -62,9 +62,9 @@ class Leader(Section):
     icao_address: Annotated[int, Field(strict=True, ge=1, le=0xFFFFFF)] | None = None
     """`adsb`: its 24-bit address, such as 0x4B1900."""
 
-    least_delay_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """How long messages of a leader without a companion take at least, s: no follower can find out, and
-    flies by this times the speed behind its slot where it is not told."""
+    least_delay_s: Annotated[Duration, Field(le=5.0)] | None = None
+    """How long messages of a leader without a companion take at least, s. If absent followers ask it for its
+    time; where it does not answer, either, they fly behind their slots by this times the speed."""
 
     @property
     def is_foreign(self) -> bool:
@@ -145,10 +145,19 @@ class Mission(Section):
 
     @property
     def timekeeper(self) -> str:
-        """The vehicle whose clock the formation shares: the leader, or the first follower of a foreign one."""
+        """The vehicle whose clock the formation shares: the leader, or the first follower of a foreign one.
+
+        It counts only for what followers tell each other: each hears a foreign leader on its own clock.
+        """
         if self.leader.is_foreign and self.followers:
             return self.followers[0].vehicle
         return self.leader.vehicle
+
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """Vehicles that have a companion, the leader first if it is one."""
+        leader = () if self.leader.is_foreign else (self.leader.vehicle,)
+        return (*leader, *self.followers_by_name)
 
     @property
     def followers_by_name(self) -> Mapping[str, Follower]:

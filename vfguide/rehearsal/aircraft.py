@@ -1,6 +1,7 @@
 """One emulated autopilot with its companion, joined by MAVLink bytes."""
 
 from collections.abc import Sequence
+from struct import Struct
 
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Event
@@ -13,6 +14,9 @@ from vfguide.rehearsal.recorder import UNSEEN, VehicleRecorder
 
 Instant = tuple[float, Sequence[Mail]]
 """Virtual time, and the states that the links are handed then."""
+
+TIME = Struct("<d")
+"""When a datagram arrived, s, in the mail of a leader without a companion."""
 
 
 class Aircraft:
@@ -81,7 +85,7 @@ class Aircraft:
         if self._hears_directly:
             for sender, data in mail:
                 if sender == self._leader:
-                    self.companion.receive_link(data, now)
+                    self.companion.receive_link(*arrival_of(data))
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
             if sender == self._leader:
@@ -113,11 +117,23 @@ class ForeignLeader:
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
         """Fly on to this time; what arrives of it, as mail. It hears nobody."""
         del mail
-        heard = self._emulator.advance(now)
-        self.recorder.sample(self._emulator.truth(), UNSEEN)
-        if self.log is not None:
-            self.log.add(now, heard)
-        return [(self.name, heard)] if heard else []
+        emulator, heard = self._emulator, []
+        while True:
+            # What arrives between two steps is read when it comes: nobody would be late by a step.
+            arrival_s = min(emulator.next_due_s, now)
+            if datagram := emulator.advance(arrival_s):
+                heard.append((self.name, TIME.pack(arrival_s) + datagram))
+                if self.log is not None:
+                    self.log.add(arrival_s, datagram)
+            if arrival_s >= now:
+                break
+        self.recorder.sample(emulator.truth(), UNSEEN)
+        return heard
+
+
+def arrival_of(data: bytes) -> tuple[bytes, float]:
+    """A datagram of a leader without a companion out of the mail, and when it arrived, s."""
+    return data[TIME.size :], TIME.unpack_from(data)[0]
 
 
 def aircraft_of(
@@ -129,7 +145,9 @@ def aircraft_of(
     return Aircraft(mission, name, log=log)
 
 
-def step_all(formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Sequence[Mail]) -> list[Mail]:
+def step_all(
+    formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Sequence[Mail]
+) -> list[Mail]:
     """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
 
     Args:
@@ -149,7 +167,9 @@ def step_all(formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Se
     return published
 
 
-def fly_window(formation: Sequence[Aircraft | ForeignLeader], window: Sequence[Instant]) -> list[Mail]:
+def fly_window(
+    formation: Sequence[Aircraft | ForeignLeader], window: Sequence[Instant]
+) -> list[Mail]:
     """Let each aircraft, one after the other, fly a whole window of the exchange.
 
     Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its
