@@ -36,6 +36,7 @@ def run_companion(
     signing_key_file: Path | None = None,
     state: Path | None = None,
     leader: str | None = None,
+    follow_target: str | None = None,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
 
@@ -46,6 +47,9 @@ def run_companion(
     """
     check_flies(mission, vehicle)
     heard_at = leader_address(mission, vehicle, leader)
+    sends_to = None if follow_target is None else parse_address(follow_target)
+    if sends_to is not None and vehicle != mission.leader.vehicle:
+        raise InputError(f"--follow-target: {vehicle!r} does not lead {mission.name}; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
     addresses = parse_links(links)
     credentials = keys.of_vehicle(vehicle)
@@ -78,6 +82,7 @@ def run_companion(
         consent=FileStore(state or default_directory(), vehicle),
         by_mavsdk=mission.vehicles[vehicle].by_mavsdk,
         leader=heard_at,
+        followers=sends_to,
     )
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))

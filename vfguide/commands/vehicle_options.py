@@ -64,6 +64,13 @@ def companion(
             " leader.connection.",
         ),
     ] = None,
+    follow_target: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
+        ),
+    ] = None,
     clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the companion of one vehicle, until SIGTERM.
@@ -86,6 +93,7 @@ def companion(
         signing_key_file=signing_key_file,
         state=state,
         leader=leader,
+        follow_target=follow_target,
     )
 
 

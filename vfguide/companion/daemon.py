@@ -82,6 +82,8 @@ class Surroundings:
     """Whether MAVSDK keeps the connection to the autopilot."""
     leader: Address | None = None
     """Where a leader without a companion is heard."""
+    followers: Address | None = None
+    """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
 
 
 class Daemon:
@@ -111,10 +113,12 @@ class Daemon:
             clock=self._shared_clock,
             inspect=True,
             signing=signing,
+            sends_target=surroundings.followers is not None,
         )
         self._record = surroundings.record
         self._connection: Connection | None = None
         self._leader_connection: Connection | None = None
+        self._target_connection: Connection | None = None
         self._link: Link | None = None
         self._response = Quantiles()
         self._leader_age = Quantiles()
@@ -144,6 +148,10 @@ class Daemon:
             if where.leader is not None:
                 self._leader_connection = await stack.enter_async_context(
                     open_connection(where.leader, self._take_leader, random=random)
+                )
+            if where.followers is not None:
+                self._target_connection = await stack.enter_async_context(
+                    open_connection(where.followers, ignore, random=random)
                 )
             self._link = await stack.enter_async_context(
                 open_link(
@@ -248,6 +256,8 @@ class Daemon:
         """Send what the companion wants sent, and log what it has to say."""
         if out.to_leader and self._leader_connection is not None:
             self._leader_connection.send(out.to_leader)
+        if out.to_others and self._target_connection is not None:
+            self._target_connection.send(out.to_others)
         if out.to_autopilot and self._connection is not None:
             self._connection.send(out.to_autopilot)
             if self._record is not None:

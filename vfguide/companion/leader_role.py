@@ -72,6 +72,7 @@ class LeaderRole:
             lyapunov=math.nan,
             publish=self._report.message(motion, fix, fix.state.time_s, steered=mode.steers),
             climb_m=avoidance.climb_m,
+            motion=motion,
         )
 
     def _intent(self, state: VehicleState[float], distance: float) -> Intent:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from vfguide.companion.own_vehicle import Fix
 from vfguide.companion.supervisor import Mode
-from vfguide.state import Setpoint
+from vfguide.state import LeaderState, Setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +23,8 @@ class RoleStep:
     """Own state for the link."""
     climb_m: float = 0.0
     """To be added to the altitude of the mission, m."""
+    motion: LeaderState[float] | None = None
+    """Of the leader, by itself; None for a follower."""
 
 
 class Role(Protocol):
