@@ -31,6 +31,9 @@ STOPPED_S = 0.7
 """A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
 under a parachute has: the place where it was last heard is not flown through."""
 
+CREWED_M = 65.0
+"""Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
+
 LEAST_SILENCE_S = 2.5
 """A leader without a companion is not silent before: one message a second, half a second late, one lost."""
 
@@ -83,6 +86,8 @@ class OtherVehicle:
     """g tan(phi_max), m/s²: how hard it can turn."""
     stopped_s: float = STOPPED_S
     """Of a leader: not heard for longer, it may have stopped where it was."""
+    least_m: float = 0.0
+    """Kept from it at least, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,6 +344,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
                 spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
                 lateral_acceleration=GRAVITY * math.tan(bank),
                 stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
+                least_m=CREWED_M if rank == 0 and mission.leader.follows == "adsb" else 0.0,
             )
         )
     return tuple(found)

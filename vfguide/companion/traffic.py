@@ -88,6 +88,7 @@ class Traffic:
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._spacing = np.array([one.spacing for one in others] * 2)
+        self._least = np.array([one.least_m for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
         self._leads = np.array([one.leads for one in others] + [False] * count, dtype=bool)
         self._weight = np.array([LEADER_WEIGHT if one.leads else 1.0 for one in others] * 2)
@@ -185,7 +186,7 @@ class Traffic:
         age[~known] = 0.0
         self._heard.wind[~silent] = here.wind
         place, velocity = self._heard.moved(age, here.wind)
-        keep = kept_distance(self._spacing, here.astray)
+        keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)
         drift = np.zeros(len(age))
@@ -274,7 +275,8 @@ class Traffic:
         fastest = drift + max(abs(here.velocity - own), abs(here.wanted - own))
         # Without the accelerations, and along chords instead of arcs.
         left_out = np.abs(known.acceleration) * (oldest_s * (ALONG_S + oldest_s)) + CHORD_M
-        room = np.abs(place - here.place) - kept_distance(self._spacing[: len(age)], here.astray)
+        kept = kept_distance(self._spacing[: len(age)], here.astray)
+        room = np.abs(place - here.place) - np.maximum(kept, self._least[: len(age)])
         if np.minimum.reduce(room - ALONG_S * fastest - left_out) < 0.0:
             return False
         known.drift[:] = drift
