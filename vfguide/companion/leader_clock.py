@@ -10,6 +10,7 @@ by that time at the formation's speed.
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 DRIFT = 100e-6
@@ -67,6 +68,8 @@ class LeaderClock:
         Args:
             least_delay_s: how long the fastest message takes; None where that is to be found out.
         """
+        self.counters: Counter[str] = Counter()
+        """Messages whose stamps were not used, by reason."""
         self._told_s = least_delay_s
         self._least_round_s = math.inf
         self._midway = math.nan
@@ -94,9 +97,11 @@ class LeaderClock:
         restarted = False
         if not self._goes_on(stamp_s, now):
             if not self._is_new_clock(stamp_s, now):
+                self.counters["time stamp not believed"] += 1
                 return None
             restarted = True
         elif not math.isnan(self._least) and stamp_s <= self._newest:
+            self.counters["not newer"] += 1
             return None
         difference = now - stamp_s
         if restarted or math.isnan(self._least):

@@ -28,7 +28,10 @@ from vfguide.mavlink.reports import TimeReport
 from vfguide.state import HeardState
 
 BETTER_S = 3.0
-"""A better kind of message is waited for so long before the next best is followed."""
+"""Two messages of a kind within this, and it comes again and again; after it the next best is followed."""
+
+NEVER = (-math.inf, -math.inf)
+"""When the last two messages of a kind came that has not come."""
 
 LEAST_INTERVAL_S = 0.02
 """Messages that come closer than this say the same twice."""
@@ -71,7 +74,7 @@ class LeaderTelemetry:
         self._said_s = -math.inf
         self._asked: dict[int, float] = {}
         self._clocks: dict[Kind, LeaderClock] = {}
-        self._heard_s: dict[Kind, float] = {}
+        self._heard_s: dict[Kind, tuple[float, float]] = {}
         self._kind: Kind | None = None
         airframe = leader.airframe
         self._limits = RateLimits(
@@ -93,7 +96,10 @@ class LeaderTelemetry:
     @property
     def counters(self) -> Counter[str]:
         """Messages that were not used, by reason."""
-        return self._codec.counters + self._counters
+        total = self._codec.counters + self._counters
+        for clock in self._clocks.values():
+            total += clock.counters
+        return total
 
     def words(self) -> list[str]:
         """What a pilot should know of it, each once; a sentence's end, after "the leader"."""
@@ -133,9 +139,8 @@ class LeaderTelemetry:
     def _take(self, report: LeaderReport, now: float) -> bool:
         moment = self._moment(report, now)
         if moment is None:
-            self._counters["time stamp not believed"] += 1
             return False
-        self._heard_s[report.kind] = now
+        self._heard_s[report.kind] = self._heard_s.get(report.kind, NEVER)[1], now
         if self._has_better(report.kind, now):
             self._counters["a better message comes"] += 1
             return False
@@ -156,9 +161,9 @@ class LeaderTelemetry:
         return clock.read(report.stamp_s, now)
 
     def _has_better(self, kind: Kind, now: float) -> bool:
-        """Whether a better kind of message has come of late."""
-        better = KINDS[: KINDS.index(kind)]
-        return any(now - self._heard_s.get(one, -math.inf) <= BETTER_S for one in better)
+        """Whether another kind of message is to be followed: the best that comes again and again."""
+        coming = [one for one in KINDS if now - self._heard_s.get(one, NEVER)[0] <= BETTER_S]
+        return bool(coming) and coming[0] != kind
 
     def _begin(self, kind: Kind, *, restarted: bool) -> None:
         """From here on times are on another clock: nothing before them says how long ago it was."""

@@ -128,13 +128,21 @@ def test_the_first_place_alone_is_no_motion() -> None:
     assert telemetry.newest is None
 
 
+def test_one_better_message_alone_does_not_take_over() -> None:
+    telemetry = listener()
+    fly(telemetry, 2.0)
+    assert not telemetry.take(target(2.1, 42.0), 2.3)
+    assert telemetry.take(northbound(2.25), 2.45)
+
+
 def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds() -> None:
     telemetry = listener()
     fly(telemetry, 2.0)
     for sent_s in (2.25, 2.5, 2.75):
         telemetry.take(target(sent_s, 20.0 * sent_s), sent_s + 0.2)
     assert not telemetry.take(northbound(3.0), 3.2)
-    assert telemetry.counters["a better message comes"] == 1
+    # The first one of the better kind was not used either.
+    assert telemetry.counters["a better message comes"] == 2
     assert telemetry.take(northbound(6.0), 6.2)
 
 
