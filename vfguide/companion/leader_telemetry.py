@@ -48,6 +48,9 @@ SAY_S = 1.0
 OPEN = 8
 """Questions that an answer is awaited for."""
 
+OTHERS_HEARD = 10
+"""Reports of another system, before it is told that the leader is not heard."""
+
 LONGEST_S = 12.0
 """From one place to the next, where velocities are not told: a longer way says nothing of the course."""
 
@@ -85,7 +88,7 @@ class LeaderTelemetry:
         self._altitude = AltitudeGate()
         self._place: Motion | None = None
         self._motion: ObservedMotion | None = None
-        self._doubted = self._late = False
+        self._doubted = self._late = self._complained = False
         self._words: list[str] = []
         self._counters: Counter[str] = Counter()
         self.newest: HeardState | None = None
@@ -114,7 +117,19 @@ class LeaderTelemetry:
                 self._answer(report, now)
             else:
                 believed |= self._take(report, now)
+        if self.newest is None and not self._complained:
+            self._complain_of_others()
         return believed
+
+    def _complain_of_others(self) -> None:
+        """Tell the pilot when others are heard there, and it is not: most likely its number is another."""
+        for system_id, count in self._codec.others.most_common(1):
+            if count >= OTHERS_HEARD:
+                self._complained = True
+                self._words.append(
+                    f"is not heard, system {system_id} is: see whether leader.system_id and the connection"
+                    " are right"
+                )
 
     def say(self, now: float) -> bytes:
         """What it is told, now and then: that somebody listens, and a question for its time."""

@@ -223,6 +223,8 @@ class LeaderCodec:
         """
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
+        self.others: Counter[int] = Counter()
+        """Reports of other systems, by their ids."""
         self._system_id = system_id
         self._icao_address = icao_address
         self._readers = READERS if icao_address is None else ADSB_READERS
@@ -238,6 +240,7 @@ class LeaderCodec:
                 self.counters["not used"] += 1
             elif self._system_id is not None and frame.system_id != self._system_id:
                 self.counters["of another system"] += 1
+                self.others[frame.system_id] += 1
             elif (message := self._message(frame.content)) is None:
                 self.counters["not MAVLink"] += 1
             elif self._icao_address is not None and message.ICAO_address != self._icao_address:

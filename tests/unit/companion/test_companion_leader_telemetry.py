@@ -153,6 +153,15 @@ def test_what_another_system_says_is_not_heard() -> None:
     assert telemetry.newest is None
 
 
+def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
+    telemetry = listener()
+    for step in range(40):
+        sent_s = 0.25 * step
+        telemetry.take(packed(position(sent_s, 5.0 * step, 0.0), system_id=8), sent_s + 0.2)
+    (words,) = telemetry.words()
+    assert words.startswith("is not heard, system 8 is")
+
+
 @pytest.mark.parametrize(
     ("north", "velocity"),
     [(3000.0, (20.0, 0.0)), (100.0, (-20.0, 0.0)), (100.0, (150.0, 0.0)), (100.0, (20.0, 200.0))],
