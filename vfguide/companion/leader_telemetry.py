@@ -48,6 +48,12 @@ SAY_S = 1.0
 OPEN = 8
 """Questions that an answer is awaited for."""
 
+STAMPED_BY_AUTOPILOT: frozenset[Kind] = frozenset(
+    {"GLOBAL_POSITION_INT", "GLOBAL_POSITION_INT_COV", "HIGH_LATENCY2"}
+)
+"""What autopilots send with the clock that they answer questions by. FOLLOW_TARGET is sent by programs beside
+them, whose clocks may be seconds apart from it: that would look like a delay."""
+
 OTHERS_HEARD = 10
 """Reports of another system, before it is told that the leader is not heard."""
 
@@ -148,8 +154,9 @@ class LeaderTelemetry:
         """It says what its clock shows."""
         asked_s = self._asked.pop(report.stamp, None)
         if asked_s is not None:
-            for clock in self._clocks.values():
-                clock.answer(asked_s, report.autopilot_ns * 1e-9, now)
+            for kind, clock in self._clocks.items():
+                if kind in STAMPED_BY_AUTOPILOT:
+                    clock.answer(asked_s, report.autopilot_ns * 1e-9, now)
 
     def _take(self, report: LeaderReport, now: float) -> bool:
         moment = self._moment(report, now)

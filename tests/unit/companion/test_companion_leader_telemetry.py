@@ -237,6 +237,19 @@ def test_it_is_asked_for_its_time_and_believes_its_answer() -> None:
     assert telemetry.newest.time_s == pytest.approx(5.5, abs=2e-3)
 
 
+def test_an_answer_says_nothing_of_a_program_beside_the_autopilot() -> None:
+    telemetry = listener(least_delay_s=None)
+    for sent_s in range(6):
+        telemetry.take(target(float(sent_s), 20.0 * sent_s), sent_s + 0.2)
+    said = mavlink.MAVLink(None).parse_buffer(telemetry.say(5.2)) or []
+    # The autopilot was started 3 s after the program that sends FOLLOW_TARGET.
+    answer = mavlink.MAVLink_timesync_message(round((2.4 + BOOTED_S) * 1e9), said[1].ts1)
+    telemetry.take(packed(answer), 5.6)
+    telemetry.take(target(6.0, 120.0), 6.2)
+    assert telemetry.newest is not None
+    assert telemetry.newest.time_s == pytest.approx(6.2, abs=2e-3)
+
+
 def test_an_answer_that_nobody_asked_for_says_nothing() -> None:
     telemetry = listener(least_delay_s=None)
     fly(telemetry, 5.0)
