@@ -89,7 +89,7 @@ def unknown_delay(mission: Mission) -> Iterator[Finding]:
     behind = 0.1 * mission.leader.airspeed_m_s
     message = (
         "how long its messages take at least is not told: followers ask it for its time, and where it does"
-        f" not answer they fly {behind:.1f} m behind their slots for each 0.1 s; in virtual time nobody asks"
+        f" not answer they fly {behind:.1f} m behind their slots for each 0.1 s"
     )
     remedy = "measure it on the ground, and write least_delay_s"
     yield Finding("note", ("leader", "least_delay_s"), message, remedy)

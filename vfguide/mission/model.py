@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
@@ -39,6 +39,14 @@ class Origin(Section):
     """Altitude above mean sea level, m."""
 
 
+def _with_scheme(address: str) -> str:
+    scheme, separator, rest = address.partition("://")
+    if not (separator and scheme and rest):
+        kind, message = "connection", "write an address such as udpin://0.0.0.0:14560"
+        raise PydanticCustomError(kind, message)
+    return address
+
+
 class Leader(Section):
     """The vehicle that follows the path, or any aircraft whose MAVLink messages are heard."""
 
@@ -53,7 +61,7 @@ class Leader(Section):
     aircraft without one, by the positions that it sends. `adsb`: one that is heard by ADS-B, from at least
     100 m away."""
 
-    connection: Annotated[str, Field(pattern=r"^[a-z]+://\S+$")] | None = None
+    connection: Annotated[str, AfterValidator(_with_scheme)] | None = None
     """Where each follower's companion hears a leader without one: a MAVLink address, as of `--mavlink`."""
 
     system_id: Annotated[int, Field(strict=True, ge=1, le=255)] | None = None

@@ -1,7 +1,6 @@
 """One emulated autopilot with its companion, joined by MAVLink bytes."""
 
 from collections.abc import Sequence
-from struct import Struct
 
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Event
@@ -9,14 +8,12 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
-from vfguide.rehearsal.emulators import emulator_of, foreign_leader_of
-from vfguide.rehearsal.recorder import UNSEEN, VehicleRecorder
+from vfguide.rehearsal.emulators import emulator_of
+from vfguide.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
+from vfguide.rehearsal.recorder import VehicleRecorder
 
 Instant = tuple[float, Sequence[Mail]]
 """Virtual time, and the states that the links are handed then."""
-
-TIME = Struct("<d")
-"""When a datagram arrived, s, in the mail of a leader without a companion."""
 
 
 class Aircraft:
@@ -49,10 +46,10 @@ class Aircraft:
         self.leads = plan.leads
         """Whether it is the leader."""
         self._leader = mission.leader.vehicle
-        self._hears_directly = mission.leader.is_foreign
+        self._answers = LeaderAnswers(mission, name) if mission.leader.is_foreign else None
         seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
         seeds.pop(name, None)
-        if not (plan.leads or self._hears_directly):
+        if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""
@@ -73,6 +70,8 @@ class Aircraft:
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
         self._replies = emulator.receive(out.to_autopilot)
+        if self._answers is not None:
+            self._answers.ask(out.to_leader, now)
         self.events += out.events
         self.recorder.sample(truth, companion.snapshot)
         if self.log is not None:
@@ -82,10 +81,10 @@ class Aircraft:
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
-        if self._hears_directly:
-            for sender, data in mail:
-                if sender == self._leader:
-                    self.companion.receive_link(*arrival_of(data))
+        if self._answers is not None:
+            heard = [arrival_of(data) for sender, data in mail if sender == self._leader]
+            for datagram, arrival_s in [*heard, *self._answers.due(now)]:
+                self.companion.receive_link(datagram, arrival_s)
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
             if sender == self._leader:
@@ -94,51 +93,9 @@ class Aircraft:
                 self.companion.receive_neighbour(sender, data, now)
 
 
-class ForeignLeader:
-    """A leader without a companion, in virtual time: it flies by itself, and is heard."""
-
-    leads = True
-    """Whether it is the leader."""
-
-    def __init__(self, mission: Mission, *, log: TelemetryLog | None = None) -> None:
-        """Put it at its start.
-
-        Args:
-            mission: the mission.
-            log: notes what is heard of it.
-        """
-        self.name = mission.leader.vehicle
-        self.events = list[Event]()
-        """It reports nothing."""
-        self.recorder = VehicleRecorder(mission, self.name)
-        self.log = log
-        self._emulator = foreign_leader_of(mission)
-
-    def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
-        """Fly on to this time; what arrives of it, as mail. It hears nobody."""
-        del mail
-        emulator, heard = self._emulator, []
-        while True:
-            # What arrives between two steps is read when it comes: nobody would be late by a step.
-            arrival_s = min(emulator.next_due_s, now)
-            if datagram := emulator.advance(arrival_s):
-                heard.append((self.name, TIME.pack(arrival_s) + datagram))
-                if self.log is not None:
-                    self.log.add(arrival_s, datagram)
-            if arrival_s >= now:
-                break
-        self.recorder.sample(emulator.truth(), UNSEEN)
-        return heard
-
-
-def arrival_of(data: bytes) -> tuple[bytes, float]:
-    """A datagram of a leader without a companion out of the mail, and when it arrived, s."""
-    return data[TIME.size :], TIME.unpack_from(data)[0]
-
-
 def aircraft_of(
     mission: Mission, name: str, *, log: TelemetryLog | None = None
-) -> "Aircraft | ForeignLeader":
+) -> Aircraft | ForeignLeader:
     """The aircraft of this name at its start; see there."""
     if mission.leader.is_foreign and name == mission.leader.vehicle:
         return ForeignLeader(mission, log=log)

@@ -21,13 +21,8 @@ from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import plugin_fault
-from vfguide.rehearsal.aircraft import (
-    Aircraft,
-    ForeignLeader,
-    Instant,
-    aircraft_of,
-    fly_window,
-)
+from vfguide.rehearsal.aircraft import Aircraft, Instant, aircraft_of, fly_window
+from vfguide.rehearsal.foreign_leader import ForeignLeader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
