@@ -28,6 +28,8 @@ ROWS: tuple[tuple[str, float, Mapping[str, object]], ...] = (
     ("GLOBAL_POSITION_INT", 1.0, VARYING),
     ("FOLLOW_TARGET", 10.0, VARYING),
     ("HIGH_LATENCY2", 1.0, VARYING),
+    ("GLOBAL_POSITION_INT", 4.0, {"leader.least_delay_s": None}),
+    ("GLOBAL_POSITION_INT", 4.0, {**VARYING, "leader.least_delay_s": None}),
     ("GLOBAL_POSITION_INT", 4.0, {f"{HEARD}.loss": 0.3}),
     ("GLOBAL_POSITION_INT", 4.0, {"rehearsal.sensors": "sbas"}),
     ("GLOBAL_POSITION_INT", 1.0, {"rehearsal.sensors": "sbas"}),
