@@ -3,10 +3,11 @@
 Each message carries the sender's time. No message is read before it was sent, so the least difference
 between the reader's clock and the stamps is the one with the least delay in it. Later ones are late by the
 rest, and that is known to milliseconds. How long the fastest message took is not in the messages: a delay
-that all of them have looks like a clock that is behind. An autopilot that answers TIMESYNC shows it: its
-answer was made about midway between question and arrival, as far as both ways take alike. Of one that does
-not the mission may tell it (`leader.least_delay_s`); what is missing there puts followers behind their slots
-by that time at the formation's speed.
+that all of them have looks like a clock that is behind. An autopilot that answers TIMESYNC shows it: no
+question is answered before it was asked, so the greatest difference between asking and the answer's stamp is
+the one with the least delay on the way there, and the truth lies midway between both, as far as the fastest
+each way take alike. Of one that does not answer the mission may tell it (`leader.least_delay_s`); what is
+missing there puts followers behind their slots by that time at the formation's speed.
 """
 
 import math
@@ -27,9 +28,6 @@ CERTAIN_COUNT, CERTAIN_S = 3, 1.0
 
 STANDS_S = 10.0
 """The same where stamps go on from where they were, and are only late: a slow radio is no new clock."""
-
-FADING_S = 1e-3
-"""What the quickest answer loses of its worth with each one after it: clocks drift."""
 
 EVEN_S = 1.0
 """By so much they may disagree with each other meanwhile."""
@@ -71,8 +69,7 @@ class LeaderClock:
         self.counters: Counter[str] = Counter()
         """Messages whose stamps were not used, by reason."""
         self._told_s = least_delay_s
-        self._least_round_s = math.inf
-        self._midway = math.nan
+        self._earliest = self._answered_s = -math.inf
         self._least = math.nan
         self._newest = -math.inf
         self._read_s = math.nan
@@ -89,7 +86,7 @@ class LeaderClock:
         """How long the fastest message takes, as it was told, or by the answers that have come; else 0."""
         if self._told_s is not None:
             return self._told_s
-        measured = self._least - self._midway
+        measured = 0.5 * (self._least - self._earliest)
         return min(max(measured, 0.0), LATE_S) if math.isfinite(measured) else 0.0
 
     def read(self, stamp_s: float, now: float) -> Moment | None:
@@ -106,7 +103,7 @@ class LeaderClock:
         difference = now - stamp_s
         if restarted or math.isnan(self._least):
             self._least, self._zero = difference, difference
-            self._least_round_s, self._midway = math.inf, math.nan
+            self._earliest = self._answered_s = -math.inf
         else:
             self._least = min(self._least + DRIFT * max(now - self._read_s, 0.0), difference)
         self._newest, self._read_s, self._elsewhere = stamp_s, now, None
@@ -125,13 +122,12 @@ class LeaderClock:
             sender_s: what the sender's clock showed.
             now: s on the reader's clock.
         """
-        round_s, midway = now - asked_s, 0.5 * (asked_s + now) - sender_s
+        difference = asked_s - sender_s
         # Of another clock than the stamps' it says nothing.
-        if math.isnan(self._least) or not -SOONER_S <= self._least - midway <= LATE_S:
+        if math.isnan(self._least) or not -2.0 * LATE_S <= difference - self._least <= 0.0:
             return
-        self._least_round_s += FADING_S
-        if 0.0 <= round_s <= self._least_round_s:
-            self._least_round_s, self._midway = round_s, midway
+        drifted = self._earliest - DRIFT * max(now - self._answered_s, 0.0)
+        self._earliest, self._answered_s = max(drifted, difference), now
 
     def _goes_on(self, stamp_s: float, now: float) -> bool:
         """Whether a stamp goes on from those before."""

@@ -79,13 +79,28 @@ def test_what_was_told_counts_more_than_an_answer() -> None:
     assert clock.least_delay_s == 0.1
 
 
-def test_the_quickest_answer_counts() -> None:
+def test_the_quickest_question_counts() -> None:
     clock = LeaderClock()
     read(clock, 10.0, 0.2)
     clock.answer(10.0, 10.2 + BOOTED_S, 10.4)
-    # The way there took a second: midway is wrong by 0.4 s.
+    # The way there took a second.
     clock.answer(11.0, 12.0 + BOOTED_S, 12.2)
-    assert clock.least_delay_s == pytest.approx(0.2)
+    assert clock.least_delay_s == pytest.approx(0.2, abs=1e-3)
+
+
+@given(st.lists(st.tuples(st.floats(0.05, 0.5), st.floats(0.05, 0.5)), min_size=1, max_size=40))
+def test_answers_are_wrong_by_half_of_what_the_fastest_ways_differ(
+    ways: list[tuple[float, float]],
+) -> None:
+    clock = LeaderClock()
+    for number, (there_s, back_s) in enumerate(ways):
+        asked_s = float(number)
+        read(clock, asked_s + there_s, back_s)
+        clock.answer(asked_s, asked_s + there_s + BOOTED_S, asked_s + there_s + back_s)
+    fastest_there_s, fastest_back_s = (min(one) for one in zip(*ways, strict=True))
+    expected_s = 0.5 * (fastest_there_s + fastest_back_s)
+    # The clocks may drift apart by 100 ppm each way.
+    assert clock.least_delay_s == pytest.approx(expected_s, abs=2e-4 * (len(ways) + 1))
 
 
 def test_an_answer_of_another_clock_says_nothing() -> None:
