@@ -54,6 +54,9 @@ STAMPED_BY_AUTOPILOT: frozenset[Kind] = frozenset(
 """What autopilots send with the clock that they answer questions by. FOLLOW_TARGET is sent by programs beside
 them, whose clocks may be seconds apart from it: that would look like a delay."""
 
+FLIES_M_S = 3.0
+"""Over ground: slower than this it stands on the ground, or hangs from a parachute."""
+
 OTHERS_HEARD = 10
 """Reports of another system, before it is told that the leader is not heard."""
 
@@ -94,7 +97,7 @@ class LeaderTelemetry:
         self._altitude = AltitudeGate()
         self._place: Motion | None = None
         self._motion: ObservedMotion | None = None
-        self._doubted = self._late = self._complained = False
+        self._doubted = self._late = self._complained = self._stands = False
         self._words: list[str] = []
         self._counters: Counter[str] = Counter()
         self.newest: HeardState | None = None
@@ -208,6 +211,16 @@ class LeaderTelemetry:
             self._late = False
             self._words.append("is heard in time again: nothing to do")
 
+    def _tell_of_standing(self, *, stands: bool) -> None:
+        """Tell the pilot when it stops flying, and when it flies again."""
+        if stands and not self._stands:
+            self._words.append(
+                f"does not fly (less than {FLIES_M_S:g} m/s over ground): not followed until it does"
+            )
+        elif self._stands and not stands:
+            self._words.append("flies: followed, nothing to do")
+        self._stands = stands
+
     def _judge(self, report: LeaderReport, moment: Moment) -> bool:
         """Whether a report can be true, after those before."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
@@ -228,6 +241,11 @@ class LeaderTelemetry:
         if self._doubted:
             self._words.append("reports what can be again: believed, nothing to do")
         self._doubted, self.doubted = False, None
+        if motion.speed < FLIES_M_S:
+            self._counters["not flying"] += 1
+            self._tell_of_standing(stands=True)
+            return False
+        self._tell_of_standing(stands=False)
         self._motion = self._observed(report, motion)
         self.newest = heard_state(self._motion, moment, altitude)
         return True

@@ -179,6 +179,25 @@ def test_one_message_that_cannot_be_true_moves_nothing(
     assert words.startswith("reports what cannot be")
 
 
+def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
+    telemetry = listener()
+    for step in range(8):
+        telemetry.take(packed(position(0.25 * step, 0.0, 0.0, (0.0, 0.0))), 0.25 * step + 0.2)
+    assert telemetry.newest is None
+    assert telemetry.counters["not flying"] == 8
+    for step in range(1, 60):
+        # From 2 s on it accelerates by 2 m/s² to 20 m/s.
+        speed = min(0.5 * step, 20.0)
+        north = 0.25 * step**2 * 0.25 if speed < 20.0 else 100.0 + 5.0 * (step - 40)
+        sent_s = 1.75 + 0.25 * step
+        telemetry.take(packed(position(sent_s, north, 0.0, (speed, 0.0))), sent_s + 0.2)
+    assert telemetry.newest is not None
+    assert [words.split(":")[0].split(" (")[0] for words in telemetry.words()] == [
+        "does not fly",
+        "flies",
+    ]
+
+
 def test_time_that_runs_backward_once_is_not_believed() -> None:
     telemetry = listener()
     fly(telemetry, 5.0)
