@@ -28,6 +28,7 @@ from sitl_stub.plants import (
     plant,
     plant_of,
 )
+from sitl_stub.route import Route
 from sitl_stub.truth import Truth
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "Fault",
     "Plant",
     "PlantParameters",
+    "Route",
     "Shear",
     "Signing",
     "SteadyWind",

@@ -96,7 +96,8 @@ class Autopilot:
         self._unix_time = unix_time or (lambda: self._flight.time_us * 1e-6)
         self._boot_us = -round(config.boot_time_s * 1e6)
         self._sensors = Sensors(config)
-        self._streams = Streams(self._personality, config.loop_rate_hz)
+        chosen = None if config.streams is None else dict(config.streams)
+        self._streams = Streams(self._personality, config.loop_rate_hz, chosen)
         self._parameter_server = ParameterServer(
             self._personality.parameters,
             refuses_unknown=self._personality.refuses_unknown_parameters,
@@ -314,5 +315,6 @@ class Autopilot:
             self._personality,
             altitude_error_m,
             self._personality.arming.is_ready(flight),
+            self.config.icao_address,
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]

@@ -143,6 +143,10 @@ def fly(
     ready_after: Annotated[
         float, option("Until sensors have settled and it can be armed.", START, "S")
     ] = 0.0,
+    route: Annotated[
+        str | None,
+        option("Fly this by itself; round, if it ends where it begins.", START, "LAT,LON;…"),
+    ] = None,
     position_noise: Annotated[
         float, option("Standard deviation of reported positions.", SAYS, "M")
     ] = 0.0,
@@ -172,6 +176,16 @@ def fly(
         bool,
         flag("--old-parameter-names", "ArduPlane's before 4.5, such as ARSPD_FBW_MIN.", SAYS),
     ] = False,
+    stream: Annotated[
+        list[str] | None,
+        option("Send this unasked instead of the autopilot's own. Repeatable.", SAYS, "NAME:HZ"),
+    ] = None,
+    icao_address: Annotated[int, option("Of its transponder, for ADSB_VEHICLE.", SAYS, "N")] = 0,
+    boot_time: Annotated[float, option("What its clock shows at the start.", SAYS, "S")] = 0.0,
+    also_to: Annotated[
+        list[str] | None,
+        option("udpout:// address that hears it, too. Repeatable; not with --count.", LINK, "URL"),
+    ] = None,
     delay: Annotated[float, option("Each way, of every datagram.", LINK, "S")] = 0.0,
     jitter: Annotated[float, option("More or less than the delay.", LINK, "S")] = 0.0,
     loss: Annotated[float, option("Share of datagrams lost, each way.", LINK, "P")] = 0.0,
@@ -245,6 +259,7 @@ def fly(
                 home_altitude_m=home_altitude,
                 spacing_m=spacing,
                 ready_after_s=ready_after,
+                route=route,
             ),
             errors=Errors(
                 position_m=position_noise,
@@ -259,6 +274,9 @@ def fly(
                 airspeed_calibration=airspeed_calibration,
                 loop_rate_hz=loop_rate,
                 old_parameter_names=old_parameter_names,
+                streams=tuple(stream or ()),
+                icao_address=int(checked("--icao-address", icao_address, -1, 2**24)),
+                boot_time_s=checked("--boot-time", boot_time, -1.0, 1e9),
             ),
             quality=LinkQuality(delay_s=delay, jitter_s=jitter, loss=loss),
         )
@@ -268,6 +286,7 @@ def fly(
             truth_url=truth,
             truth_rate_hz=truth_rate,
             duration_s=duration,
+            also_to=tuple(also_to or ()),
         )
     except ValueError as error:
         fail(error, WRONG_INPUT)

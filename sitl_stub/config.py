@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.faults import Fault
+from sitl_stub.route import Route
 from sitl_stub.sensor_errors import SensorGrade
 
 PX4_VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
@@ -90,6 +91,16 @@ class AutopilotConfig:
 
     boot_time_s: float = 0.0
     """time_boot_ms at simulation time zero, in seconds."""
+
+    route: Route | None = None
+    """Flown from the start on, in AUTO; None: it circles until it is told what to do."""
+
+    streams: tuple[tuple[int, int], ...] | None = None
+    """Numbers of the messages that it sends without having been asked, beside its heartbeat, and their
+    intervals in microseconds; None: what its autopilot sends."""
+
+    icao_address: int = 0
+    """Of its transponder, 24 bits, for ADSB_VEHICLE."""
 
     def __post_init__(self) -> None:
         """Refuse a start that cannot be flown.

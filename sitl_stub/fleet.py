@@ -15,7 +15,15 @@ from sitl_stub.codec import Signing, key_of
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.faults import Fault
 from sitl_stub.geometry import displace
-from sitl_stub.options import OptionError, checked, parse_gust, parse_numbers, parse_wind
+from sitl_stub.options import (
+    OptionError,
+    checked,
+    parse_gust,
+    parse_numbers,
+    parse_route,
+    parse_stream,
+    parse_wind,
+)
 from sitl_stub.plants import load_installed, load_plugins, options_of
 from sitl_stub.sensor_errors import SensorGrade
 
@@ -162,6 +170,8 @@ class Start:
     """From each to the next, to the right of the course."""
     ready_after_s: float
     """Until they can be armed."""
+    route: str | None = None
+    """LAT,LON;LAT,LON;… that they fly by themselves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,6 +215,12 @@ class Telemetry:
     """Of the scheduler, if there is one."""
     old_parameter_names: bool
     """ArduPlane's before 4.5."""
+    streams: tuple[str, ...] = ()
+    """NAME:HZ of what is sent without having been asked for; none: what the autopilot sends."""
+    icao_address: int = 0
+    """Of the first one's transponder; the others count up."""
+    boot_time_s: float = 0.0
+    """What its clock shows at the start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,6 +259,8 @@ def fleet_of(
     first = parse_address(url)
     air = weather.air(seed)
     key = None if signing_key is None else key_of(signing_key)
+    route = None if start.route is None else parse_route(start.route)
+    streams = tuple(map(parse_stream, telemetry.streams)) or None
     fleet: list[tuple[Emulated, Address]] = []
     for index in range(count):
         latitude_deg, longitude_deg, altitude_m, course_deg = place_of(start, index)
@@ -272,6 +290,10 @@ def fleet_of(
             airspeed_calibration=telemetry.airspeed_calibration,
             loop_rate_hz=telemetry.loop_rate_hz,
             old_parameter_names=telemetry.old_parameter_names,
+            route=route,
+            streams=streams,
+            icao_address=telemetry.icao_address + index,
+            boot_time_s=telemetry.boot_time_s,
             seed=seed,
         )
         signing = None if key is None else Signing(key)

@@ -19,6 +19,7 @@ from sitl_stub.modes import Mode
 from sitl_stub.motion import Motion, rolling_motion
 from sitl_stub.plant_state import PlantState
 from sitl_stub.plants import plant_of
+from sitl_stub.route import Route, RouteFollower
 from sitl_stub.take_off import (
     REACHED_WITHIN_M,
     Navigation,
@@ -174,6 +175,7 @@ class Flight:
         self._air_data = air_data or AirData()
         self._air = air
         self._orbit: Orbit | None = None
+        self._route: RouteFollower | None = None
         self.plant = self._in_true_airspeed(plant)
         # Straight on at first, so that there is a motion from which the mode is entered.
         straight = TurnTarget("course", state.direction_rad)
@@ -271,7 +273,7 @@ class Flight:
 
     def hold_turn(self, target: TurnTarget) -> None:
         """Give the lateral loop a new target."""
-        self._orbit = None
+        self._orbit = self._route = None
         self._commanded.turn(target, self.time_us)
 
     def hold_speed(self, target: SpeedTarget) -> None:
@@ -288,6 +290,10 @@ class Flight:
     def circle(self) -> None:
         """Turn right at the circle's bank: what guided flight does until it is told a course."""
         self.hold_turn(TurnTarget("bank", CIRCLE_BANK_RAD))
+
+    def follow(self, route: Route) -> None:
+        """Fly a route, until the mode changes."""
+        self._orbit, self._route = None, RouteFollower(route)
 
     def orbit(self, orbit: Orbit) -> None:
         """Loiter around a point."""
@@ -340,6 +346,8 @@ class Flight:
             return
         if self._orbit is not None:
             self._steer_around(self._orbit)
+        elif self._route is not None:
+            self._steer_along(self._route)
         self.state = plant_of(self.plant).step(
             self.targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
         )
@@ -378,6 +386,13 @@ class Flight:
         now = self._commanded.now
         self._commanded.now = Targets(TurnTarget("course", course_rad), now.speed, now.height)
 
+    def _steer_along(self, route: RouteFollower) -> None:
+        state, now = self.state, self._commanded.now
+        course_rad = route.course_rad(
+            state.latitude_rad, state.longitude_rad, self.motion().ground_speed_m_s
+        )
+        self._commanded.now = Targets(TurnTarget("course", course_rad), now.speed, now.height)
+
     def _has_climbed(self) -> bool:
         wanted_m = self.targets.height.altitude_amsl_m
         return self.state.altitude_amsl_m >= wanted_m - REACHED_WITHIN_M
@@ -385,7 +400,7 @@ class Flight:
     def _enter_in_flight(self, mode: Mode, *, starts: bool = False) -> None:
         """Cruise airspeed and present height; straight on, or what the mode flies by itself."""
         altitude_m = self.state.altitude_amsl_m
-        self._orbit = None
+        self._orbit = self._route = None
         if mode.flies == "straight":
             turn = TurnTarget("course", self.motion().course_rad)
         else:

@@ -3,7 +3,11 @@
 import math
 import time
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from sitl_stub.air import ArticleWind, CalmWind, DiscreteGust, SteadyWind, Wind
+from sitl_stub.route import Route
+from sitl_stub.telemetry import TELEMETRY
 
 MAX_WIND_M_S = 50.0
 """Stronger than any wind an aircraft of this size is flown in."""
@@ -11,6 +15,9 @@ MAX_WIND_M_S = 50.0
 
 MAX_EPOCH_AWAY_S = 3600.0
 """How far from now simulation time zero may lie, in seconds of simulation."""
+
+SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
+"""Of a stream."""
 
 
 class OptionError(ValueError):
@@ -92,3 +99,35 @@ def checked_epoch(epoch_s: float, speedup: float) -> float:
             f" ({time.time():.0f})"
         )
     return epoch_s
+
+
+def parse_route(text: str) -> Route:
+    """LAT,LON;LAT,LON;… in degrees.
+
+    Raises:
+        OptionError: it is no route; the message is one line.
+    """
+    try:
+        points = [part.partition(",") for part in text.split(";")]
+        return Route(tuple((float(north), float(east)) for north, _, east in points))
+    except ValueError as error:
+        raise OptionError(f"--route: not LAT,LON;LAT,LON;… ({error})") from error
+
+
+def parse_stream(text: str) -> tuple[int, int]:
+    """NAME:HZ as the number of a message and its interval in microseconds.
+
+    Raises:
+        OptionError: it is no such thing.
+    """
+    name, _, rate = text.partition(":")
+    number = int(getattr(mavlink, f"MAVLINK_MSG_ID_{name}", -1))
+    try:
+        rate_hz = float(rate)
+    except ValueError:
+        rate_hz = 0.0
+    if number not in TELEMETRY or not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise OptionError(
+            f"--stream: {text} is not a message and its rate, such as FOLLOW_TARGET:10"
+        )
+    return number, round(1e6 / rate_hz)

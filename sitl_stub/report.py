@@ -35,6 +35,9 @@ class Report(NamedTuple):
     ready: bool = True
     """Whether its sensors have settled."""
 
+    icao_address: int = 0
+    """Of its transponder."""
+
     @property
     def altitude_amsl_m(self) -> float:
         """As measured."""

@@ -56,7 +56,7 @@ class Emulator:
         self._duration_s = duration_s
         self._loop = asyncio.get_running_loop()
         self._clock: SimulationClock | None = None
-        self._link: Link | None = None
+        self._links: tuple[Link, ...] = ()
         self._wake = asyncio.Event()
         self._flown_s = 0.0
         self._silent_before_s = 0.0
@@ -81,9 +81,9 @@ class Emulator:
         if self._next_s != next_s:
             self._wake.set()
 
-    async def run(self, link: Link, clock: SimulationClock) -> None:
+    async def run(self, links: Sequence[Link], clock: SimulationClock) -> None:
         """Serve until the duration is over; what was due before the call is flown but not sent."""
-        self._link, self._clock = link, clock
+        self._links, self._clock = tuple(links), clock
         self._silent_before_s = clock.simulation_s(self._loop.time())
         while self._flown_s < self._duration_s:
             self._fly_until(clock.simulation_s(self._loop.time()))
@@ -128,8 +128,9 @@ class Emulator:
             self._truth.sample(self._autopilot.truth())
 
     def _send(self, frames: bytes) -> None:
-        if frames and self._link is not None:
-            self._link.send(frames)
+        if frames:
+            for link in self._links:
+                link.send(frames)
 
     def _warn_if(self, late_s: float) -> None:
         if late_s > LATE_S and self._next_s > self._silent_before_s and not self._warned:
@@ -156,6 +157,9 @@ class Service:
 
     duration_s: float | None = None
     """Simulation time at which to end."""
+
+    also_to: tuple[str, ...] = ()
+    """Addresses of others that hear the first aircraft, too."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be served.
@@ -236,12 +240,16 @@ async def serve_all(
                 duration_s = math.inf if service.duration_s is None else service.duration_s
                 emulator = Emulator(autopilot, truth=truth, duration_s=duration_s)
                 link = await stack.enter_async_context(open_link(address, emulator.take))
-                opened.append((emulator, link))
+                opened.append((emulator, [link]))
                 if on_open is not None:
                     on_open(autopilot, link.address)
+            for url in service.also_to:
+                emulator, links = opened[0]
+                address = parse_address(url)
+                links.append(await stack.enter_async_context(open_link(address, emulator.take)))
             waiting_s = 0.0 if service.epoch_s is None else service.epoch_s - time.time()
             clock = SimulationClock(loop.time() + waiting_s, service.speedup)
-            await all_of([emulator.run(link, clock) for emulator, link in opened])
+            await all_of([emulator.run(links, clock) for emulator, links in opened])
 
 
 async def all_of(runs: Sequence[Coroutine[None, None, None]]) -> None:

@@ -11,6 +11,9 @@ from sitl_stub.personality import Personality
 from sitl_stub.plant_state import PlantState
 from sitl_stub.sensor_errors import SensorErrors
 
+MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
+"""In which the two autopilots fly a mission."""
+
 
 def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:
     """The configured flight, with the distances that the autopilot's parameters give it."""
@@ -40,6 +43,9 @@ def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Perso
         air_data=air_data,
     )
     personality.begin(flight)
+    if config.route is not None:
+        flight.enter(next(mode for mode in personality.modes if mode.name in MISSION_MODES))
+        flight.follow(config.route)
     return flight
 
 

@@ -178,8 +178,22 @@ Wanted = int | list[MAVLink_message]
 class Streams:
     """The schedule of one autopilot, and the commands that change it."""
 
-    def __init__(self, personality: Personality, loop_rate_hz: float | None) -> None:
+    def __init__(
+        self,
+        personality: Personality,
+        loop_rate_hz: float | None,
+        chosen: Mapping[int, int] | None = None,
+    ) -> None:
+        """Make the schedule at a boot.
+
+        Args:
+            personality: whose manners decide what is sent.
+            loop_rate_hz: of the scheduler, if there is one.
+            chosen: what is sent without having been asked for, with intervals in microseconds, beside the
+                heartbeat; None: what the personality sends.
+        """
         self._personality = personality
+        self._chosen = chosen
         self._fastest_us = MIN_INTERVAL_US
         self._tick_us = 1
         if loop_rate_hz is not None:
@@ -279,6 +293,9 @@ class Streams:
     def _defaults(self, sent_until_us: int) -> Schedule:
         """What comes unrequested after a boot, from the instant after this one."""
         schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
-        for message_id, interval_us in self._personality.unrequested.items():
+        sent = self._personality.unrequested
+        if self._chosen is not None:
+            sent = {HEARTBEAT: sent[HEARTBEAT], **self._chosen}
+        for message_id, interval_us in sent.items():
             schedule.every(message_id, interval_us)
         return schedule

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,6 +25,7 @@ from tests.autopilots.programs import (
     restore_priority,
     vfguide,
 )
+from tests.autopilots.relay import Relay
 from tests.autopilots.simulators import (
     CLIMB_S,
     ENOUGH_M,
@@ -38,6 +40,7 @@ from tests.autopilots.true_tracks import STEP_S, true_track
 from tests.autopilots.verdict import Verdict, flight_record, judge
 from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
+from vfguide.lab.rehearsal.processes import free_port
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mission import Mission
 from vfguide.mission.load import parse_mission
@@ -156,7 +159,19 @@ def airborne(plan: Plan) -> Iterator[Formation]:
             conditions=plan.conditions,
         )
     mosquitto, link = broker(plan.mosquitto, directory)
-    make_keys(key_places(file), mission.name, names)
+    make_keys(key_places(file), mission.name, mission.companions)
+    hears: dict[str, int] = {}
+    relay: Relay | None = None
+    if mission.leader.is_foreign:
+        hears = {name: free_port(socket.SOCK_DGRAM) for name in mission.companions}
+        heard = mission.rehearsal.leader_telemetry
+        relay = Relay(
+            simulators[mission.leader.vehicle].tcp_port,
+            list(hears.values()),
+            system_id=mission.leader_vehicle.system_id,
+            rate_hz=heard.rate_hz,
+            late_s=heard.delay_s,
+        )
     companions = {
         name: Program(
             f"{name}.companion",
@@ -165,11 +180,12 @@ def airborne(plan: Plan) -> Iterator[Formation]:
                 *("--clock", f"{clock.epoch_s!r},{clock.rate!r}"),
                 *("--mavlink", simulators[name].companion_url, "--state", str(directory / "state")),
                 *(("--engage",) if plan.engage else ()),
+                *((f"--leader=udpin://127.0.0.1:{hears[name]}",) if name in hears else ()),
                 *(("--record", str(directory / "recorded")) if plan.record else ()),
             ),
             directory,
         )
-        for name in names
+        for name in mission.companions
     }
     formation = Formation(mission, simulators, mosquitto, companions, clock, plan.guided)
     priority = first_in_line()
@@ -180,13 +196,18 @@ def airborne(plan: Plan) -> Iterator[Formation]:
         at_once([partial(climb, simulator, mission) for simulator in simulators.values()])
         for companion in companions.values():
             companion.start()
-        at_once([partial(hand_over, name, formation) for name in names])
+        if relay is not None:
+            simulators[mission.leader.vehicle].enter("LOITER")
+            relay.start()
+        at_once([partial(hand_over, name, formation) for name in mission.companions])
         formation.began_s = clock.now()
         yield formation
     finally:
         restore_priority(priority)
         # At the same time: each companion waits until its autopilot shows that it flies by itself.
         at_once([companion.stop for companion in companions.values()])
+        if relay is not None:
+            relay.stop()
         mosquitto.stop()
         at_once([simulator.close for simulator in simulators.values()])
 

@@ -66,6 +66,15 @@ class Simulator(ABC):
     def companion_url(self) -> str:
         """Where a companion finds the autopilot."""
 
+    @property
+    def tcp_port(self) -> int:
+        """The port at which one that has no companion is heard.
+
+        Raises:
+            FlightError: it has none.
+        """
+        raise FlightError("only an ArduPlane leads without a companion here")
+
     @abstractmethod
     def connect(self) -> GroundStation:
         """A ground station that hears the simulator's clock and true positions."""
@@ -185,6 +194,10 @@ class ArduPlane(Simulator):
     @property
     def companion_url(self) -> str:
         return f"tcpout://127.0.0.1:{self._port}"
+
+    @property
+    def tcp_port(self) -> int:
+        return self._port
 
     def connect(self) -> GroundStation:
         # The second port opens once the first was called.

@@ -20,7 +20,7 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
 from vfguide.link.address import parse_links
 from vfguide.link.trust import Trust, new_session
-from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.signing import signing_key
 from vfguide.mission import Mission
 from vfguide.record.recording import begin_recording
@@ -68,6 +68,8 @@ def run_companion(
     clock: str | None,
     signing_key_file: Path | None = None,
     state: Path | None = None,
+    leader: str | None = None,
+    follow_target: str | None = None,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
 
@@ -77,13 +79,17 @@ def run_companion(
             or nothing can be recorded.
     """
     check_flies(mission, vehicle)
+    heard_at = leader_address(mission, vehicle, leader)
+    sends_to = None if follow_target is None else parse_address(follow_target)
+    if sends_to is not None and vehicle != mission.leader.vehicle:
+        raise InputError(f"--follow-target: {vehicle!r} does not lead {mission.name}; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
     addresses = parse_links(links)
     credentials = keys.of_vehicle(vehicle)
     trust = Trust(
         formation=mission.name,
         name=vehicle,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         session=new_session(),
         roster=credentials.roster,
         key=credentials.key,
@@ -108,9 +114,32 @@ def run_companion(
         signing_key=key,
         consent=FileStore(state or default_directory(), vehicle),
         by_mavsdk=mission.vehicles[vehicle].by_mavsdk,
+        leader=heard_at,
+        followers=sends_to,
     )
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
+
+
+def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Address | None:
+    """Where a leader without a companion is heard, by the mission or the command line; None for all others.
+
+    Raises:
+        InputError: the address is none, or of no use, or the vehicle is that leader.
+    """
+    if not mission.leader.is_foreign:
+        if instead is not None:
+            raise InputError(
+                f"--leader: the leader of {mission.name} is heard over the link; leave it out, or write"
+                " leader.follows: mavlink"
+            )
+        return None
+    if vehicle == mission.leader.vehicle:
+        raise InputError(
+            f"{vehicle!r} flies without a companion in {mission.name}; name one of"
+            f" {', '.join(mission.companions)}"
+        )
+    return parse_address(instead or mission.leader.connection or "")
 
 
 def read_key(file: Path) -> bytes:

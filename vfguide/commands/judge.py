@@ -55,7 +55,7 @@ def judge_flight(
     watched = Watched(
         addresses=parse_links(links),
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         roster=credentials.roster,
         key=credentials.key,
     )

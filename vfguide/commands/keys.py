@@ -31,8 +31,8 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 
 
 def vehicles_of(mission: Mission) -> list[str]:
-    """Names of those who fly, leader first."""
-    return [mission.leader.vehicle, *mission.followers_by_name]
+    """Names of those who have a companion, leader first."""
+    return list(mission.companions)
 
 
 def make(mission: Mission, file: Path, operators: Sequence[str]) -> None:

@@ -56,7 +56,7 @@ def show_status(
     watched = Watched(
         addresses=parse_links(links),
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         roster=credentials.roster,
         key=credentials.key,
     )
@@ -72,7 +72,7 @@ def show_status(
     else:
         output.print(status_table(mission, found))
         output.tell(readiness(mission, found))
-    online = all(name in found and found[name].status == "online" for name in names_of(mission))
+    online = all(name in found and found[name].status == "online" for name in mission.companions)
     return ALL_THERE if online else SOME_MISSING
 
 
@@ -137,18 +137,13 @@ class Freshness:
         return judged
 
 
-def names_of(mission: Mission) -> list[str]:
-    """All vehicles, the leader first."""
-    return [mission.leader.vehicle, *mission.followers_by_name]
-
-
 def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
     """Whether the formation may take off, in one line: go, or no-go and everything that speaks against it."""
     against = [
         f"mission: {one.message}" for one in check_mission(mission) if one.severity == "error"
     ]
     versions = {one.version for one in found.values() if one.status == "online"}
-    for name in names_of(mission):
+    for name in mission.companions:
         presence = found.get(name)
         if presence is None:
             against.append(f"{name}: no companion is heard")
@@ -164,12 +159,12 @@ def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
         against.append(f"companions of different versions: {', '.join(sorted(versions))}")
     if against:
         return f"NO-GO  {'; '.join(against)}"
-    return f"GO  {mission.name}: all {len(names_of(mission))} companions are ready"
+    return f"GO  {mission.name}: all {len(mission.companions)} companions are ready"
 
 
 def status_json(mission: Mission, found: Mapping[str, Presence]) -> dict[str, object]:
     """Everybody's presence as JSON holds it."""
-    return {name: described(found.get(name)) for name in names_of(mission)}
+    return {name: described(found.get(name)) for name in mission.companions}
 
 
 def described(presence: Presence | None) -> dict[str, object]:
@@ -196,7 +191,7 @@ def status_table(mission: Mission, found: Mapping[str, Presence]) -> Table:
     )
     for heading in (*COLUMNS, "refused"):
         table.add_column(heading, justify="right")
-    for vehicle in names_of(mission):
+    for vehicle in mission.companions:
         presence = found.get(vehicle)
         if presence is None:
             table.add_row(vehicle, "never seen")

@@ -56,6 +56,21 @@ def companion(
             metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."
         ),
     ] = None,
+    leader: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Where a leader without a companion is heard, instead of the mission's"
+            " leader.connection.",
+        ),
+    ] = None,
+    follow_target: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
+        ),
+    ] = None,
     clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the companion of one vehicle, until SIGTERM.
@@ -77,6 +92,8 @@ def companion(
         clock=clock,
         signing_key_file=signing_key_file,
         state=state,
+        leader=leader,
+        follow_target=follow_target,
     )
 
 

@@ -23,6 +23,7 @@ from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode
+from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error
 from vfguide.mavlink.acknowledgements import Acknowledgements
@@ -96,6 +97,7 @@ class Companion:
         clock: SharedClock = SAME_CLOCK,
         inspect: bool = False,
         signing: Signing | None = None,
+        sends_target: bool = False,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -107,6 +109,7 @@ class Companion:
             clock: the formation's; this companion's own if absent.
             inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
             signing: of the connection to the autopilot, if it is signed.
+            sends_target: whether to send FOLLOW_TARGET, if this is the leader.
         """
         self._plan = plan
         self._adapter = adapter
@@ -139,6 +142,7 @@ class Companion:
         self._asked_for_telemetry = False
         self._distance = math.inf
         self._housekeeping_time = -math.inf
+        self._target_sender = TargetSender(plan) if sends_target else None
         self._altitude_time = self._failure_time = -math.inf
         self._altitude = plan.altitude_amsl
         self._setpoint: Setpoint[float] | None = None
@@ -165,7 +169,7 @@ class Companion:
         return self._codec.counters + self._role.counters + self._guard.counters + own
 
     def receive_link(self, data: bytes, now: float) -> None:
-        """Take a leader state from the link."""
+        """Take a leader state from the link, or a datagram of a leader without a companion."""
         self._role.receive(data, now)
 
     def lose_link(self, now: float) -> None:
@@ -269,6 +273,7 @@ class Companion:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
         out.to_autopilot = self._encode(messages, now)
+        out.to_leader = self._role.to_leader(now)
         return out
 
     def _adopt(self, plan: FlightPlan) -> None:
@@ -362,6 +367,8 @@ class Companion:
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
+        if self._target_sender is not None:
+            out.to_others = self._target_sender.due(step.motion, navigated)
         self._change_mode(now, out)
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
         out.warn(complaint, now)

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from random import Random
 
@@ -113,6 +114,10 @@ class Surroundings:
     """Keeps what was agreed for the flight; in memory if absent."""
     by_mavsdk: bool = False
     """Whether MAVSDK keeps the connection to the autopilot."""
+    leader: Address | None = None
+    """Where a leader without a companion is heard."""
+    followers: Address | None = None
+    """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
 
 
 class Daemon:
@@ -125,7 +130,9 @@ class Daemon:
         self._name = plan.name
         self._clock = surroundings.clock
         self._surroundings = surroundings
-        self._peer_clock = None if plan.leads else PeerClock()
+        self._peer_clock = None if plan.keeps_time else PeerClock()
+        self._foreign = plan.foreign_leader is not None
+        self._timekeeper = plan.timekeeper
         self._neighbours = plan.neighbours
         key = surroundings.signing_key
         signing = None if key is None else Signing(key, time.time)
@@ -140,9 +147,12 @@ class Daemon:
             clock=self._shared_clock,
             inspect=True,
             signing=signing,
+            sends_target=surroundings.followers is not None,
         )
         self._record = surroundings.record
         self._connection: Connection | None = None
+        self._leader_connection: Connection | None = None
+        self._target_connection: Connection | None = None
         self._link: Link | None = None
         self._response = Quantiles()
         self._leader_age = Quantiles()
@@ -169,6 +179,14 @@ class Daemon:
                     introduction=self._introduction,
                 )
             )
+            if where.leader is not None:
+                self._leader_connection = await stack.enter_async_context(
+                    open_connection(where.leader, self._take_leader, random=random)
+                )
+            if where.followers is not None:
+                self._target_connection = await stack.enter_async_context(
+                    open_connection(where.followers, ignore, random=random)
+                )
             self._link = await stack.enter_async_context(
                 open_link(
                     where.links,
@@ -212,12 +230,16 @@ class Daemon:
 
     def _member(self, trust: Trust) -> Member:
         """This vehicle as the others hear it."""
-        leads = self._peer_clock is None
+        receive, neighbours = self._take_link, set(self._neighbours)
+        if self._foreign:
+            # The one who keeps the time is a follower like the others.
+            receive = partial(self._take_neighbour, self._timekeeper)
+            neighbours.discard(self._timekeeper)
         return Member(
             trust,
             clock=self._clock.now,
-            receive=ignore if leads else self._take_link,
-            neighbours=self._neighbours,
+            receive=ignore if self._peer_clock is None else receive,
+            neighbours=neighbours,
             receive_neighbour=self._take_neighbour,
             peer_clock=self._peer_clock,
         )
@@ -255,11 +277,21 @@ class Daemon:
     def _take_link(self, data: bytes) -> None:
         self._companion.receive_link(data, self._clock.now())
 
+    def _take_leader(self, datagram: bytes) -> None:
+        """A leader without a companion has spoken, or somebody on the same connection."""
+        self._guarded(lambda: self._take_link(datagram))
+        if self._record is not None:
+            self._record.add_datagram(self._clock.now(), datagram)
+
     def _take_neighbour(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_neighbour(vehicle, data, self._clock.now())
 
     def _dispatch(self, out: Outgoing) -> None:
         """Send what the companion wants sent, and log what it has to say."""
+        if out.to_leader and self._leader_connection is not None:
+            self._leader_connection.send(out.to_leader)
+        if out.to_others and self._target_connection is not None:
+            self._target_connection.send(out.to_others)
         if out.to_autopilot and self._connection is not None:
             self._connection.send(out.to_autopilot)
             if self._record is not None:

@@ -8,8 +8,15 @@ from dataclasses import replace
 from vfguide.angles import wrap_angle
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
+from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
-from vfguide.companion.plan import FlightPlan, FollowerTask, follower_law, late_laws
+from vfguide.companion.plan import (
+    FlightPlan,
+    FollowerTask,
+    ForeignLeader,
+    follower_law,
+    late_laws,
+)
 from vfguide.companion.role import RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
@@ -25,6 +32,7 @@ from vfguide.guidance.intended_motion import (
     planned_motion,
 )
 from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.observed_motion import carried_on
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
@@ -80,7 +88,11 @@ class FollowerRole:
         self._clock = clock
         # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
         broken_up_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
-        self._leader = StateReceiver(plan.frame, clock, moved_s=broken_up_s)
+        self._leader: StateReceiver | LeaderTelemetry = (
+            LeaderTelemetry(task.leader, plan.frame, moved_s=broken_up_s, system_id=plan.system_id)
+            if isinstance(task.leader, ForeignLeader)
+            else StateReceiver(plan.frame, clock, moved_s=broken_up_s)
+        )
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._leader_name = next(one.name for one in plan.others if one.leads)
@@ -105,14 +117,16 @@ class FollowerRole:
     @property
     def leader(self) -> LeaderState[float] | None:
         """Newest leader state as slots are fixed to it, times on the follower's clock."""
+        if isinstance(self._task.leader, ForeignLeader):
+            return self._leader.newest
         return None if self._intended is None else self._intended.motion
 
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
-        heard, before = self._leader.newest, self._intended
-        if heard is None:
+        heard, before, known = self._leader.newest, self._intended, self._task.leader
+        if heard is None or isinstance(known, ForeignLeader):
             return
-        planned = planned_motion(heard, self._task.leader, self._wind)
+        planned = planned_motion(heard, known, self._wind)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -123,7 +137,7 @@ class FollowerRole:
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take a leader state if it is sound and newer than the one before."""
+        """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
         if self._leader.take(data, now):
             self._carried = self._breakaway_course = None
             self._intend()
@@ -136,6 +150,10 @@ class FollowerRole:
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
         self._traffic.lose_link(now)
+
+    def to_leader(self, now: float) -> bytes:
+        """Heartbeats and questions for the time, where the leader has no companion."""
+        return self._leader.say(now) if isinstance(self._leader, LeaderTelemetry) else b""
 
     def words(self) -> list[str]:
         """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""
@@ -260,11 +278,13 @@ class FollowerRole:
         return self._report.message(motion, navigated, time_s, steered=mode.steers)
 
     def _leader_at(self, navigated: NavigatedState) -> LeaderState[float] | None:
-        """The leader as last heard; after a silence, as it would have flown on along its path."""
-        heard = self.leader
-        if heard is None or self.leader_age(navigated.state.time_s) <= self._plan.timeouts.leader_s:
-            return heard
+        """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
+        heard, known = self.leader, self._task.leader
         now = navigated.state.time_s
+        if isinstance(known, ForeignLeader):
+            return None if heard is None else carried_on(heard, now - heard.time_s, GAP_S)
+        if heard is None or self.leader_age(now) <= self._plan.timeouts.leader_s:
+            return heard
         carried = self._carried
         if carried is None:
             carried = extrapolate_by_rates(heard, min(now, heard.time_s + GAP_S))
@@ -273,7 +293,7 @@ class FollowerRole:
         for left in range(count, 0, -1):
             time_s = carried.time_s + (now - carried.time_s) / left
             carried = extrapolate_along_path(
-                carried, replace(navigated.state, time_s=time_s), self._task.leader
+                carried, replace(navigated.state, time_s=time_s), known
             )
         self._carried = carried
         return carried

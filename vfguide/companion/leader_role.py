@@ -75,6 +75,7 @@ class LeaderRole:
                 motion, navigated, navigated.state.time_s, steered=mode.steers
             ),
             climb_m=avoidance.climb_m,
+            motion=motion,
         )
 
     def _intent(self, state: VehicleState[float], distance: float) -> Intent:
@@ -120,6 +121,11 @@ class LeaderRole:
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
         self._traffic.lose_link(now)
+
+    def to_leader(self, now: float) -> bytes:
+        """The leader follows no vehicle."""
+        del now
+        return b""
 
     def words(self) -> list[str]:
         """What the pilot should know of the followers' states, and of keeping clear of them."""

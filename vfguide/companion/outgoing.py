@@ -28,6 +28,10 @@ class Outgoing:
     """One datagram."""
     to_link: list[bytes] = field(default_factory=list)
     """Own states."""
+    to_leader: bytes = b""
+    """One datagram, for a leader without a companion."""
+    to_others: bytes = b""
+    """One datagram, for followers without a companion."""
     steered: bool = False
     """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
     events: list[Event] = field(default_factory=list)

@@ -28,6 +28,34 @@ from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe
 
+STOPPED_S = 0.7
+"""A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
+under a parachute has: the place where it was last heard is not flown through."""
+
+CREWED_M = 65.0
+"""Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
+
+LEAST_SILENCE_S = 2.5
+"""A leader without a companion is not silent before: one message a second, half a second late, one lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForeignLeader:
+    """A leader without a companion."""
+
+    connection: str
+    """MAVLink address at which it is heard."""
+    system_id: int | None
+    """Of the aircraft; None where it is heard by ADS-B."""
+    icao_address: int | None
+    """Of the aircraft by ADS-B; None where it speaks itself."""
+    least_delay_s: float | None
+    """How long its messages take at least, s; None where that is to be found out."""
+    airframe: Airframe
+    """What it can do."""
+    rate_filter_s: float
+    """Time constant of its rates, s."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowerTask:
@@ -35,7 +63,7 @@ class FollowerTask:
 
     slot: Slot[float]
     """Its place in the formation."""
-    leader: KnownLeader
+    leader: KnownLeader | ForeignLeader
     """What the mission tells about the leader."""
     airspeed: float
     """To fly away at when the formation breaks up, m/s."""
@@ -57,6 +85,10 @@ class OtherVehicle:
     """From that slot to one's own, m, level."""
     lateral_acceleration: float
     """g tan(phi_max), m/s²: how hard it can turn."""
+    stopped_s: float = STOPPED_S
+    """Of a leader: not heard for longer, it may have stopped where it was."""
+    least_m: float = 0.0
+    """Kept from it at least, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +131,19 @@ class FlightPlan:
     """Its own place in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
     """All other vehicles of the formation."""
+    timekeeper: str = ""
+    """The vehicle whose clock the formation shares; the leader where it is not said."""
+
+    @property
+    def keeps_time(self) -> bool:
+        """Whether the formation goes by this vehicle's clock."""
+        return self.name == self.timekeeper if self.timekeeper else self.leads
+
+    @property
+    def foreign_leader(self) -> ForeignLeader | None:
+        """The leader, where it has no companion."""
+        leader = self.task.leader if isinstance(self.task, FollowerTask) else None
+        return leader if isinstance(leader, ForeignLeader) else None
 
     @property
     def leads(self) -> bool:
@@ -141,13 +186,22 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
         slips=vehicle.slips,
-        timeouts=Timeouts(**mission.patience.model_dump()),
+        timeouts=timeouts_of(mission),
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
+        timekeeper=mission.timekeeper,
     )
+
+
+def timeouts_of(mission: Mission) -> Timeouts:
+    """How long silences are borne."""
+    patience = Timeouts(**mission.patience.model_dump())
+    if not mission.leader.is_foreign:
+        return patience
+    return replace(patience, leader_s=max(patience.leader_s, LEAST_SILENCE_S))
 
 
 def formation_of(mission: Mission) -> list[str]:
@@ -243,17 +297,35 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
 
 def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
     """A slot of the mission, for a vehicle that holds it."""
-    leads = leader_task(mission)
     lowest, highest = vehicle.airspeed_range_m_s
     return FollowerTask(
         slot=Slot(forward=offset.forward_m, right=offset.right_m),
-        leader=KnownLeader(
-            path=leads.path,
-            path_gains=leads.path_gains,
-            airspeed=leads.airspeed,
-            rate_filter_s=mission.controller.rate_filter_s,
-        ),
-        airspeed=min(max(leads.airspeed, lowest), highest),
+        leader=foreign_leader(mission) if mission.leader.is_foreign else known_leader(mission),
+        airspeed=min(max(mission.leader.airspeed_m_s, lowest), highest),
+    )
+
+
+def known_leader(mission: Mission) -> KnownLeader:
+    """What the mission tells about a leader with a companion."""
+    leads = leader_task(mission)
+    return KnownLeader(
+        path=leads.path,
+        path_gains=leads.path_gains,
+        airspeed=leads.airspeed,
+        rate_filter_s=mission.controller.rate_filter_s,
+    )
+
+
+def foreign_leader(mission: Mission) -> ForeignLeader:
+    """What the mission tells about a leader without one."""
+    leader, vehicle = mission.leader, mission.leader_vehicle
+    return ForeignLeader(
+        connection=leader.connection or "",
+        system_id=vehicle.system_id if leader.follows == "mavlink" else None,
+        icao_address=leader.icao_address,
+        least_delay_s=leader.least_delay_s,
+        airframe=airframe_of(vehicle),
+        rate_filter_s=mission.controller.rate_filter_s,
     )
 
 
@@ -274,6 +346,8 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
                 slot=slot,
                 spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
                 lateral_acceleration=GRAVITY * math.tan(bank),
+                stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
+                least_m=CREWED_M if rank == 0 and mission.leader.follows == "adsb" else 0.0,
             )
         )
     return tuple(found)
@@ -331,5 +405,8 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
-        slot_frame=laws.find(chosen.type).slot_frame or chosen.slot_frame,
+        # What a leader without a companion means to fly is not known.
+        slot_frame="leader"
+        if mission.leader.is_foreign
+        else laws.find(chosen.type).slot_frame or chosen.slot_frame,
     )

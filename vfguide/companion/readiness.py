@@ -4,7 +4,7 @@ from vfguide.companion.supervisor import Timeouts
 
 NOTHING_HEARD = "no position from the autopilot: check --mavlink and the autopilot's stream"
 DOUBTED = "the autopilot's position is doubted: see what its pilot is told"
-NO_LEADER = "the leader is not heard: start its companion, or check the link and the keys"
+NO_LEADER = "the leader is not heard: see that its companion runs, or it sends; check link and keys"
 
 
 def obstacle(

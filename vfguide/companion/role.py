@@ -6,7 +6,7 @@ from typing import Protocol
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.supervisor import Mode
-from vfguide.state import Setpoint
+from vfguide.state import LeaderState, Setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +23,8 @@ class RoleStep:
     """Own state for the link."""
     climb_m: float = 0.0
     """To be added to the altitude of the mission, m."""
+    motion: LeaderState[float] | None = None
+    """Of the leader, by itself; None for a follower."""
 
 
 class Role(Protocol):
@@ -43,6 +45,9 @@ class Role(Protocol):
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""
+
+    def to_leader(self, now: float) -> bytes:
+        """What is to be said to a leader without a companion, one datagram."""
 
     def words(self) -> list[str]:
         """What a pilot should know of what came over the link, each once: one sentence each."""

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vfguide.companion.plan import OtherVehicle
+from vfguide.companion.leader_telemetry import LeaderTelemetry
+from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
     HOLDS_S,
@@ -40,10 +41,6 @@ LEADER_ASTRAY_M = 10.0
 
 LATER_S = 0.3
 """A vehicle that was heard by so much later than another shows that the link works without the other."""
-
-STOPPED_S = 0.7
-"""A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
-under a parachute has: the place where it was last heard is not flown through."""
 
 FORGET_S = 12.0
 """After this its place is not known well enough to be avoided."""
@@ -79,6 +76,7 @@ class Traffic:
         self._receivers = {one.name: StateReceiver(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
         self._link_lost_s = -math.inf
+        self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
         count = len(others)
@@ -90,6 +88,7 @@ class Traffic:
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._spacing = np.array([one.spacing for one in others] * 2)
+        self._least = np.array([one.least_m for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
         self._leads = np.array([one.leads for one in others] + [False] * count, dtype=bool)
         self._weight = np.array([LEADER_WEIGHT if one.leads else 1.0 for one in others] * 2)
@@ -120,7 +119,7 @@ class Traffic:
         words, self._words = self._words, []
         return words
 
-    def note(self, vehicle: str, receiver: StateReceiver) -> None:
+    def note(self, vehicle: str, receiver: StateReceiver | LeaderTelemetry) -> None:
         """Take what is heard of a vehicle: its state, or both places where it may be."""
         row = self._rows.get(vehicle)
         if row is None:
@@ -173,7 +172,7 @@ class Traffic:
         age = here.time_s - self._heard.time
         silent = age > SILENT_S
         known = age <= FORGET_S
-        linked = self._works_for(known & (age > STOPPED_S))
+        linked = self._works_for(known & (age > self._stopped_s))
         known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > ABOVE_M)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
@@ -187,7 +186,7 @@ class Traffic:
         age[~known] = 0.0
         self._heard.wind[~silent] = here.wind
         place, velocity = self._heard.propagate(age, here.wind)
-        keep = kept_distance(self._spacing, here.astray)
+        keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)
         drift = np.zeros(len(age))
@@ -201,7 +200,7 @@ class Traffic:
             room = np.abs(self._heard.offset - own_place) - keep
             fastest = drift + max(abs(own_drift), abs(wanted_drift))
             near |= known & ~alone & (room < ALONG_S * fastest)
-        stopped = known & believed & self._leads & (age > STOPPED_S) & linked
+        stopped = known & believed & self._leads & (age > self._stopped_s) & linked
         near |= stopped & (
             np.abs(self._heard.place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity)
         )
@@ -252,7 +251,9 @@ class Traffic:
             leader: see `possibilities`.
         """
         known = self._believed
-        if here.time_s - self._leader_s > STOPPED_S or not np.logical_and.reduce(known.steered):
+        if here.time_s - self._leader_s > self._stopped_s or not np.logical_and.reduce(
+            known.steered
+        ):
             return False
         if leader is None and here.astray > LEADER_ASTRAY_M:
             return False
@@ -274,7 +275,8 @@ class Traffic:
         fastest = drift + max(abs(here.velocity - own), abs(here.wanted - own))
         # Without the accelerations, and along chords instead of arcs.
         left_out = np.abs(known.acceleration) * (oldest_s * (ALONG_S + oldest_s)) + CHORD_M
-        room = np.abs(place - here.place) - kept_distance(self._spacing[: len(age)], here.astray)
+        kept = kept_distance(self._spacing[: len(age)], here.astray)
+        room = np.abs(place - here.place) - np.maximum(kept, self._least[: len(age)])
         if np.minimum.reduce(room - ALONG_S * fastest - left_out) < 0.0:
             return False
         known.drift[:] = drift

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from vfguide.mission.flight_path import Location, dotted
+from vfguide.mission.foreign_leader import ADSB_DISTANCE_M, OWN_COMPANION, completed
 
 DEFAULT_MIN_SEPARATION_M = 5.0
 """Least distance between two vehicles (m) where a mission does not say."""
@@ -64,8 +65,12 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
         _crowded_slots,
         _strangers_at_the_start,
         _airspeed_out_of_range,
+        _unheard_leader,
+        _slots_near_adsb,
+        _more_jitter_than_delay,
     )
-    return tuple(found for check in checks for found in check(data))
+    whole = completed(data)
+    return tuple(found for check in checks for found in check(_group(whole)))
 
 
 def _group(data: object, *steps: str) -> Mapping[str, object]:
@@ -232,3 +237,75 @@ def _airspeed_out_of_range(data: Mapping[str, object]) -> Iterator[Inconsistency
         f"{airspeed:g} m/s is outside the airspeed_range_m_s of '{leader.get('vehicle')}'",
         f"choose {lowest:g} to {highest:g} m/s",
     )
+
+
+def _unheard_leader(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """A leader without a companion that nobody can hear, or fields that another kind of leader has."""
+    leader = _group(data, "leader")
+    follows = leader.get("follows", OWN_COMPANION)
+    kinds = {
+        "connection": ("mavlink", "adsb"),
+        "system_id": ("mavlink",),
+        "icao_address": ("adsb",),
+        "least_delay_s": ("mavlink", "adsb"),
+    }
+    for field, of in kinds.items():
+        if follows not in of and leader.get(field) is not None:
+            yield Inconsistency(
+                ("leader", field),
+                f"a leader that followers hear by `follows: {follows}` has none",
+                f"write follows: {' or '.join(of)}, or remove it",
+            )
+    needs = {"mavlink": ("connection",), "adsb": ("connection", "icao_address")}
+    examples = {"connection": "udpin://0.0.0.0:14560", "icao_address": "0x4B1900"}
+    for field in needs.get(str(follows), ()):
+        if leader.get(field) is None:
+            yield Inconsistency(
+                ("leader", field),
+                f"needed with `follows: {follows}`",
+                f"write {field}: {examples[field]}, or what it is",
+            )
+    known = _number(_group(data, "vehicles", str(leader.get("vehicle"))).get("system_id"))
+    system_id = _number(leader.get("system_id"))
+    if follows == "mavlink" and known is None and system_id is None:
+        yield Inconsistency(
+            ("leader", "system_id"),
+            "needed of a leader that has no entry under vehicles",
+            "write the MAVLink system id of the aircraft, 1 to 254",
+        )
+    elif system_id is not None and known is not None and system_id != known:
+        yield Inconsistency(
+            ("leader", "system_id"),
+            f"its vehicle has {known:.0f}",
+            "write it once, here or under vehicles",
+        )
+
+
+def _slots_near_adsb(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Slots near an aircraft with people in it, whose position is some seconds old."""
+    if _group(data, "leader").get("follows") != "adsb":
+        return
+    for index, follower in enumerate(_followers(data)):
+        slot = _group(follower, "slot")
+        forward, right = _number(slot.get("forward_m")), _number(slot.get("right_m"))
+        if forward is None or right is None:
+            continue
+        distance = math.hypot(forward, right)
+        if distance < ADSB_DISTANCE_M:
+            yield Inconsistency(
+                ("followers", index, "slot"),
+                f"only {distance:.0f} m from an aircraft that is heard by ADS-B",
+                f"keep {ADSB_DISTANCE_M:g} m or more",
+            )
+
+
+def _more_jitter_than_delay(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Messages of a leader that would arrive before they are sent."""
+    heard = _group(data, "rehearsal", "leader_telemetry")
+    delay, jitter = _number(heard.get("delay_s", 0.2)), _number(heard.get("jitter_s", 0.0))
+    if delay is not None and jitter is not None and jitter > delay:
+        yield Inconsistency(
+            ("rehearsal", "leader_telemetry", "jitter_s"),
+            f"more than delay_s, {delay:g} s",
+            "lower it, or raise delay_s",
+        )

@@ -82,9 +82,25 @@ def mean_leader_age(mission: Mission) -> float:
     return rehearsal.link_delay_s + wait
 
 
+def unknown_delay(mission: Mission) -> Iterator[Finding]:
+    """A leader without a companion of which nobody has said how late it is heard."""
+    if mission.leader.least_delay_s is not None:
+        return
+    behind = 0.1 * mission.leader.airspeed_m_s
+    message = (
+        "how long its messages take at least is not told: followers ask it for its time, and where it does"
+        f" not answer they fly {behind:.1f} m behind their slots for each 0.1 s"
+    )
+    remedy = "measure it on the ground, and write least_delay_s"
+    yield Finding("note", ("leader", "least_delay_s"), message, remedy)
+
+
 def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
     """Leader states that are old when they are used."""
     if not mission.followers:
+        return
+    if mission.leader.is_foreign:
+        yield from unknown_delay(mission)
         return
     age = mean_leader_age(mission)
     patience = mission.patience.leader_s

@@ -4,7 +4,7 @@ How long a companion bears silence.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -19,7 +19,9 @@ from pydantic_core import PydanticCustomError
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
+from vfguide.mission.foreign_leader import completed
 from vfguide.mission.quantity import (
+    Duration,
     MissionName,
     NotNegative,
     Number,
@@ -71,14 +73,45 @@ class Origin(Section):
     """Altitude above mean sea level, m."""
 
 
+def _with_scheme(address: str) -> str:
+    scheme, separator, rest = address.partition("://")
+    if not (separator and scheme and rest):
+        kind, message = "connection", "write an address such as udpin://0.0.0.0:14560"
+        raise PydanticCustomError(kind, message)
+    return address
+
+
 class Leader(Section):
-    """The vehicle that follows the path."""
+    """The vehicle that follows the path, or any aircraft whose MAVLink messages are heard."""
 
     vehicle: VehicleName
-    """Its name under `vehicles`."""
+    """Its name under `vehicles`; without a companion `leader` if absent, and it needs no entry there."""
 
     airspeed_m_s: Speed
-    """Airspeed it keeps, m/s."""
+    """Airspeed it keeps, m/s; without a companion what it is expected to fly, 20 if absent."""
+
+    follows: Literal["companion", "mavlink", "adsb"] = "companion"
+    """Whom followers follow. `companion`: a leader with a companion, over the formation's link. `mavlink`: an
+    aircraft without one, by the positions that it sends. `adsb`: one that is heard by ADS-B, from at least
+    100 m away."""
+
+    connection: Annotated[str, AfterValidator(_with_scheme)] | None = None
+    """Where each follower's companion hears a leader without one: a MAVLink address, as of `--mavlink`."""
+
+    system_id: Annotated[int, Field(strict=True, ge=1, le=255)] | None = None
+    """`mavlink`: its system id, if it has no entry under `vehicles`."""
+
+    icao_address: Annotated[int, Field(strict=True, ge=1, le=0xFFFFFF)] | None = None
+    """`adsb`: its 24-bit address, such as 0x4B1900."""
+
+    least_delay_s: Annotated[Duration, Field(le=5.0)] | None = None
+    """How long messages of a leader without a companion take at least, s. If absent followers ask it for its
+    time; where it does not answer, either, they fly behind their slots by this times the speed."""
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it has no companion."""
+        return self.follows != "companion"
 
     law: Annotated[str, AfterValidator(known_in(leader_laws))] = "field"
     """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""
@@ -141,7 +174,7 @@ class Mission(Section):
     """Flying height of the leader above the origin's altitude, m."""
 
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
-    """What the leader follows."""
+    """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""
 
     leader: Leader
     """Who leads, and how fast."""
@@ -177,9 +210,30 @@ class Mission(Section):
         return self.vehicles[self.leader.vehicle]
 
     @property
+    def timekeeper(self) -> str:
+        """The vehicle whose clock the formation shares: the leader, or the first follower of a foreign one.
+
+        It counts only for what followers tell each other: each hears a foreign leader on its own clock.
+        """
+        if self.leader.is_foreign and self.followers:
+            return self.followers[0].vehicle
+        return self.leader.vehicle
+
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """Vehicles that have a companion, the leader first if it is one."""
+        leader = () if self.leader.is_foreign else (self.leader.vehicle,)
+        return (*leader, *self.followers_by_name)
+
+    @property
     def followers_by_name(self) -> Mapping[str, Follower]:
         """Each follower by the name of its vehicle."""
         return {follower.vehicle: follower for follower in self.followers}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, data: object) -> object:
+        return completed(data)
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

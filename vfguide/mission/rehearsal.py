@@ -160,6 +160,31 @@ class Emulator(Section):
     """Rate of the scheduler on whose ticks telemetry leaves, Hz; if absent it leaves exactly on time."""
 
 
+class LeaderTelemetry(Section):
+    """How an emulated leader without a companion is heard."""
+
+    message: Literal[
+        "GLOBAL_POSITION_INT",
+        "FOLLOW_TARGET",
+        "GLOBAL_POSITION_INT_COV",
+        "HIGH_LATENCY2",
+        "ADSB_VEHICLE",
+    ] = "GLOBAL_POSITION_INT"
+    """By which message."""
+
+    rate_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 4.0
+    """How often it is sent."""
+
+    delay_s: Annotated[Duration, Field(le=5.0)] = 0.2
+    """How long each message takes, s."""
+
+    jitter_s: Annotated[Duration, Field(le=5.0)] = 0.0
+    """More or less than that by up to this, s; at most `delay_s`."""
+
+    loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
+    """Share of messages that never arrive, 0 to below 1."""
+
+
 class Rehearsal(Section):
     """The flight on the computer."""
 
@@ -174,6 +199,9 @@ class Rehearsal(Section):
 
     emulator: Emulator = Emulator()
     """What the emulated autopilots do that their companions are not told."""
+
+    leader_telemetry: LeaderTelemetry = LeaderTelemetry()
+    """How a leader without a companion is heard (`leader.follows`)."""
 
     link_delay_s: Duration = 0.1
     """Time a leader state takes to arrive, s."""

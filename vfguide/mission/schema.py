@@ -55,6 +55,13 @@ def mission_schema() -> dict[str, object]:
         "oneOf": [{"$ref": place} for place in mapping.values()],
         "title": "Path",
     }
+    # A leader without a companion needs neither; see `foreign_leader`.
+    leader = schema["$defs"]["Leader"]
+    leader["anyOf"] = [{"required": leader.pop("required")}, {"required": ["follows"]}]
+    schema["required"].remove("path")
+    own = {"description": "Of a leader with a companion.", "not": {"required": ["follows"]}}
+    schema["if"] = {"properties": {"leader": own}}
+    schema["then"] = {"required": ["path"]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

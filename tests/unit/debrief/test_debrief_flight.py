@@ -209,3 +209,39 @@ def test_a_log_of_something_else_is_named(recordings: Path) -> None:
     path.write_bytes(b"")
     with pytest.raises(InputError, match="is damaged or another system's; the leader's is needed"):
         flight_of(collect([recordings]))
+
+
+def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path: Path) -> None:
+    mission = load_mission(Path(__file__).parents[3] / "missions" / "foreign-leader.yaml")
+    slot = mission.followers_by_name["f1"].slot
+    directory = write(
+        tmp_path, mission, "f1",
+        behind_m=LATE_M - slot.forward_m, right_m=slot.right_m,
+        wrong_s=7.0, clock_s=900.0, formation_s=900.0,
+    )  # fmt: skip
+    frame = local_frame(mission)
+    sender = mavlink.MAVLink(None, srcSystem=mission.leader_vehicle.system_id, srcComponent=1)
+    heard = bytearray()
+    for time_s in moments():
+        latitude, longitude = frame.to_geodetic(SPEED * time_s, 0.0)
+        position = mavlink.MAVLink_global_position_int_message(
+            round(time_s * 1e3) + 77_000,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            588_000,
+            100_000,
+            round(SPEED * 100),
+            0,
+            0,
+            0,
+        )
+        # It arrives when the mission says that it does: least_delay_s after it was sent.
+        heard += stamped(FLOWN_S + 7.0 + time_s + 0.2, position.pack(sender))
+    tlog, _ = files_of(directory, "f1")
+    with tlog.open("ab") as file:
+        file.write(heard)
+    record = flight_of(collect([tmp_path]))
+    assert [one.name for one in record.vehicles] == ["leader", "f1"]
+    error = slot_error(record.leader, record.followers[0]).distance_m
+    assert np.nanmean(error) == pytest.approx(LATE_M, abs=0.05)
+    assert not np.isfinite(record.leader.course_setpoint_rad).any()

@@ -56,12 +56,13 @@ def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
     assert load_mission(file).name == file.stem
 
 
-def test_nine_missions_are_shipped() -> None:
+def test_ten_missions_are_shipped() -> None:
     assert [file.stem for file in MISSIONS] == [
         "aerosonde-gusts",
         "ardupilot-sitl",
         "circle-calm",
         "circle-wind",
+        "foreign-leader",
         "line-calm",
         "line-wind",
         "px4-sitl",

@@ -144,7 +144,9 @@ def vehicle_record(
     slot = None if leads else mission.followers_by_name[name].slot
     course = np.arctan2(velocity_east, velocity_north)
     nearest = path_of(mission.path).nearest(known_north, known_east, course)
-    doings = doings_at(moments, parts)
+    # What is known of a leader without a companion is in a follower's recording, beside what that one did.
+    foreign = leads and mission.leader.is_foreign
+    doings = doings_at(moments, [] if foreign else parts)
     by_airspeed = mission.vehicles[name].plant == "heading-hold"
     unsent = np.full_like(moments, math.nan)
     return VehicleRecord(

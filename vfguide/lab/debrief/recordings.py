@@ -7,7 +7,7 @@ apart by any time.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +117,8 @@ def collect(directories: Sequence[Path]) -> FlightRecordings:
             )
         if one.start.vehicle not in mission.vehicles:
             raise InputError(f"{one.directory}: {one.start.vehicle!r} is not in its mission")
-    shifts, clock = common_clock(read, missions[0].leader.vehicle)
+    read += heard_leader(read, missions[0])
+    shifts, clock = common_clock(read, missions[0].timekeeper)
     return FlightRecordings(
         mission=missions[0],
         recordings=tuple(read),
@@ -141,6 +142,26 @@ def read_recording(directory: Path) -> Recorded:
         telemetry=read_telemetry(tlog, system_id=start.system_id, start_s=start.unix_s),
         guidance=read_guidance(guidance),
     )
+
+
+def heard_leader(recordings: Sequence[Recorded], mission: Mission) -> list[Recorded]:
+    """A leader without a companion, as the follower heard it that heard most of it; none where nobody did.
+
+    Its telemetry is in what its followers recorded, late by what it took to arrive.
+    """
+    if mission.leader.follows != "mavlink":
+        return []
+    name, system_id = mission.leader.vehicle, mission.leader_vehicle.system_id
+    found = []
+    for one in recordings:
+        tlog, _ = files_of(one.directory, one.start.vehicle)
+        heard = read_telemetry(tlog, system_id=system_id, start_s=one.start.unix_s)
+        heard.positions[:, 0] -= mission.leader.least_delay_s or 0.0
+        start = replace(one.start, vehicle=name, system_id=system_id)
+        found.append(replace(one, start=start, telemetry=heard))
+    best = max(found, key=lambda one: len(one.telemetry.positions))
+    # Whatever is known of the clock is the follower's.
+    return [best] if len(best.telemetry.positions) else []
 
 
 def newest_flight(recordings: Sequence[Recorded]) -> list[Recorded]:

@@ -7,6 +7,7 @@ from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
 from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.mission.model import Mission
@@ -54,9 +55,10 @@ class Aircraft:
         self.leads = plan.leads
         """Whether it is the leader."""
         self._leader = mission.leader.vehicle
+        self._answers = LeaderAnswers(mission, name) if mission.leader.is_foreign else None
         seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
         seeds.pop(name, None)
-        if not plan.leads:
+        if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""
@@ -77,6 +79,8 @@ class Aircraft:
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
         self._replies = emulator.receive(out.to_autopilot)
+        if self._answers is not None:
+            self._answers.ask(out.to_leader, now)
         self.events += out.events
         self.recorder.sample(truth, companion.snapshot)
         if self.log is not None:
@@ -86,6 +90,10 @@ class Aircraft:
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
+        if self._answers is not None:
+            heard = [arrival_of(data) for sender, data in mail if sender == self._leader]
+            for datagram, arrival_s in [*heard, *self._answers.due(now)]:
+                self.companion.receive_link(datagram, arrival_s)
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
             if sender == self._leader:
@@ -94,7 +102,18 @@ class Aircraft:
                 self.companion.receive_neighbour(sender, data, now)
 
 
-def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) -> list[Mail]:
+def aircraft_of(
+    mission: Mission, name: str, *, log: TelemetryLog | None = None
+) -> Aircraft | ForeignLeader:
+    """The aircraft of this name at its start; see there."""
+    if mission.leader.is_foreign and name == mission.leader.vehicle:
+        return ForeignLeader(mission, log=log)
+    return Aircraft(mission, name, log=log)
+
+
+def step_all(
+    formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Sequence[Mail]
+) -> list[Mail]:
     """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
 
     Args:
@@ -114,7 +133,9 @@ def step_all(formation: Sequence[Aircraft], now: float, mail: Sequence[Mail]) ->
     return published
 
 
-def fly_window(formation: Sequence[Aircraft], window: Sequence[Instant]) -> list[Mail]:
+def fly_window(
+    formation: Sequence[Aircraft | ForeignLeader], window: Sequence[Instant]
+) -> list[Mail]:
     """Let each aircraft, one after the other, fly a whole window of the exchange.
 
     Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its

@@ -1,14 +1,36 @@
 """The emulated aircraft of a mission."""
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 import sitl_stub
 from vfguide.companion.plan import local_frame
 from vfguide.errors import InputError
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind, Wind
 from vfguide.mission.starts import StartState, follower_start, leader_start
 from vfguide.registry import load_plugins_of_the_environment
+
+STREAMS = {
+    "GLOBAL_POSITION_INT": 33,
+    "FOLLOW_TARGET": 144,
+    "GLOBAL_POSITION_INT_COV": 63,
+    "HIGH_LATENCY2": 235,
+    "ADSB_VEHICLE": 246,
+}
+"""Numbers of the messages that a leader without a companion is heard by."""
+
+BOOTED_S = 1234.5
+"""What its clock shows at the start of a rehearsal: nobody else's shows that."""
+
+ROUTE_POINTS = 361
+"""Of the path of a mission, where an aircraft flies it by itself."""
+
+ROUTE_BEYOND_M = 1000.0
+"""A path without end goes on for so much longer than the aircraft can fly."""
 
 
 def air_of(mission: Mission) -> sitl_stub.Air:
@@ -78,7 +100,7 @@ def emulator_of(
     mission: Mission, name: str, faults: tuple[sitl_stub.Fault, ...] = ()
 ) -> sitl_stub.Autopilot:
     """The aircraft of this name, in the air at its start, and what is wrong with its reports."""
-    vehicle = mission.vehicles[name]
+    vehicle, heard = mission.vehicles[name], mission.rehearsal.leader_telemetry
     start = start_of(mission, name)
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
     ground = mission.origin.altitude_amsl_m
@@ -101,7 +123,45 @@ def emulator_of(
         seed=mission.rehearsal.seed,
         faults=faults,
     )
+    if mission.leader.is_foreign and name == mission.leader.vehicle:
+        config = replace(
+            config,
+            route=route_of(mission),
+            streams=((STREAMS[heard.message], round(1e6 / heard.rate_hz)),),
+            icao_address=mission.leader.icao_address or 0,
+            boot_time_s=BOOTED_S,
+        )
     return sitl_stub.Autopilot(config, air_of(mission))
+
+
+def foreign_leader_of(mission: Mission) -> sitl_stub.BadLink:
+    """The leader without a companion, as others hear it."""
+    heard = mission.rehearsal.leader_telemetry
+    return sitl_stub.BadLink(
+        emulator_of(mission, mission.leader.vehicle),
+        delay_s=heard.delay_s,
+        jitter_s=heard.jitter_s,
+        loss=heard.loss,
+        seed=mission.rehearsal.seed,
+    )
+
+
+def route_of(mission: Mission) -> sitl_stub.Route:
+    """The path of a mission as points for an aircraft that flies them by itself."""
+    path = path_of(mission.path)
+    if math.isfinite(path.length):
+        places = path.at(path.outline(ROUTE_POINTS))
+    else:
+        reach_m = mission.rehearsal.duration_s * mission.leader_vehicle.airspeed_range_m_s[1]
+        places = path.at(np.linspace(0.0, reach_m + ROUTE_BEYOND_M, ROUTE_POINTS))
+    frame = local_frame(mission)
+    points = [
+        frame.to_geodetic(float(north), float(east))
+        for north, east in zip(places.north, places.east, strict=True)
+    ]
+    if math.isfinite(path.length):
+        points[-1] = points[0]
+    return sitl_stub.Route(tuple(points))
 
 
 def start_of(mission: Mission, name: str) -> StartState:

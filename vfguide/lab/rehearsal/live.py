@@ -15,7 +15,7 @@ import yaml
 from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.emulators import start_of
+from vfguide.lab.rehearsal.emulators import BOOTED_S, route_of, start_of
 from vfguide.lab.rehearsal.processes import Process, free_port, python_module
 from vfguide.lab.rehearsal.truth_collector import TruthCollector
 from vfguide.lab.rehearsal.usage import Account, accounts_of
@@ -59,7 +59,14 @@ def wind_option(mission: Mission) -> str:
 
 
 def emulator_command(
-    mission: Mission, name: str, *, mavlink: str, truth: str, epoch_s: float, speedup: float
+    mission: Mission,
+    name: str,
+    *,
+    mavlink: str,
+    truth: str,
+    epoch_s: float,
+    speedup: float,
+    also_to: Sequence[str] = (),
 ) -> list[str]:
     """How to run the emulator of a vehicle.
 
@@ -70,6 +77,7 @@ def emulator_command(
         truth: address of the judge.
         epoch_s: Unix time of simulation time 0.
         speedup: simulation seconds for each real one.
+        also_to: where else it is heard.
     """
     vehicle, start = mission.vehicles[name], start_of(mission, name)
     emulator = mission.rehearsal.emulator
@@ -121,9 +129,27 @@ def emulator_command(
     pairs += [f"--plant-option={name}={value!r}" for name, value in emulator.plant_options.items()]
     # A law or a link among them does no harm there.
     pairs += [f"--plugin={file}" for file in plugin_files()]
+    if mission.leader.is_foreign and name == mission.leader.vehicle:
+        pairs += foreign_leader_options(mission)
+    pairs += [f"--also-to={address}" for address in also_to]
     if emulator.indicated_airspeed:
         pairs.append("--indicated-airspeed")
     return python_module("sitl_stub", *pairs, "--airborne")
+
+
+def foreign_leader_options(mission: Mission) -> list[str]:
+    """What makes an emulator fly by itself, and be heard as the mission says."""
+    heard = mission.rehearsal.leader_telemetry
+    points = ";".join(f"{north!r},{east!r}" for north, east in route_of(mission).points_deg)
+    return [
+        f"--route={points}",
+        f"--stream={heard.message}:{heard.rate_hz!r}",
+        f"--delay={heard.delay_s!r}",
+        f"--jitter={heard.jitter_s!r}",
+        f"--loss={heard.loss!r}",
+        f"--icao-address={mission.leader.icao_address or 0}",
+        f"--boot-time={BOOTED_S!r}",
+    ]
 
 
 def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
@@ -131,7 +157,7 @@ def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
     return Watched(
         addresses=parse_links(links),
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         roster=None,
     )
 
@@ -170,12 +196,17 @@ class LiveFlight:
 
     def _make_keys(self) -> None:
         """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
-        make_keys(self._keys, self.mission.name, self.names)
+        make_keys(self._keys, self.mission.name, self.mission.companions)
         self._watched = replace(
             watched_by_anybody(self.mission, self._links),
             roster=read_roster(self._keys.roster),
             key=read_private_key(self._keys.private(OPERATOR)),
         )
+
+    @property
+    def _is_foreign(self) -> bool:
+        """Whether the leader has no companion."""
+        return self.mission.leader.is_foreign
 
     @property
     def names(self) -> list[str]:
@@ -194,7 +225,8 @@ class LiveFlight:
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
-        ports = {name: free_port(socket.SOCK_DGRAM) for name in self.names}
+        ports = {name: free_port(socket.SOCK_DGRAM) for name in self.mission.companions}
+        hears = {name: free_port(socket.SOCK_DGRAM) for name in ports} if self._is_foreign else {}
         for name, port in ports.items():
             options = [
                 f"--mission={mission_file}",
@@ -208,6 +240,8 @@ class LiveFlight:
                 f"--state={self._state.name}",
                 "--engage",
             ]
+            if name in hears:
+                options.append(f"--leader=udpin://127.0.0.1:{hears[name]}")
             companion = python_module("vfguide", "companion", name, *options)
             log = self._directory / f"{name}.companion.log"
             self.companions[name] = Process(f"companion of {name}", companion, log)
@@ -215,14 +249,17 @@ class LiveFlight:
         await self._until_companions_listen()
         self._epoch_s = time.time() + LEAD_S
         self._companions_zero_s = clock.now() + LEAD_S * self._speedup
-        for name, port in ports.items():
+        leader = {self.mission.leader.vehicle: list(hears.values())} if hears else {}
+        for name, heard_at in {**leader, **{name: [port] for name, port in ports.items()}}.items():
+            first, *others = [f"udpout://127.0.0.1:{port}" for port in heard_at]
             emulator = emulator_command(
                 self.mission,
                 name,
-                mavlink=f"udpout://127.0.0.1:{port}",
+                mavlink=first,
                 truth=f"udpout://127.0.0.1:{truth_port}",
                 epoch_s=self._epoch_s,
                 speedup=self._speedup,
+                also_to=others,
             )
             log = self._directory / f"{name}.emulator.log"
             self.emulators[name] = Process(f"emulator of {name}", emulator, log)
@@ -279,7 +316,7 @@ class LiveFlight:
             name: read_guidance(
                 *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
             )
-            for name in self.names
+            for name in self.mission.companions
         }
         return self.truth_collector.record(wall_s=wall_s, tracks=tracks)
 

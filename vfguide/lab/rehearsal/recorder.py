@@ -37,6 +37,9 @@ DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
 
 MODES = tuple(Mode)
 
+UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
+"""What is known of a companion that is not there, or not seen."""
+
 truth_row = attrgetter(*POSITION, *TRUTHS)
 
 DRAWN_POINTS = 361

@@ -12,7 +12,7 @@ import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.recorder import VehicleRecorder, flight_record
+from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder, flight_record
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
@@ -25,9 +25,6 @@ AFTERWARDS_S = 60.0
 """After the end of the flight nobody's true state is of interest."""
 
 MODES = frozenset(mode.value for mode in Mode)
-
-UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=float("nan"))
-"""What a judge of true states knows of a companion."""
 
 
 class TruthCollector(asyncio.DatagramProtocol):

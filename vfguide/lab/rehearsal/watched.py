@@ -110,9 +110,9 @@ class WatchedFlight:
         try:
             found = await presences(self._watched, seconds=LISTEN_S, random=Random())
         except VfguideError:
-            return self.names
+            return list(self.mission.companions)
         online = {name for name, presence in found.items() if presence.status == "online"}
-        return [name for name in self.names if name not in online]
+        return [name for name in self.mission.companions if name not in online]
 
     async def latency(self) -> Latency | None:
         """What the companions say of their latencies; nothing where there is no broker any more."""

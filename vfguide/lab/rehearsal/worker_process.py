@@ -16,7 +16,8 @@ from multiprocessing.connection import Connection
 
 from vfguide.companion.outgoing import Event
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.aircraft import Aircraft, Instant, fly_window
+from vfguide.lab.rehearsal.aircraft import Aircraft, Instant, aircraft_of, fly_window
+from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
 from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
@@ -38,7 +39,7 @@ class Outcome:
     """Its telemetry log, where one was kept."""
 
 
-def outcome_of(aircraft: Aircraft) -> Outcome:
+def outcome_of(aircraft: Aircraft | ForeignLeader) -> Outcome:
     """What an aircraft brings home so far."""
     return Outcome(
         name=aircraft.name,
@@ -48,10 +49,12 @@ def outcome_of(aircraft: Aircraft) -> Outcome:
     )
 
 
-def launch(mission: Mission, names: Sequence[str], epoch_s: float | None) -> list[Aircraft]:
+def launch(
+    mission: Mission, names: Sequence[str], epoch_s: float | None
+) -> list[Aircraft | ForeignLeader]:
     """Aircraft at their starts, with telemetry logs where time 0 is given in seconds since 1970."""
     return [
-        Aircraft(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
+        aircraft_of(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
         for name in names
     ]
 

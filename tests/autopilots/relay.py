@@ -1,0 +1,112 @@
+"""What an aircraft without a companion says, passed on to those who follow it, and their questions to it."""
+
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.mavlink.stream import StreamFramer
+
+ASK_S = 2.0
+"""Between requests for the stream: the first may come before anybody listens."""
+
+WAIT_S = 0.02
+"""Longest wait for bytes before what is late is looked at."""
+
+
+class Relay:
+    """A router between one autopilot's TCP port and several UDP ports of this computer."""
+
+    def __init__(
+        self,
+        source_port: int,
+        targets: Sequence[int],
+        *,
+        system_id: int,
+        rate_hz: float,
+        late_s: float,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            source_port: TCP port of the autopilot.
+            targets: UDP ports of those who listen.
+            system_id: of the autopilot.
+            rate_hz: of GLOBAL_POSITION_INT.
+            late_s: how long each message is held back, both ways.
+        """
+        self._source_port = source_port
+        self._targets = [("127.0.0.1", port) for port in targets]
+        self._system_id = system_id
+        self._rate_hz = rate_hz
+        self._late_s = late_s
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin to pass on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End it."""
+        self._ends.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        framer = StreamFramer()
+        said, asked = deque[tuple[float, bytes]](), deque[tuple[float, bytes]]()
+        asked_s = 0.0
+        udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        with socket.create_connection(("127.0.0.1", self._source_port)) as tcp, udp:
+            udp.bind(("127.0.0.1", 0))
+            udp.settimeout(0.0)
+            tcp.settimeout(WAIT_S)
+            while not self._ends.is_set():
+                now = time.monotonic()
+                if now - asked_s > ASK_S:
+                    asked_s = now
+                    tcp.sendall(self._request())
+                try:
+                    frames = framer.feed(tcp.recv(65536))
+                except TimeoutError:
+                    frames = []
+                said.extend((now + self._late_s, frame) for frame in frames)
+                asked.extend((now + self._late_s, question) for question in received(udp))
+                for data in due(asked, now):
+                    tcp.sendall(data)
+                for data in due(said, now):
+                    for target in self._targets:
+                        udp.sendto(data, target)
+
+    def _request(self) -> bytes:
+        """SET_MESSAGE_INTERVAL for the position."""
+        message = mavlink.MAVLink_command_long_message(
+            self._system_id,
+            1,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            0,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+            1e6 / self._rate_hz,
+            *(0.0,) * 5,
+        )
+        sender = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
+        return bytes(message.pack(sender))
+
+
+def due(held: deque[tuple[float, bytes]], now: float) -> Iterator[bytes]:
+    """Take out what has been held back long enough."""
+    while held and held[0][0] <= now:
+        yield held.popleft()[1]
+
+
+def received(udp: socket.socket) -> list[bytes]:
+    """All datagrams that wait."""
+    found = []
+    while True:
+        try:
+            found.append(udp.recv(4096))
+        except (BlockingIOError, ConnectionRefusedError):
+            return found

@@ -1,0 +1,217 @@
+"""Followers behind an aircraft that has no companion, joined to it by MAVLink bytes alone."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from vfguide.companion.core import Companion
+from vfguide.companion.leader_telemetry import LeaderTelemetry
+from vfguide.companion.plan import ForeignLeader as ForeignLeaderPlan
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.supervisor import Mode
+from vfguide.guidance.formation import extrapolate_by_rates
+from vfguide.lab.rehearsal.aircraft import Aircraft, aircraft_of, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
+from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
+from vfguide.lab.report.metrics import summarise
+from vfguide.mission import Mission
+
+if TYPE_CHECKING:
+    from vfguide.link.memory import Mail
+
+MissionWith = Callable[..., Mission]
+
+
+def flown(mission_with: MissionWith, duration_s: float = 100.0, **heard: Any) -> float:  # noqa: ANN401
+    """Mean slot error (m) over the second half, with the leader heard in some way."""
+    rehearsal = {"duration_s": duration_s, "leader_telemetry": heard}
+    mission = mission_with("foreign-leader", rehearsal=rehearsal)
+    return summarise(fly_lockstep(mission).record).formation.mean_error_m
+
+
+@pytest.mark.parametrize(
+    ("message", "rate_hz", "greatest_m"),
+    [
+        ("GLOBAL_POSITION_INT", 10.0, 0.15),
+        ("GLOBAL_POSITION_INT", 4.0, 0.3),
+        ("GLOBAL_POSITION_INT", 1.0, 0.5),
+        ("FOLLOW_TARGET", 10.0, 0.15),
+        ("GLOBAL_POSITION_INT_COV", 5.0, 0.3),
+        ("HIGH_LATENCY2", 1.0, 1.5),
+    ],
+)
+def test_slots_are_held_by_whatever_message_it_sends(
+    message: str, rate_hz: float, greatest_m: float, mission_with: MissionWith
+) -> None:
+    error_m = flown(mission_with, message=message, rate_hz=rate_hz, delay_s=0.2)
+    assert error_m < greatest_m
+
+
+def test_messages_that_take_now_50_and_now_500_ms_cost_little(mission_with: MissionWith) -> None:
+    heard = {"message": "GLOBAL_POSITION_INT", "rate_hz": 5.0, "delay_s": 0.275, "jitter_s": 0.225}
+    rehearsal = {"duration_s": 100.0, "leader_telemetry": heard}
+    mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": 0.05})
+    assert summarise(fly_lockstep(mission).record).formation.mean_error_m < 0.3
+
+
+def unknown_delay_m(mission_with: MissionWith, **heard: Any) -> float:  # noqa: ANN401
+    """Mean slot error (m) where the mission says nothing of how late the leader is heard."""
+    rehearsal = {"duration_s": 100.0, "leader_telemetry": heard}
+    mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": None})
+    return summarise(fly_lockstep(mission).record).formation.mean_error_m
+
+
+@pytest.mark.parametrize(("delay_s", "jitter_s"), [(0.2, 0.0), (0.275, 0.225)])
+def test_a_delay_that_is_not_told_is_asked_for(
+    delay_s: float, jitter_s: float, mission_with: MissionWith
+) -> None:
+    assert unknown_delay_m(mission_with, delay_s=delay_s, jitter_s=jitter_s) < 0.6
+
+
+def test_a_delay_that_nobody_knows_is_flown_behind_the_slot(mission_with: MissionWith) -> None:
+    heard = {"message": "FOLLOW_TARGET", "rate_hz": 10.0, "delay_s": 0.2}
+    error_m = unknown_delay_m(mission_with, **heard)
+    # 0.2 s at 20 m/s, in a wind that takes and gives 2 to 8 m/s.
+    assert 3.0 < error_m < 5.5
+
+
+class Formation:
+    """A formation whose leader can fall silent, or start its autopilot anew."""
+
+    def __init__(self, mission: Mission) -> None:
+        names = [mission.leader.vehicle, *mission.followers_by_name]
+        self.aircraft = [aircraft_of(mission, name) for name in names]
+        self._instants = instants(mission)
+        self._mail: Sequence[Mail] = ()
+        self.silent = False
+        self.now = 0.0
+
+    @property
+    def leader(self) -> ForeignLeader:
+        leader = self.aircraft[0]
+        assert isinstance(leader, ForeignLeader)
+        return leader
+
+    @property
+    def followers(self) -> list[Aircraft]:
+        return [one for one in self.aircraft if isinstance(one, Aircraft)]
+
+    def fly(self, until_s: float) -> None:
+        for now in self._instants:
+            self.now = now
+            heard = list(self._mail)
+            sent = self.leader.step(now, heard)
+            mail = heard if self.silent else [*heard, *sent]
+            self._mail = step_all(self.followers, now, mail)
+            if now >= until_s:
+                return
+
+    @property
+    def modes(self) -> set[Mode]:
+        return {one.companion.snapshot.mode for one in self.followers}
+
+
+def test_a_leader_that_falls_silent_is_predicted_and_then_left(mission_with: MissionWith) -> None:
+    mission = mission_with("foreign-leader", patience={"prediction_s": 8.0, "breakaway_s": 5.0})
+    formation = Formation(mission)
+    formation.fly(60.0)
+    assert formation.modes == {Mode.TRACKING}
+    formation.silent = True
+    formation.fly(62.0)
+    # At one message a second one may be lost: that is no silence.
+    assert formation.modes == {Mode.TRACKING}
+    formation.fly(64.0)
+    assert formation.modes == {Mode.PREDICTING}
+    formation.fly(70.0)
+    assert formation.modes == {Mode.BREAKAWAY}
+    formation.fly(76.0)
+    assert formation.modes <= {Mode.LOST, Mode.WAITING}
+
+
+def test_a_leader_that_comes_back_is_followed_again(mission_with: MissionWith) -> None:
+    formation = Formation(mission_with("foreign-leader"))
+    formation.fly(60.0)
+    formation.silent = True
+    formation.fly(66.0)
+    formation.silent = False
+    formation.fly(90.0)
+    assert formation.modes == {Mode.TRACKING}
+
+
+def test_followers_say_nothing_of_a_leader_that_flies_as_it_should(
+    mission_with: MissionWith,
+) -> None:
+    flight = fly_lockstep(mission_with("foreign-leader", rehearsal={"duration_s": 60.0}))
+    told = [event.text for events in flight.events.values() for event in events]
+    assert not [text for text in told if text.startswith("the leader")]
+
+
+def test_any_number_of_processes_flies_the_same(mission_with: MissionWith) -> None:
+    mission = mission_with("foreign-leader", rehearsal={"duration_s": 10.0})
+    alone, shared = (fly_lockstep(mission, processes=count).record for count in (1, 2))
+    for one, other in zip(alone.vehicles, shared.vehicles, strict=True):
+        assert one.north_m.tolist() == other.north_m.tolist()
+
+
+def crewed(mission: Mission) -> Mission:
+    """Three followers 115 to 150 m behind an aircraft that ADS-B shows; the last begins ahead of it."""
+    content = mission.model_dump(exclude_unset=True)
+    content["leader"] |= {"follows": "adsb", "icao_address": 0x4B1900, "system_id": None}
+    content["path"] |= {"centre": {"north_m": 600.0, "east_m": 0.0}, "radius_m": 600.0}
+    content["rehearsal"] = {
+        "duration_s": 90.0,
+        "leader_telemetry": {"message": "ADSB_VEHICLE", "rate_hz": 1.0, "delay_s": 0.2},
+        "start": {"f3": {"forward_m": 250.0, "right_m": 5.0}},
+    }
+    slots = ((-100.0, -60.0), (-100.0, 60.0), (-150.0, 0.0))
+    for follower, (forward_m, right_m) in zip(content["followers"], slots, strict=True):
+        follower["slot"] = {"forward_m": forward_m, "right_m": right_m}
+    return Mission.model_validate(content)
+
+
+def test_an_aircraft_that_adsb_shows_is_followed_and_passed_at_a_distance(
+    mission_with: MissionWith,
+) -> None:
+    record = fly_lockstep(crewed(mission_with("foreign-leader"))).record
+    assert summarise(record).formation.mean_error_m < 1.5
+    leader = record.leader
+    for one in record.followers:
+        distance = np.hypot(one.north_m - leader.north_m, one.east_m - leader.east_m)
+        # 65 m are kept from where it is heard; without that it would be passed at 11 m.
+        assert distance.min() > 55.0
+
+
+def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
+    mission_with: MissionWith,
+) -> None:
+    mission = mission_with("circle-wind")
+    name = mission.leader.vehicle
+    plan = flight_plan(mission, name)
+    leader = Companion(plan, adapter_of(mission.vehicles[name]), engage=True, sends_target=True)
+    emulator = emulator_of(mission, name)
+    foreign = ForeignLeaderPlan(
+        connection="udpin://127.0.0.1:14560",
+        system_id=plan.system_id,
+        icao_address=None,
+        least_delay_s=0.0,
+        airframe=plan.airframe,
+        rate_filter_s=0.6,
+    )
+    follower = LeaderTelemetry(foreign, plan.frame, moved_s=5.0, system_id=99)
+    replies, heard, off = b"", 0, 0.0
+    for step in range(30 * 20 + 1):
+        now = step / 20.0
+        out = leader.receive_mavlink(replies + emulator.advance(now), now)
+        replies = emulator.receive(out.to_autopilot)
+        if out.to_others:
+            heard += follower.take(out.to_others, now)
+        if now > 20.0 and follower.newest is not None:
+            truth, newest = emulator.truth(), extrapolate_by_rates(follower.newest, now)
+            north, east = plan.frame.to_local(truth.latitude_deg, truth.longitude_deg)
+            off = max(off, math.hypot(newest.north - north, newest.east - east))
+    assert heard == pytest.approx(300, abs=5)
+    assert off < 0.1

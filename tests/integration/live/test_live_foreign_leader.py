@@ -1,0 +1,38 @@
+"""Live followers behind an aircraft without a companion, over sockets."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PATIENCE_S = 200.0
+
+
+@pytest.mark.parametrize("setting", ["leader.least_delay_s=0.2", "leader.least_delay_s=null"])
+def test_followers_keep_their_slots_whether_the_delay_is_told_or_asked_for(
+    setting: str, broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
+) -> None:
+    async def fly() -> tuple[int | None, bytes, bytes]:
+        async with broker_in(tmp_path) as broker:
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", "vfguide", "fly", "foreign-leader", "--live", "--json"),
+                *("--speedup", "2", "--duration", "60", "--link", broker.url, "--set", setting),
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+            )
+            async with asyncio.timeout(PATIENCE_S):
+                out, err = await process.communicate()
+            return process.returncode, out, err
+
+    status, out, err = asyncio.run(fly())
+    assert b"Traceback" not in err, err.decode()
+    assert status in (0, 1), err.decode()
+    summary = json.loads(out)
+    # 0.2 s that nobody knows of would be 4 m.
+    assert summary["formation"]["mean_error_m"] < 0.6
+    assert set(summary["latency"]["vehicles"]) == {"f1", "f2", "f3"}

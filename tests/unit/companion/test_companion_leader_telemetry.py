@@ -1,0 +1,305 @@
+"""A leader without a companion, as a follower hears it: true messages, late ones, false ones."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.leader_telemetry import LeaderTelemetry
+from vfguide.companion.plan import ForeignLeader
+from vfguide.frames import LocalFrame
+from vfguide.state import Airframe
+
+FRAME = LocalFrame(47.397742, 8.545594, 488.0)
+BOOTED_S = 1000.0
+LEADER = ForeignLeader(
+    connection="udpin://127.0.0.1:14560",
+    system_id=7,
+    icao_address=None,
+    least_delay_s=0.2,
+    airframe=Airframe(),
+    rate_filter_s=0.6,
+)
+
+
+def listener(**changes: Any) -> LeaderTelemetry:  # noqa: ANN401 - any field of the leader
+    return LeaderTelemetry(replace(LEADER, **changes), FRAME, moved_s=5.0, system_id=2)
+
+
+def packed(message: MAVLink_message, system_id: int = 7) -> bytes:
+    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)))
+
+
+def position(
+    sent_s: float, north: float, east: float, velocity: tuple[float, float] = (20.0, 0.0)
+) -> MAVLink_message:
+    latitude, longitude = FRAME.to_geodetic(north, east)
+    return mavlink.MAVLink_global_position_int_message(
+        round((sent_s + BOOTED_S) * 1e3),
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        588_000,
+        100_000,
+        round(velocity[0] * 100.0),
+        round(velocity[1] * 100.0),
+        0,
+        0,
+    )
+
+
+def northbound(sent_s: float) -> bytes:
+    """20 m/s north from the origin."""
+    return packed(position(sent_s, 20.0 * sent_s, 0.0))
+
+
+def fly(
+    telemetry: LeaderTelemetry, until_s: float, *, begin_s: float = 0.0, rate_hz: float = 4.0
+) -> None:
+    for step in range(round((until_s - begin_s) * rate_hz) + 1):
+        sent_s = begin_s + step / rate_hz
+        telemetry.take(northbound(sent_s), sent_s + 0.2)
+
+
+def test_place_and_time_are_those_of_when_it_was_sent() -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    newest = telemetry.newest
+    assert newest is not None
+    assert newest.time_s == pytest.approx(5.0, abs=1e-3)
+    assert (newest.north, newest.east) == pytest.approx((100.0, 0.0), abs=0.05)
+    assert (newest.course, newest.ground_speed) == pytest.approx((0.0, 20.0), abs=1e-3)
+    assert newest.altitude_amsl == pytest.approx(588.0)
+
+
+def test_its_turn_is_found_by_the_listener() -> None:
+    telemetry, rate, radius = listener(), 0.1, 200.0
+    for step in range(80):
+        sent_s = 0.25 * step
+        course = rate * sent_s
+        message = position(
+            sent_s,
+            radius * math.sin(course),
+            radius * (1.0 - math.cos(course)),
+            (20.0 * math.cos(course), 20.0 * math.sin(course)),
+        )
+        telemetry.take(packed(message), sent_s + 0.2)
+    assert telemetry.newest is not None
+    assert telemetry.newest.turn_rate == pytest.approx(rate, abs=2e-3)
+
+
+def target(sent_s: float, north: float) -> bytes:
+    """FOLLOW_TARGET without a velocity."""
+    latitude, longitude = FRAME.to_geodetic(north, 0.0)
+    zero = [0.0, 0.0, 0.0]
+    return packed(
+        mavlink.MAVLink_follow_target_message(
+            round((sent_s + BOOTED_S) * 1e3),
+            0b1,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            588.0,
+            zero,
+            zero,
+            [1.0, 0.0, 0.0, 0.0],
+            zero,
+            zero,
+            0,
+        )
+    )
+
+
+def test_from_places_alone_the_velocity_is_found() -> None:
+    telemetry = listener()
+    for sent_s in range(10):
+        telemetry.take(target(float(sent_s), 20.0 * sent_s), sent_s + 0.2)
+    assert telemetry.newest is not None
+    assert telemetry.newest.ground_speed == pytest.approx(20.0, abs=0.1)
+    assert telemetry.newest.course == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_first_place_alone_is_no_motion() -> None:
+    telemetry = listener()
+    assert not telemetry.take(target(0.0, 0.0), 0.2)
+    assert telemetry.newest is None
+
+
+def test_one_better_message_alone_does_not_take_over() -> None:
+    telemetry = listener()
+    fly(telemetry, 2.0)
+    assert not telemetry.take(target(2.1, 42.0), 2.3)
+    assert telemetry.take(northbound(2.25), 2.45)
+
+
+def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds() -> None:
+    telemetry = listener()
+    fly(telemetry, 2.0)
+    for sent_s in (2.25, 2.5, 2.75):
+        telemetry.take(target(sent_s, 20.0 * sent_s), sent_s + 0.2)
+    assert not telemetry.take(northbound(3.0), 3.2)
+    # The first one of the better kind was not used either.
+    assert telemetry.counters["a better message comes"] == 2
+    assert telemetry.take(northbound(6.0), 6.2)
+
+
+def test_what_another_system_says_is_not_heard() -> None:
+    telemetry = listener()
+    message = position(0.0, 0.0, 0.0)
+    assert not telemetry.take(packed(message, system_id=8), 0.2)
+    assert telemetry.newest is None
+
+
+def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
+    telemetry = listener()
+    for step in range(40):
+        sent_s = 0.25 * step
+        telemetry.take(packed(position(sent_s, 5.0 * step, 0.0), system_id=8), sent_s + 0.2)
+    (words,) = telemetry.words()
+    assert words.startswith("is not heard, system 8 is")
+
+
+@pytest.mark.parametrize(
+    ("north", "velocity"),
+    [(3000.0, (20.0, 0.0)), (100.0, (-20.0, 0.0)), (100.0, (150.0, 0.0)), (100.0, (20.0, 200.0))],
+)
+def test_one_message_that_cannot_be_true_moves_nothing(
+    north: float, velocity: tuple[float, float]
+) -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    before = telemetry.newest
+    assert not telemetry.take(packed(position(5.25, north, 0.0, velocity)), 5.45)
+    assert telemetry.newest is before
+    assert telemetry.counters["impossible"] == 1
+    (words,) = telemetry.words()
+    assert words.startswith("reports what cannot be")
+
+
+def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
+    telemetry = listener()
+    for step in range(8):
+        telemetry.take(packed(position(0.25 * step, 0.0, 0.0, (0.0, 0.0))), 0.25 * step + 0.2)
+    assert telemetry.newest is None
+    assert telemetry.counters["not flying"] == 8
+    for step in range(1, 60):
+        # From 2 s on it accelerates by 2 m/s² to 20 m/s.
+        speed = min(0.5 * step, 20.0)
+        north = 0.25 * step**2 * 0.25 if speed < 20.0 else 100.0 + 5.0 * (step - 40)
+        sent_s = 1.75 + 0.25 * step
+        telemetry.take(packed(position(sent_s, north, 0.0, (speed, 0.0))), sent_s + 0.2)
+    assert telemetry.newest is not None
+    assert [words.split(":")[0].split(" (")[0] for words in telemetry.words()] == [
+        "does not fly",
+        "flies",
+    ]
+
+
+def test_time_that_runs_backward_once_is_not_believed() -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    assert not telemetry.take(packed(position(-900.0, 100.0, 0.0)), 5.45)
+    assert telemetry.counters["time stamp not believed"] == 1
+
+
+def test_after_a_reboot_it_is_followed_again_by_its_new_clock() -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    for step in range(12):
+        sent_s = 8.0 + 0.25 * step
+        # Its clock begins at 0 at 8 s.
+        message = position(sent_s - 8.0 - BOOTED_S + 0.1, 20.0 * sent_s, 0.0)
+        telemetry.take(packed(message), sent_s + 0.2)
+    assert telemetry.newest is not None
+    assert telemetry.newest.time_s == pytest.approx(10.75, abs=2e-3)
+    assert telemetry.newest.north == pytest.approx(215.0, abs=0.1)
+    assert any("another clock" in words for words in telemetry.words())
+
+
+def test_a_late_leader_is_told_once_and_again_when_it_is_in_time() -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    for step in range(4):
+        sent_s = 5.25 + 0.25 * step
+        telemetry.take(northbound(sent_s), sent_s + 1.7)
+    fly(telemetry, 12.0, begin_s=10.0)
+    assert [words.split(":")[0] for words in telemetry.words()] == [
+        "is heard 1.7 s late",
+        "is heard in time again",
+    ]
+
+
+def test_altitude_that_steps_is_not_known() -> None:
+    telemetry = listener()
+    fly(telemetry, 5.0)
+    message = position(5.25, 105.0, 0.0)
+    message.alt += 200_000
+    telemetry.take(packed(message), 5.45)
+    assert telemetry.newest is not None
+    assert math.isnan(telemetry.newest.altitude_amsl)
+
+
+def test_it_is_asked_for_its_time_and_believes_its_answer() -> None:
+    telemetry = listener(least_delay_s=None)
+    fly(telemetry, 5.0)
+    said = mavlink.MAVLink(None).parse_buffer(telemetry.say(5.2)) or []
+    assert [one.get_type() for one in said] == ["HEARTBEAT", "TIMESYNC"]
+    assert telemetry.say(5.3) == b""
+    # 0.2 s there, 0.2 s back.
+    answer = mavlink.MAVLink_timesync_message(round((5.4 + BOOTED_S) * 1e9), said[1].ts1)
+    telemetry.take(packed(answer), 5.6)
+    telemetry.take(northbound(5.5), 5.7)
+    assert telemetry.newest is not None
+    assert telemetry.newest.time_s == pytest.approx(5.5, abs=2e-3)
+
+
+def test_an_answer_says_nothing_of_a_program_beside_the_autopilot() -> None:
+    telemetry = listener(least_delay_s=None)
+    for sent_s in range(6):
+        telemetry.take(target(float(sent_s), 20.0 * sent_s), sent_s + 0.2)
+    said = mavlink.MAVLink(None).parse_buffer(telemetry.say(5.2)) or []
+    # The autopilot was started 3 s after the program that sends FOLLOW_TARGET.
+    answer = mavlink.MAVLink_timesync_message(round((2.4 + BOOTED_S) * 1e9), said[1].ts1)
+    telemetry.take(packed(answer), 5.6)
+    telemetry.take(target(6.0, 120.0), 6.2)
+    assert telemetry.newest is not None
+    assert telemetry.newest.time_s == pytest.approx(6.2, abs=2e-3)
+
+
+def test_an_answer_that_nobody_asked_for_says_nothing() -> None:
+    telemetry = listener(least_delay_s=None)
+    fly(telemetry, 5.0)
+    answer = mavlink.MAVLink_timesync_message(round((5.4 + BOOTED_S) * 1e9), 12345)
+    telemetry.take(packed(answer), 5.6)
+    telemetry.take(northbound(5.5), 5.7)
+    assert telemetry.newest is not None
+    assert telemetry.newest.time_s == pytest.approx(5.7, abs=2e-3)
+
+
+numbers = st.integers(-(2**31), 2**31 - 1)
+small = st.integers(-(2**15), 2**15 - 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2**32 - 1), numbers, numbers, numbers, small, small), max_size=20
+    )
+)
+def test_whatever_is_said_in_its_name_the_motion_stays_finite(
+    said: list[tuple[int, int, int, int, int, int]],
+) -> None:
+    telemetry = listener()
+    fly(telemetry, 3.0)
+    for number, (stamp, lat, lon, alt, vx, vy) in enumerate(said):
+        now = 3.2 + 0.1 * number
+        message = mavlink.MAVLink_global_position_int_message(stamp, lat, lon, alt, 0, vx, vy, 0, 0)
+        telemetry.take(packed(message), now)
+        newest = telemetry.newest
+        assert newest is not None
+        assert newest.time_s <= now
+        assert math.isfinite(newest.north + newest.east + newest.course + newest.ground_speed)
+        assert math.isfinite(newest.turn_rate + newest.acceleration + newest.turn_acceleration)

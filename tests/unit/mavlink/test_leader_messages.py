@@ -1,0 +1,234 @@
+"""What an aircraft without a companion says, from bytes to SI units."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.mavlink.follow_target import follow_target
+from vfguide.mavlink.leader_messages import READERS, LeaderCodec, LeaderReport
+from vfguide.mavlink.reports import TimeReport
+from vfguide.state import LeaderState
+
+
+def packed(message: MAVLink_message, *, system_id: int = 7, component_id: int = 1) -> bytes:
+    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+    return bytes(message.pack(sender))
+
+
+def global_position(**values: int) -> MAVLink_message:
+    fields = {
+        "time_boot_ms": 1500,
+        "lat": 473977420,
+        "lon": 85455940,
+        "alt": 588_000,
+        "relative_alt": 100_000,
+        "vx": 1200,
+        "vy": -900,
+        "vz": 0,
+        "hdg": 0,
+    }
+    return mavlink.MAVLink_global_position_int_message(**(fields | values))
+
+
+def target(**values: Any) -> MAVLink_message:  # noqa: ANN401 - any field of the message
+    fields = {
+        "timestamp": 2500,
+        "est_capabilities": 0b11,
+        "lat": 473977420,
+        "lon": 85455940,
+        "alt": 588.0,
+        "vel": [12.0, -9.0, 0.0],
+        "acc": [0.0, 0.0, 0.0],
+        "attitude_q": [1.0, 0.0, 0.0, 0.0],
+        "rates": [0.0, 0.0, 0.0],
+        "position_cov": [0.0, 0.0, 0.0],
+        "custom_state": 0,
+    }
+    return mavlink.MAVLink_follow_target_message(**(fields | values))
+
+
+def adsb(**values: Any) -> MAVLink_message:  # noqa: ANN401 - any field of the message
+    fields = {
+        "ICAO_address": 0x4B1900,
+        "lat": 473977420,
+        "lon": 85455940,
+        "altitude_type": mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
+        "altitude": 588_000,
+        "heading": 9000,
+        "hor_velocity": 3000,
+        "ver_velocity": 0,
+        "callsign": b"HB-CDE",
+        "emitter_type": 1,
+        "tslc": 2,
+        "flags": 0b1111,
+        "squawk": 7000,
+    }
+    return mavlink.MAVLink_adsb_vehicle_message(**(fields | values))
+
+
+def one(message: MAVLink_message, codec: LeaderCodec | None = None) -> LeaderReport:
+    (report,) = (codec or LeaderCodec(system_id=7)).decode(packed(message))
+    assert isinstance(report, LeaderReport)
+    return report
+
+
+def refused(message: MAVLink_message) -> dict[str, int]:
+    codec = LeaderCodec(system_id=7)
+    assert codec.decode(packed(message)) == []
+    return dict(codec.counters)
+
+
+def test_global_position_is_read_in_si_units() -> None:
+    report = one(global_position())
+    assert report.stamp_s == pytest.approx(1.5)
+    assert (report.latitude_deg, report.longitude_deg) == pytest.approx((47.397742, 8.545594))
+    assert report.altitude_amsl == pytest.approx(588.0)
+    assert report.velocity == pytest.approx((12.0, -9.0))
+
+
+def test_follow_target_tells_a_velocity_only_where_its_bit_says_so() -> None:
+    assert one(target()).velocity == pytest.approx((12.0, -9.0))
+    assert one(target(est_capabilities=0b01)).velocity is None
+
+
+def test_covariance_message_counts_microseconds_and_metres_per_second() -> None:
+    message = mavlink.MAVLink_global_position_int_cov_message(
+        3_500_000, 0, 473977420, 85455940, 588_000, 100_000, 12.0, -9.0, 0.0, [0.0] * 36
+    )
+    report = one(message)
+    assert report.stamp_s == pytest.approx(3.5)
+    assert report.velocity == pytest.approx((12.0, -9.0))
+
+
+def high_latency(failures: int = 0) -> MAVLink_message:
+    return mavlink.MAVLink_high_latency2_message(
+        *(4500, 1, 3, 0, 473977420, 85455940, 588, 0, 45, 0, 0, 0, 100, 0, 75),
+        *(0, 0, 0, 0, 0, 0, -1, 0, failures, 0, 0, 0),
+    )
+
+
+def test_high_latency_message_tells_a_place_alone() -> None:
+    report = one(high_latency())
+    assert report.stamp_s == pytest.approx(4.5)
+    assert report.altitude_amsl == pytest.approx(588.0)
+    assert report.velocity is None
+
+
+def test_high_latency_message_without_gps_is_refused() -> None:
+    assert refused(high_latency(mavlink.HL_FAILURE_FLAG_GPS)) == {"out of range": 1}
+
+
+def test_adsb_tells_its_course_and_how_old_it_is_but_no_time() -> None:
+    report = one(adsb(), LeaderCodec(icao_address=0x4B1900))
+    assert report.stamp_s is None
+    assert report.age_s == 2.0
+    assert report.velocity == pytest.approx((0.0, 30.0), abs=1e-9)
+
+
+def test_pressure_altitude_of_adsb_is_none_to_keep_clear_by() -> None:
+    report = one(adsb(altitude_type=0), LeaderCodec(icao_address=0x4B1900))
+    assert math.isnan(report.altitude_amsl)
+
+
+@pytest.mark.parametrize("values", [{"ICAO_address": 1}, {"flags": 0b1110}, {"tslc": 6}])
+def test_adsb_of_another_aircraft_or_without_a_fresh_place_is_refused(
+    values: dict[str, int],
+) -> None:
+    assert LeaderCodec(icao_address=0x4B1900).decode(packed(adsb(**values))) == []
+
+
+def test_whoever_passes_adsb_on_it_is_read() -> None:
+    codec = LeaderCodec(icao_address=0x4B1900)
+    assert len(codec.decode(packed(adsb(), system_id=200))) == 1
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        global_position(lat=-(2**31), lon=-(2**31)),
+        global_position(lat=2**31 - 1),
+        global_position(lat=0, lon=0),
+        target(est_capabilities=0),
+        target(vel=[math.nan, 0.0, 0.0]),
+        target(vel=[math.inf, 0.0, 0.0]),
+        target(vel=[2000.0, 0.0, 0.0]),
+    ],
+)
+def test_what_is_no_place_or_no_velocity_is_refused(message: MAVLink_message) -> None:
+    assert refused(message) == {"out of range": 1}
+
+
+@pytest.mark.parametrize("altitude", [math.nan, math.inf, -1e9, 1e9])
+def test_altitude_that_no_aircraft_has_is_not_known(altitude: float) -> None:
+    assert math.isnan(one(target(alt=altitude)).altitude_amsl)
+
+
+def test_other_systems_are_passed_over() -> None:
+    codec = LeaderCodec(system_id=7)
+    assert codec.decode(packed(global_position(), system_id=8)) == []
+    assert codec.counters == {"of another system": 1}
+
+
+def test_any_component_of_the_aircraft_may_speak() -> None:
+    codec = LeaderCodec(system_id=7)
+    assert len(codec.decode(packed(target(), component_id=191))) == 1
+
+
+def test_answers_about_the_time_are_read_and_questions_are_not() -> None:
+    codec = LeaderCodec(system_id=7)
+    answer, question = (mavlink.MAVLink_timesync_message(tc1, 123) for tc1 in (456, 0))
+    assert codec.decode(packed(answer)) == [TimeReport(stamp=123, autopilot_ns=456)]
+    assert codec.decode(packed(question)) == []
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_raise(data: bytes) -> None:
+    LeaderCodec(system_id=7).decode(data)
+
+
+@given(st.sampled_from(sorted(READERS)), st.binary(min_size=1, max_size=255))
+def test_no_payload_raises_or_leads_to_numbers_that_are_none(number: int, payload: bytes) -> None:
+    frame = framed(number, payload, mavlink.mavlink_map[number].crc_extra)
+    for report in LeaderCodec(system_id=7).decode(frame):
+        if isinstance(report, TimeReport):
+            continue
+        assert abs(report.latitude_deg) <= 90.0
+        assert abs(report.longitude_deg) <= 180.0
+        assert report.velocity is None or math.isfinite(math.hypot(*report.velocity))
+        assert not math.isinf(report.altitude_amsl)
+
+
+def framed(number: int, payload: bytes, crc_extra: int) -> bytes:
+    """A frame of MAVLink 2 around any payload, with its right checksum."""
+    header = bytes([len(payload), 0, 0, 0, 7, 1, number & 0xFF, number >> 8 & 0xFF, 0])
+    checksum = mavlink.x25crc(header + payload + bytes([crc_extra])).crc
+    return bytes([0xFD]) + header + payload + checksum.to_bytes(2, "little")
+
+
+def test_own_follow_target_says_what_the_motion_is() -> None:
+    motion = LeaderState(
+        time_s=12.5,
+        north=0.0,
+        east=0.0,
+        course=math.pi / 2.0,
+        ground_speed=20.0,
+        acceleration=0.5,
+        turn_rate=0.1,
+        turn_acceleration=0.0,
+    )
+    message = follow_target(
+        motion, latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=588.0, heading=math.pi / 2.0
+    )
+    # East at 20 m/s, faster by 0.5 m/s², turning right: 20 * 0.1 = 2 m/s² toward south.
+    assert message.vel == pytest.approx([0.0, 20.0, 0.0], abs=1e-9)
+    assert message.acc == pytest.approx([-2.0, 0.5, 0.0], abs=1e-9)
+    assert message.attitude_q == pytest.approx([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+    assert message.est_capabilities == 0b1111
+    report = one(message)
+    assert report.stamp_s == pytest.approx(12.5)
+    assert (report.latitude_deg, report.longitude_deg) == pytest.approx((47.0, 8.0))

@@ -1,0 +1,173 @@
+"""An emulated aircraft that flies by itself, and the messages that others hear it by."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Route
+from sitl_stub.options import OptionError, parse_route, parse_stream
+from sitl_stub.route import RouteFollower
+
+LATITUDE, LONGITUDE = 47.0, 8.0
+METRES = math.degrees(1.0 / 6_368_000.0)
+"""Degrees of latitude for one metre, to 0.2 %."""
+
+
+def place(north_m: float, east_m: float) -> tuple[float, float]:
+    east_deg = east_m * METRES / math.cos(math.radians(LATITUDE))
+    return LATITUDE + north_m * METRES, LONGITUDE + east_deg
+
+
+SQUARE = Route(tuple(place(*corner) for corner in ((0, 0), (600, 0), (600, 600), (0, 600), (0, 0))))
+LINE = Route((place(0, 0), place(500, 0)))
+
+
+def autopilot(route: Route, *streams: tuple[int, int]) -> Autopilot:
+    return Autopilot(
+        AutopilotConfig(
+            system_id=7,
+            plant=PlantParameters(),
+            latitude_deg=LATITUDE,
+            longitude_deg=LONGITUDE,
+            altitude_amsl_m=588.0,
+            home_altitude_amsl_m=488.0,
+            course_rad=0.0,
+            airspeed_m_s=20.0,
+            route=route,
+            streams=streams or None,
+            icao_address=0x4B1900,
+        ),
+        CalmWind(),
+    )
+
+
+def north_east(flown: Autopilot) -> tuple[float, float]:
+    truth = flown.truth()
+    shrink = math.cos(math.radians(LATITUDE))
+    return (
+        (truth.latitude_deg - LATITUDE) / METRES,
+        (truth.longitude_deg - LONGITUDE) / METRES * shrink,
+    )
+
+
+def test_it_flies_a_line_and_on_beyond_its_end() -> None:
+    flown = autopilot(LINE)
+    flown.advance(60.0)
+    north, east = north_east(flown)
+    assert flown.truth().mode == "AUTO"
+    assert north == pytest.approx(1200.0, rel=0.01)
+    assert abs(east) < 0.5
+
+
+def test_it_flies_round_and_round() -> None:
+    flown = autopilot(SQUARE)
+    corners = set()
+    for step in range(1, 261):
+        flown.advance(float(step))
+        north, east = north_east(flown)
+        # Corners are cut and overshot by the turn's radius; nowhere is it farther off.
+        assert -60.0 < north < 660.0
+        assert -60.0 < east < 660.0
+        if step > 125:
+            corners.add((round(north / 600.0), round(east / 600.0)))
+    assert corners == {(0, 0), (1, 0), (1, 1), (0, 1)}
+
+
+def test_where_its_route_crosses_itself_it_flies_on_as_before() -> None:
+    eight = Route(
+        tuple(place(*one) for one in ((0, 0), (400, 0), (400, 200), (200, 200), (200, -200)))
+    )
+    follower = RouteFollower(eight)
+    latitude, longitude = (math.radians(one) for one in place(0, 0))
+    assert follower.course_rad(latitude, longitude, 20.0) == pytest.approx(0.0, abs=0.01)
+    for north_m in range(0, 210, 10):
+        latitude, longitude = (math.radians(one) for one in place(north_m, 0))
+        course = follower.course_rad(latitude, longitude, 20.0)
+    # At (200, 0), where the last leg crosses the first one toward the west.
+    assert course == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_mode_that_a_pilot_selects_ends_the_route() -> None:
+    flown = autopilot(SQUARE)
+    flown.advance(5.0)
+    sender = mavlink.MAVLink(None, srcSystem=255)
+    flown.receive(bytes(mavlink.MAVLink_set_mode_message(7, 1, 15).pack(sender)))
+    assert flown.truth().mode == "GUIDED"
+
+
+def heard(flown: Autopilot, until_s: float) -> list[MAVLink_message]:
+    return mavlink.MAVLink(None).parse_buffer(flown.advance(until_s)) or []
+
+
+def test_it_sends_what_was_asked_for_and_its_heartbeat_alone() -> None:
+    messages = heard(autopilot(LINE, (mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET, 100_000)), 10.0)
+    kinds = [one.get_type() for one in messages]
+    assert set(kinds) == {"HEARTBEAT", "FOLLOW_TARGET"}
+    assert kinds.count("FOLLOW_TARGET") == 101
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT_COV,
+        mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2,
+        mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
+    ],
+)
+def test_every_message_tells_the_same_place(number: int) -> None:
+    flown = autopilot(LINE, (number, 1_000_000))
+    newest = [one for one in heard(flown, 10.0) if one.get_msgId() == number][-1]
+    latitude = getattr(newest, "lat", getattr(newest, "latitude", None))
+    assert latitude * 1e-7 == pytest.approx(flown.truth().latitude_deg, abs=1e-7)
+
+
+def test_summary_for_satellites_is_in_its_coarse_units() -> None:
+    flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2, 1_000_000))
+    newest = [one for one in heard(flown, 10.0) if one.get_type() == "HIGH_LATENCY2"][-1]
+    assert (newest.altitude, newest.heading) == (588, 0)
+    # 20 m/s in 0.2 m/s.
+    assert (newest.airspeed, newest.groundspeed) == (100, 100)
+
+
+def test_transponder_says_its_address_and_course() -> None:
+    flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, 1_000_000))
+    newest = [one for one in heard(flown, 10.0) if one.get_type() == "ADSB_VEHICLE"][-1]
+    assert (newest.ICAO_address, newest.heading % 36000, newest.hor_velocity) == (0x4B1900, 0, 2000)
+
+
+def test_options_are_read() -> None:
+    assert parse_route("47,8;47.1,8;47,8").points_deg == ((47.0, 8.0), (47.1, 8.0), (47.0, 8.0))
+    assert parse_stream("FOLLOW_TARGET:10") == (144, 100_000)
+
+
+@pytest.mark.parametrize("text", ["", "47,8", "47;8", "47,8;x,9", "95,0;1,1", "nan,0;1,1"])
+def test_what_is_no_route_is_refused(text: str) -> None:
+    with pytest.raises(OptionError, match="--route"):
+        parse_route(text)
+
+
+@pytest.mark.parametrize("text", ["", "FOLLOW_TARGET", "FOLLOW_TARGET:0", "PING:1", "VFR_HUD:nan"])
+def test_what_is_no_stream_is_refused(text: str) -> None:
+    with pytest.raises(OptionError, match="--stream"):
+        parse_stream(text)
+
+
+offsets = st.tuples(st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))
+
+
+@given(st.lists(offsets, min_size=2, max_size=8), st.lists(offsets, min_size=1, max_size=8))
+def test_from_anywhere_there_is_a_course(
+    corners: list[tuple[float, float]], places: list[tuple[float, float]]
+) -> None:
+    try:
+        follower = RouteFollower(Route(tuple(place(*one) for one in corners)))
+    except ValueError:
+        return
+    for one in places:
+        latitude, longitude = (math.radians(value) for value in place(*one))
+        assert math.isfinite(follower.course_rad(latitude, longitude, 20.0))

@@ -1,0 +1,326 @@
+"""A leader without a companion, as one follower hears it: MAVLink bytes in, its motion out.
+
+What a leader's companion tells of itself over the link is found out here: which of the messages to go by,
+when they were true, whether they can be true, turn rate and acceleration.
+"""
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.leader_clock import LeaderClock, Moment
+from vfguide.companion.plan import ForeignLeader
+from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
+from vfguide.frames import LocalFrame
+from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.observed_motion import (
+    Observation,
+    ObservedMotion,
+    RateLimits,
+    observed_at_first,
+    observed_motion,
+)
+from vfguide.mavlink.announcements import heartbeat, time_question
+from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
+from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
+from vfguide.mavlink.reports import TimeReport
+from vfguide.state import HeardState
+
+BETTER_S = 3.0
+"""Two messages of a kind within this, and it comes again and again; after it the next best is followed."""
+
+NEVER = (-math.inf, -math.inf)
+"""When the last two messages of a kind came that has not come."""
+
+LEAST_INTERVAL_S = 0.02
+"""Messages that come closer than this say the same twice."""
+
+GAP_S = 4.0
+"""After a longer silence the rates start anew."""
+
+STALE_S = 1.0
+"""A leader that is heard later than this is worth a text to the pilot."""
+
+SAY_S = 1.0
+"""Between heartbeats for it, and questions."""
+
+OPEN = 8
+"""Questions that an answer is awaited for."""
+
+STAMPED_BY_AUTOPILOT: frozenset[Kind] = frozenset(
+    {"GLOBAL_POSITION_INT", "GLOBAL_POSITION_INT_COV", "HIGH_LATENCY2"}
+)
+"""What autopilots send with the clock that they answer questions by. FOLLOW_TARGET is sent by programs beside
+them, whose clocks may be seconds apart from it: that would look like a delay."""
+
+FLIES_M_S = 3.0
+"""Over ground: slower than this it stands on the ground, or hangs from a parachute."""
+
+OTHERS_HEARD = 10
+"""Reports of another system, before it is told that the leader is not heard."""
+
+LONGEST_S = 12.0
+"""From one place to the next, where velocities are not told: a longer way says nothing of the course."""
+
+
+class LeaderTelemetry:
+    """The newest motion of one aircraft."""
+
+    def __init__(
+        self, leader: ForeignLeader, frame: LocalFrame, *, moved_s: float, system_id: int
+    ) -> None:
+        """Make it, with nothing heard yet.
+
+        Args:
+            leader: who is listened for, and what it can do.
+            frame: the formation's local frame.
+            moved_s: for how long reports from where it cannot be have to agree before they are believed.
+            system_id: of one's own vehicle.
+        """
+        self._leader = leader
+        self._frame = frame
+        self._moved_s = moved_s
+        self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
+        self._voice = Codec(system_id, COMPANION_COMPONENT)
+        self._said_s = -math.inf
+        self._asked: dict[int, float] = {}
+        self._clocks: dict[Kind, LeaderClock] = {}
+        self._heard_s: dict[Kind, tuple[float, float]] = {}
+        self._kind: Kind | None = None
+        airframe = leader.airframe
+        self._limits = RateLimits(
+            turn_rate=bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min),
+            acceleration=2.0 * airframe.max_acceleration,
+        )
+        self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
+        self._altitude = AltitudeGate()
+        self._place: Motion | None = None
+        self._motion: ObservedMotion | None = None
+        self._doubted = self._late = self._complained = self._stands = False
+        self._words: list[str] = []
+        self._counters: Counter[str] = Counter()
+        self.newest: HeardState | None = None
+        """Times on one's own clock."""
+        self.doubted: tuple[HeardState, HeardState] | None = None
+        """Where it says it is while that is not believed, and where its velocities lead."""
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Messages that were not used, by reason."""
+        total = self._codec.counters + self._counters
+        for clock in self._clocks.values():
+            total += clock.counters
+        return total
+
+    def words(self) -> list[str]:
+        """What a pilot should know of it, each once; a sentence's end, after "the leader"."""
+        words, self._words = self._words, []
+        return words
+
+    def take(self, data: bytes, now: float) -> bool:
+        """Take a datagram; whether it had a newer motion that can be true."""
+        believed = False
+        for report in self._codec.decode(data):
+            if isinstance(report, TimeReport):
+                self._answer(report, now)
+            else:
+                believed |= self._take(report, now)
+        if self.newest is None and not self._complained:
+            self._complain_of_others()
+        return believed
+
+    def _complain_of_others(self) -> None:
+        """Tell the pilot when others are heard there, and it is not: most likely its number is another."""
+        for system_id, count in self._codec.others.most_common(1):
+            if count >= OTHERS_HEARD:
+                self._complained = True
+                self._words.append(
+                    f"is not heard, system {system_id} is: see whether leader.system_id and the connection"
+                    " are right"
+                )
+
+    def say(self, now: float) -> bytes:
+        """What it is told, now and then: that somebody listens, and a question for its time."""
+        if now - self._said_s < SAY_S:
+            return b""
+        self._said_s = now
+        if self._leader.system_id is None:
+            return self._voice.encode([heartbeat()])
+        stamp = round(now * 1e9)
+        self._asked[stamp] = now
+        while len(self._asked) > OPEN:
+            del self._asked[next(iter(self._asked))]
+        return self._voice.encode([heartbeat(), time_question(stamp)])
+
+    def _answer(self, report: TimeReport, now: float) -> None:
+        """It says what its clock shows."""
+        asked_s = self._asked.pop(report.stamp, None)
+        if asked_s is not None:
+            for kind, clock in self._clocks.items():
+                if kind in STAMPED_BY_AUTOPILOT:
+                    clock.answer(asked_s, report.autopilot_ns * 1e-9, now)
+
+    def _take(self, report: LeaderReport, now: float) -> bool:
+        moment = self._moment(report, now)
+        if moment is None:
+            return False
+        self._heard_s[report.kind] = self._heard_s.get(report.kind, NEVER)[1], now
+        if self._has_better(report.kind, now):
+            self._counters["a better message comes"] += 1
+            return False
+        if moment.restarted or report.kind != self._kind:
+            self._begin(report.kind, restarted=moment.restarted)
+        self._tell_of_lateness(now - moment.time_s)
+        return self._judge(report, moment)
+
+    def _moment(self, report: LeaderReport, now: float) -> Moment | None:
+        """When a report was true."""
+        if report.stamp_s is None:
+            time_s = now - report.age_s - (self._leader.least_delay_s or 0.0)
+            return Moment(time_s=time_s, even_s=time_s, late_s=0.0, restarted=False)
+        clock = self._clocks.get(report.kind)
+        if clock is None:
+            clock = LeaderClock(least_delay_s=self._leader.least_delay_s)
+            self._clocks[report.kind] = clock
+        return clock.read(report.stamp_s, now)
+
+    def _has_better(self, kind: Kind, now: float) -> bool:
+        """Whether another kind of message is to be followed: the best that comes again and again."""
+        coming = [one for one in KINDS if now - self._heard_s.get(one, NEVER)[0] <= BETTER_S]
+        return bool(coming) and coming[0] != kind
+
+    def _begin(self, kind: Kind, *, restarted: bool) -> None:
+        """From here on times are on another clock: nothing before them says how long ago it was."""
+        self._kind, self._place, self._motion = kind, None, None
+        self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
+        self._altitude = AltitudeGate()
+        if restarted:
+            self._words.append(
+                "has another clock, as after a restart: followed by that from now on"
+            )
+
+    def _tell_of_lateness(self, age_s: float) -> None:
+        """Tell the pilot when it is heard late, and when it is not any more."""
+        if age_s > STALE_S and not self._late:
+            self._late = True
+            self._words.append(
+                f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"
+            )
+        elif age_s < 0.5 * STALE_S and self._late:
+            self._late = False
+            self._words.append("is heard in time again: nothing to do")
+
+    def _tell_of_standing(self, *, stands: bool) -> None:
+        """Tell the pilot when it stops flying, and when it flies again."""
+        if stands and not self._stands:
+            self._words.append(
+                f"does not fly (less than {FLIES_M_S:g} m/s over ground): not followed until it does"
+            )
+        elif self._stands and not stands:
+            self._words.append("flies: followed, nothing to do")
+        self._stands = stands
+
+    def _judge(self, report: LeaderReport, moment: Moment) -> bool:
+        """Whether a report can be true, after those before."""
+        north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
+        velocity = report.velocity or self._velocity_between(north, east, moment)
+        if velocity is None:
+            return False
+        motion = Motion(moment.even_s, north, east, *velocity)
+        if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
+            self._counters["not newer"] += 1
+            return False
+        judgement = self._gate.judge(motion)
+        known = math.isfinite(report.altitude_amsl)
+        altitude = self._altitude.judge(report.altitude_amsl, moment.even_s) if known else math.nan
+        self._place = motion
+        if judgement.verdict is not Verdict.BELIEVED:
+            self._doubt(judgement, motion, moment, altitude)
+            return False
+        if self._doubted:
+            self._words.append("reports what can be again: believed, nothing to do")
+        self._doubted, self.doubted = False, None
+        if motion.speed < FLIES_M_S:
+            self._counters["not flying"] += 1
+            self._tell_of_standing(stands=True)
+            return False
+        self._tell_of_standing(stands=False)
+        self._motion = self._observed(report, motion)
+        self.newest = heard_state(self._motion, moment, altitude)
+        return True
+
+    def _velocity_between(
+        self, north: float, east: float, moment: Moment
+    ) -> tuple[float, float] | None:
+        """The velocity of a report that tells none: as observed, or at first from the place before."""
+        if self._motion is not None:
+            state = self._motion.state
+            age_s = moment.even_s - state.time_s
+            course = state.course + state.turn_rate * age_s
+            return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
+        before = self._place
+        interval_s = math.inf if before is None else moment.even_s - before.time_s
+        if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
+            self._place = Motion(moment.even_s, north, east, 0.0, 0.0)
+            return None
+        return (north - before.north) / interval_s, (east - before.east) / interval_s
+
+    def _observed(self, report: LeaderReport, motion: Motion) -> ObservedMotion:
+        """What is known of the motion after a report that is believed."""
+        seen = Observation(
+            time_s=motion.time_s,
+            north=motion.north,
+            east=motion.east,
+            velocity=report.velocity,
+        )
+        before = self._motion
+        if before is None or not 0.0 < motion.time_s - before.state.time_s <= GAP_S:
+            course = math.atan2(motion.velocity_east, motion.velocity_north)
+            return observed_at_first(seen, course, motion.speed)
+        return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
+
+    def _doubt(self, judgement: Judgement, motion: Motion, moment: Moment, altitude: float) -> None:
+        """It reports what cannot be: it may be there, or where its velocities lead."""
+        self._counters["impossible"] += 1
+        if judgement.verdict is not Verdict.REFUSED:
+            there = HeardState(
+                time_s=moment.time_s,
+                north=motion.north,
+                east=motion.east,
+                course=math.atan2(motion.velocity_east, motion.velocity_north),
+                ground_speed=motion.speed,
+                acceleration=0.0,
+                turn_rate=0.0,
+                turn_acceleration=0.0,
+                altitude_amsl=altitude,
+                steered=False,
+            )
+            carried = replace(there, north=judgement.north, east=judgement.east, steered=True)
+            self.doubted = there, carried
+        if not self._doubted:
+            self._words.append(
+                f"reports what cannot be ({judgement.reason}): not believed;"
+                " be ready to take over should it come near"
+            )
+        self._doubted = True
+
+
+def heard_state(motion: ObservedMotion, moment: Moment, altitude: float) -> HeardState:
+    """A motion on one's own clock, at an altitude (m above mean sea level, NaN while not known).
+
+    It counts as steered: the formation flies as it does, and is no surer of any other leader.
+    """
+    state = motion.state
+    return HeardState(
+        time_s=moment.time_s,
+        north=state.north,
+        east=state.east,
+        course=state.course,
+        ground_speed=state.ground_speed,
+        acceleration=state.acceleration,
+        turn_rate=state.turn_rate,
+        turn_acceleration=state.turn_acceleration,
+        altitude_amsl=altitude,
+        steered=True,
+    )

@@ -1,0 +1,259 @@
+"""What an aircraft without a companion tells of its motion: four MAVLink messages, and ADS-B, in SI units.
+
+All that an aircraft may send is looked at; which of it is followed is for others to decide. Nothing here is
+true because it is well-formed: every number is checked against what its field can mean, no more.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+
+from vfguide.mavlink.codec import time_report
+from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.reports import TimeReport
+
+Kind = Literal[
+    "FOLLOW_TARGET",
+    "GLOBAL_POSITION_INT_COV",
+    "GLOBAL_POSITION_INT",
+    "HIGH_LATENCY2",
+    "ADSB_VEHICLE",
+]
+
+KINDS: tuple[Kind, ...] = (
+    "FOLLOW_TARGET",
+    "GLOBAL_POSITION_INT_COV",
+    "GLOBAL_POSITION_INT",
+    "HIGH_LATENCY2",
+    "ADSB_VEHICLE",
+)
+"""The best first: of an aircraft that sends several, the first that comes is followed."""
+
+HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
+"""Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
+
+LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
+"""Altitudes that aircraft can have; another is one that is not known."""
+
+GREATEST_M_S = 1000.0
+"""A velocity above this is no velocity."""
+
+LONG_SILENT_S = 5.0
+"""Not heard by an ADS-B receiver for longer: what it repeats then is no report."""
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderReport:
+    """What one message says of where an aircraft is and how it flies."""
+
+    kind: Kind
+    """Which message."""
+    stamp_s: float | None
+    """When it was true, s on a clock that the sender alone knows; None where it does not say."""
+    latitude_deg: float
+    """degrees, north positive."""
+    longitude_deg: float
+    """degrees, east positive."""
+    altitude_amsl: float
+    """m above mean sea level; NaN where it does not say."""
+    velocity: Pair | None = None
+    """Over ground (north, east), m/s; None where it does not say."""
+    age_s: float = 0.0
+    """How old it was when it was sent, as far as the message says, s."""
+
+
+def altitude_of(metres: float) -> float:
+    """An altitude (m), NaN where it cannot be one."""
+    return metres if LOWEST_M <= metres <= HIGHEST_M else math.nan
+
+
+def pair_of(north: float, east: float, *, greatest: float) -> Pair | None:
+    """A vector, or None where it is none or too long."""
+    return (north, east) if math.hypot(north, east) <= greatest else None
+
+
+def global_position(message: MAVLink_message) -> LeaderReport | None:
+    """GLOBAL_POSITION_INT: ms, cm/s."""
+    return report(
+        "GLOBAL_POSITION_INT",
+        message.time_boot_ms * 1e-3,
+        message.lat,
+        message.lon,
+        message.alt * 1e-3,
+        velocity=pair_of(message.vx * 1e-2, message.vy * 1e-2, greatest=GREATEST_M_S),
+        needs_velocity=True,
+    )
+
+
+def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
+    """GLOBAL_POSITION_INT_COV: microseconds since boot or since 1970, whichever, and m/s."""
+    return report(
+        "GLOBAL_POSITION_INT_COV",
+        message.time_usec * 1e-6,
+        message.lat,
+        message.lon,
+        message.alt * 1e-3,
+        velocity=pair_of(message.vx, message.vy, greatest=GREATEST_M_S),
+        needs_velocity=True,
+    )
+
+
+def follow_target(message: MAVLink_message) -> LeaderReport | None:
+    """FOLLOW_TARGET: ms since boot; velocity (north, east, down) where its bits say so.
+
+    Its acceleration is not used: what senders put there is late, or that of the air, or 0; followers find the
+    rates by themselves.
+    """
+    bits = message.est_capabilities
+    if not bits & HAS_POSITION:
+        return None
+    velocity = pair_of(message.vel[0], message.vel[1], greatest=GREATEST_M_S)
+    moves = bool(bits & HAS_VELOCITY)
+    return report(
+        "FOLLOW_TARGET",
+        message.timestamp * 1e-3,
+        message.lat,
+        message.lon,
+        message.alt,
+        velocity=velocity if moves else None,
+        needs_velocity=moves,
+    )
+
+
+def high_latency(message: MAVLink_message) -> LeaderReport | None:
+    """HIGH_LATENCY2: its speed is in 0.2 m/s and its heading, in 2°, that of the nose; neither is used."""
+    if message.failure_flags & mavlink.HL_FAILURE_FLAG_GPS:
+        return None
+    return report(
+        "HIGH_LATENCY2",
+        message.timestamp * 1e-3,
+        message.latitude,
+        message.longitude,
+        float(message.altitude),
+    )
+
+
+def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
+    """ADSB_VEHICLE: course (not heading) in centidegrees, cm/s, and how many seconds ago it was heard."""
+    flags = message.flags
+    wanted = mavlink.ADSB_FLAGS_VALID_COORDS
+    if flags & wanted != wanted or message.tslc > LONG_SILENT_S:
+        return None
+    velocity = None
+    if flags & mavlink.ADSB_FLAGS_VALID_HEADING and flags & mavlink.ADSB_FLAGS_VALID_VELOCITY:
+        course, speed = math.radians(message.heading * 1e-2), message.hor_velocity * 1e-2
+        velocity = speed * math.cos(course), speed * math.sin(course)
+    # A pressure altitude may be off by a hundred metres: it puts nobody out of the way.
+    geometric = message.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    known = geometric and flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE
+    return report(
+        "ADSB_VEHICLE",
+        None,
+        message.lat,
+        message.lon,
+        message.altitude * 1e-3 if known else math.nan,
+        velocity=velocity,
+        age_s=float(message.tslc),
+    )
+
+
+def report(
+    kind: Kind,
+    stamp_s: float | None,
+    latitude: int,
+    longitude: int,
+    altitude: float,
+    *,
+    velocity: Pair | None = None,
+    needs_velocity: bool = False,
+    age_s: float = 0.0,
+) -> LeaderReport | None:
+    """The report that fields amount to; None where there is no place on earth, or no velocity.
+
+    Autopilots without a fix report 0, 0: nobody flies there.
+    """
+    latitude_deg, longitude_deg = latitude * 1e-7, longitude * 1e-7
+    if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0 or latitude == longitude == 0:
+        return None
+    if needs_velocity and velocity is None:
+        return None
+    return LeaderReport(
+        kind=kind,
+        stamp_s=stamp_s,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_amsl=altitude_of(altitude),
+        velocity=velocity,
+        age_s=age_s,
+    )
+
+
+Reader = Callable[[MAVLink_message], LeaderReport | TimeReport | None]
+
+READERS: dict[int, Reader] = {
+    mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET: follow_target,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT_COV: global_position_cov,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position,
+    mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2: high_latency,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: time_report,
+}
+"""What is read of the aircraft itself."""
+
+ADSB_READERS: dict[int, Reader] = {mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: adsb_vehicle}
+"""What is read of one that only an ADS-B receiver hears."""
+
+
+class LeaderCodec:
+    """Datagrams of a connection on which an aircraft is heard, to its reports."""
+
+    def __init__(self, *, system_id: int | None = None, icao_address: int | None = None) -> None:
+        """Listen for one aircraft.
+
+        Args:
+            system_id: of the aircraft, by its own messages; whichever of its components sends them.
+            icao_address: of the aircraft instead, by what an ADS-B receiver hears; whichever system passes
+                it on.
+        """
+        self.counters: Counter[str] = Counter()
+        """What was received and passed over, by reason."""
+        self.others: Counter[int] = Counter()
+        """Reports of other systems, by their ids."""
+        self._system_id = system_id
+        self._icao_address = icao_address
+        self._readers = READERS if icao_address is None else ADSB_READERS
+        self._parser = MAVLink(None)
+
+    def decode(self, datagram: bytes) -> list[LeaderReport | TimeReport]:
+        """Reports in one datagram; whatever the bytes are, this does not raise."""
+        found: list[LeaderReport | TimeReport] = []
+        for frame in frames_of(datagram):
+            if frame is None:
+                self.counters["not MAVLink"] += 1
+            elif (reader := self._readers.get(frame.message_id)) is None:
+                self.counters["not used"] += 1
+            elif self._system_id is not None and frame.system_id != self._system_id:
+                self.counters["of another system"] += 1
+                self.others[frame.system_id] += 1
+            elif (message := self._message(frame.content)) is None:
+                self.counters["not MAVLink"] += 1
+            elif self._icao_address is not None and message.ICAO_address != self._icao_address:
+                self.counters["of another aircraft"] += 1
+            elif (one := reader(message)) is None:
+                self.counters["out of range"] += 1
+            else:
+                found.append(one)
+        return found
+
+    def _message(self, frame: bytes) -> MAVLink_message | None:
+        """The message in a frame, or None where checksum or length are wrong."""
+        try:
+            return self._parser.decode(bytearray(frame))
+        except MAVError:
+            return None
