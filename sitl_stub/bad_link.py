@@ -1,4 +1,4 @@
-"""A MAVLink connection that is slow and loses datagrams, between an autopilot and whoever speaks to it."""
+"""A MAVLink connection that is slow and loses datagrams, between an autopilot and its companion."""
 
 import heapq
 import itertools

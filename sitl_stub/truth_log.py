@@ -1,4 +1,4 @@
-"""True states as JSON lines, for whoever judges a flight: into a file, or one datagram each."""
+"""True states as JSON lines, for a judge of the flight: into a file, or one datagram each."""
 
 import json
 import socket

@@ -9,7 +9,7 @@ class VfguideError(Exception):
 
 
 class InputError(VfguideError):
-    """The input is wrong, and only whoever wrote it can put it right: exit status 2."""
+    """The input is wrong, and only its author can put it right: exit status 2."""
 
 
 def described_error(error: BaseException) -> str:

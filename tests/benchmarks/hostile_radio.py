@@ -14,12 +14,13 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from typing import TYPE_CHECKING
 
 from tests.benchmarks.hostile_datagrams import random_one, resident_mb
 from tests.unit.link.shared_radio import SharedAir, state_at
@@ -32,6 +33,9 @@ from vfguide.link.packed import TAG_SIZE, formation_key, tag_of
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.radio_framing import Framer, encode_frame
 from vfguide.link.trust import new_session
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 NAMES = (LEADER, "f1", "f2")
 

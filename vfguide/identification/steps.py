@@ -96,7 +96,7 @@ def segments(airframe: Airframe, repeats: int) -> list[Segment]:
 
 
 def described(airframe: Airframe, repeats: int) -> list[str]:
-    """The plan in words, for whoever has to clear the sky for it."""
+    """The plan in words, for the crew that has to clear the sky for it."""
     flown = segments(airframe, repeats)
     course_s = sum(one.duration_s for one in flown if one.phase is Phase.COURSE)
     speed_s = sum(one.duration_s for one in flown if one.phase is Phase.SPEED)

@@ -1,6 +1,6 @@
 """The embedded broker as a program of its own: it tells its port, and runs until its standard input ends.
 
-So it shares no processor with whoever starts it, and never outlives it. Run with
+So it shares no processor with the program that starts it, and never outlives it. Run with
 `python -m vfguide.link.broker_program`.
 """
 
@@ -12,7 +12,7 @@ from vfguide.link.broker import embedded_broker
 
 
 async def serve() -> None:
-    """Run a broker until whoever started it is gone."""
+    """Run a broker until the program that started it is gone."""
     async with embedded_broker() as port:
         sys.stdout.write(f"{port}\n")
         sys.stdout.flush()

@@ -146,7 +146,7 @@ class BrokerClient(Client):
         if engine.want_write():
             await self.publish(topic, payload)
             return
-        # The engine makes up an answer of the broker for whoever waits for it, which costs more than to send.
+        # The engine makes up an answer of the broker for a task that waits, which costs more than to send.
         waiting, engine.on_publish = engine.on_publish, None
         try:
             result = engine.publish(topic, payload).rc

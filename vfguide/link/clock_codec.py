@@ -4,7 +4,7 @@ Layout, little-endian: "VFCA" (ask) or "VFCT" (tell), version (u8), three bytes 
 exchange (u64), then as f64 when the question left (s, clock of who asks), in an answer also when it arrived
 and when the answer left (s, clock of who answers), then the CRC-32 of all that (u32). 28 and 44 bytes.
 
-The number is chance: whoever answers with it has heard the question.
+The number is random: an answer with it shows that the question was heard.
 """
 
 import struct

@@ -83,7 +83,7 @@ class Inbox:
     async def settle(self, has_more: Callable[[], bool]) -> None:
         """Wait for mail, then until the socket has nothing more to read this very moment.
 
-        The client reads one message in each turn of the event loop. Whoever used each at once and took longer
+        The client reads one message in each turn of the event loop. A reader that used each and took longer
         for it than the sender's interval would fall behind for ever, in a backlog inside the kernel.
 
         Args:

@@ -101,7 +101,7 @@ class Reconnecting:
         return Will(self._topic, member.presence(offline, will=True).data, qos=1, retain=True)
 
     async def _open(self, client: BrokerClient) -> None:
-        """Connect; whoever is told to stop meanwhile does not wait for an answer.
+        """Connect; a stop meanwhile does not wait for an answer.
 
         Raises:
             MqttError: it does not work.

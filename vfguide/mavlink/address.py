@@ -35,7 +35,7 @@ class Transport(StrEnum):
     """How a network address is spoken to."""
 
     UDP_IN = "udpin"
-    """Wait at a port; answer whoever speaks."""
+    """Wait at a port; answer the peer that speaks."""
     UDP_OUT = "udpout"
     """Speak first."""
     TCP_IN = "tcpin"

@@ -228,7 +228,7 @@ class MavsdkChannel:
         if time.monotonic() - self._setpoint_time <= SILENCE_S:
             return
         self._setpoint_time = math.inf
-        # MAVSDK takes offboard for active as soon as it has a setpoint, whoever flies.
+        # MAVSDK takes offboard for active as soon as it has a setpoint, even while a pilot flies.
         if self._offboard and plugins.offboard.is_active():
             logger.warning("setpoints have stopped: MAVSDK is told to end offboard")
             plugins.offboard.stop_async(ignored)

@@ -148,7 +148,7 @@ class Offboard:
 
 
 class PositionAhead(Offboard):
-    """The course as a point ahead: whoever flies to it has it on the course."""
+    """The course as a point ahead: an aircraft that flies to it flies the course."""
 
     name = "by positions ahead in offboard"
     holds_altitude = True

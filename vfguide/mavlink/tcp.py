@@ -67,7 +67,7 @@ class Caller(StreamPeer):
 class TcpServer:
     """Waits to be called, and speaks to one peer at a time.
 
-    Whoever calls while that peer is there is closed at once, so that a stray program cannot take the
+    A second peer that calls meanwhile is closed at once, so that a stray program cannot take the
     setpoints away. A peer is gone when it closes, or when it acknowledges nothing for 5 s.
     """
 

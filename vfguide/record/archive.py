@@ -28,10 +28,10 @@ GREATEST_SIZE = 1024**3
 """Bytes of all arrays: four vehicles for a whole day at 20 Hz. Packed, zeros take a thousandth of it."""
 
 REMEDY = "give the directory of another flight, or fly it again"
-"""For whoever has a record that cannot be read."""
+"""What to do about a record that cannot be read."""
 
 WRITE_REMEDY = "make room there, or give another directory with --out"
-"""For whoever has no place for what is written."""
+"""What to do where there is no room for a record."""
 
 UNREADABLE = (
     zipfile.BadZipFile,

@@ -43,6 +43,7 @@ def test_a_presence_is_json_that_anybody_can_read() -> None:
         "time_s": 12.5,
         "version": "0.1.0",
         "signed": False,
+        "obstacle": "",
         "figures": {"delay_ms": 0.25},
     }
 

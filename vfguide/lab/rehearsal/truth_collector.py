@@ -83,7 +83,7 @@ class TruthCollector(asyncio.DatagramProtocol):
         Args:
             wall_s: how long the flight took, s of real time.
             tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
-            only_now: the newest sample alone, for whoever looks on.
+            only_now: the newest sample alone, for a display.
 
         Raises:
             VfguideError: nothing has.
