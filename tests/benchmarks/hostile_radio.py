@@ -41,6 +41,8 @@ NAMES = (LEADER, "f1", "f2")
 
 BATCH = 20
 
+Make = Callable[[], bytes]
+
 
 class Hostile:
     """Makes bytes that no member of the formation has said, or not now."""
@@ -50,7 +52,7 @@ class Hostile:
         self._random = Random(1)
         self._real = real
         self._key = key
-        self._kinds: tuple[Callable[[], bytes], ...] = (
+        self._kinds: tuple[Make, ...] = (
             lambda: self._random.randbytes(self._random.randrange(100)),
             lambda: encode_frame(self._one())[: self._random.randrange(1, 40)],
             lambda: encode_frame(self._changed()),
