@@ -20,7 +20,7 @@ from random import Random
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from tests.benchmarks.hostile_datagrams import random_one, resident_mb
 from tests.unit.link.shared_radio import SharedAir, state_at
@@ -33,9 +33,6 @@ from vfguide.link.packed import TAG_SIZE, formation_key, tag_of
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.radio_framing import Framer, encode_frame
 from vfguide.link.trust import new_session
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 NAMES = (LEADER, "f1", "f2")
 
