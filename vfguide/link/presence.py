@@ -33,6 +33,10 @@ class Presence:
     """Of the vehicle's companion."""
     signed: bool = False
     """Whether its messages are signed; else anybody can say what it says."""
+    autopilot: str = ""
+    """What ground stations call the autopilot's mode; empty while not known."""
+    warning: str = ""
+    """The last warning that it gave its pilot; empty before the first."""
     figures: dict[str, float] = field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
@@ -71,8 +75,16 @@ def decode_presence(data: bytes) -> Presence:
         time_s=_number(content.get("time_s")),
         version=_text(content.get("version", "")),
         signed=content.get("signed") is True,
+        autopilot=_text(content.get("autopilot", "")),
+        warning=_text(content.get("warning", "")),
         figures=_figures(content.get("figures", {})),
     )
+
+
+def fit_text(text: str) -> str:
+    """A text as a presence can hold it: printable, and cut where it is too long."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in text)
+    return printable if len(printable) <= LONGEST_TEXT else printable[: LONGEST_TEXT - 1] + "…"
 
 
 def _status(value: object) -> Status:

@@ -20,6 +20,8 @@ SOUND = st.builds(
     mode=TEXTS,
     time_s=FINITE,
     version=TEXTS,
+    autopilot=TEXTS,
+    warning=TEXTS,
     figures=st.dictionaries(st.text("abc_", max_size=8), FINITE, max_size=10),
 )
 JSON: Any = st.recursive(
@@ -42,6 +44,8 @@ def test_a_presence_is_json_that_anybody_can_read() -> None:
         "time_s": 12.5,
         "version": "0.1.0",
         "signed": False,
+        "autopilot": "",
+        "warning": "",
         "figures": {"delay_ms": 0.25},
     }
 
