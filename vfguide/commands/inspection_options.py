@@ -1,4 +1,4 @@
-"""The options of `vfguide status`, `console`, `check`, `report`, `export` and `analyse`, which steer nothing."""
+"""The options of `vfguide status`, `console`, `check`, `report`, `export`, `analyse`: they steer nothing."""
 
 from pathlib import Path
 from typing import Annotated

@@ -27,7 +27,7 @@ from vfguide.link.address import LinkAddress
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import Presence, fit_text
+from vfguide.link.presence import LONGEST_WARNING, Presence, fit_text
 from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
@@ -292,7 +292,7 @@ class Daemon:
                 version=VERSION,
                 signed=self._surroundings.trust.signs,
                 autopilot=fit_text(self._companion.flight_mode),
-                warning=fit_text(self._warning),
+                warning=fit_text(self._warning, LONGEST_WARNING),
                 figures=self._figures(),
             )
         )

@@ -11,7 +11,10 @@ LARGEST = 4096
 """Bytes of a presence: whatever is longer is not read."""
 
 LONGEST_TEXT = 100
-"""Characters of each text."""
+"""Characters of every other text."""
+
+LONGEST_WARNING = 200
+"""Characters of a warning."""
 
 MOST_FIGURES = 100
 """Figures in one presence."""
@@ -76,15 +79,15 @@ def decode_presence(data: bytes) -> Presence:
         version=_text(content.get("version", "")),
         signed=content.get("signed") is True,
         autopilot=_text(content.get("autopilot", "")),
-        warning=_text(content.get("warning", "")),
+        warning=_text(content.get("warning", ""), LONGEST_WARNING),
         figures=_figures(content.get("figures", {})),
     )
 
 
-def fit_text(text: str) -> str:
+def fit_text(text: str, longest: int = LONGEST_TEXT) -> str:
     """A text as a presence can hold it: printable, and cut where it is too long."""
     printable = "".join(letter if letter.isprintable() else " " for letter in text)
-    return printable if len(printable) <= LONGEST_TEXT else printable[: LONGEST_TEXT - 1] + "…"
+    return printable if len(printable) <= longest else printable[: longest - 1] + "…"
 
 
 def _status(value: object) -> Status:
@@ -95,8 +98,8 @@ def _status(value: object) -> Status:
     raise LinkDataError("the status is neither online nor offline")
 
 
-def _text(value: object) -> str:
-    if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
+def _text(value: object, longest: int = LONGEST_TEXT) -> str:
+    if not isinstance(value, str) or len(value) > longest or not value.isprintable():
         raise LinkDataError("a text is none, too long or not printable")
     return value
 

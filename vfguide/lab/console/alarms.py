@@ -1,6 +1,6 @@
 """Alarms of a formation, each a sentence that says what to do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +20,40 @@ SILENT_S = 2.0
 
 MOST_NEAR = 4
 """Pairs of vehicles that are named at once."""
+
+
+OF_MODES: Mapping[str, tuple[Level, str]] = {
+    Mode.PREDICTING.value: (
+        "alarm",
+        (
+            "does not hear the leader and follows its plan: mend the link within {prediction_s:g} s, then the"
+            " formation breaks up by itself."
+        ),
+    ),
+    Mode.BREAKAWAY.value: (
+        "alarm",
+        (
+            "flies away from the others, as the leader was silent for too long: give it room, and be ready"
+            " to take it over."
+        ),
+    ),
+    Mode.LOST.value: (
+        "alarm",
+        (
+            "was given back to its autopilot, without a leader: take it over, or mend the link and select"
+            " the guided mode again."
+        ),
+    ),
+    Mode.PILOT.value: (
+        "note",
+        "is flown by its pilot{by}: select the guided mode to have it join again.",
+    ),
+    Mode.WAITING.value: (
+        "note",
+        "is not steered{by}: see that it is armed and in the guided mode, and has a position.",
+    ),
+}
+"""What is wrong with a vehicle whose companion is in a mode, after its name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +123,8 @@ def alarms_of(
     newest_s = min(one.state_age_s for one in known)
     if silent and newest_s < float("inf"):
         text = (
-            f"No aircraft has been heard for {newest_s:.0f} s, what you see is old: keep the airspace clear and"
-            " see that the link stands."
+            f"No aircraft has been heard for {newest_s:.0f} s, what you see is old: keep the airspace clear"
+            " and see that the link stands."
         )
         found.append(Alarm(level="alarm", text=text))
     for one in known:
@@ -129,36 +163,10 @@ def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) ->
 
 def describe_mode(one: Knowledge, patience: Timeouts) -> tuple[Level, str]:
     """The same, of the mode that its companion is in."""
-    match one.mode:
-        case Mode.PREDICTING.value:
-            return "alarm", (
-                f"does not hear the leader and follows its plan: mend the link within"
-                f" {patience.prediction_s:g} s, then the formation breaks up by itself."
-            )
-        case Mode.BREAKAWAY.value:
-            return "alarm", (
-                "flies away from the others, as the leader has been silent for too long: give it room, and"
-                " be ready to take it over."
-            )
-        case Mode.LOST.value:
-            return "alarm", (
-                "was given back to its autopilot without a leader: take it over, or bring the link back and"
-                " select the guided mode again."
-            )
-        case Mode.PILOT.value:
-            by = f" ({one.autopilot})" if one.autopilot else ""
-            return (
-                "note",
-                f"is flown by its pilot{by}: select the guided mode to have it join again.",
-            )
-        case Mode.WAITING.value:
-            return "note", (
-                "is not steered: see that it is armed and in the guided mode, and has a position."
-            )
-        case _ if one.links_lost:
-            return (
-                "note",
-                "has lost one of its links and flies on by the other: mend it after landing.",
-            )
-        case _:
-            return "note", ""
+    if one.mode is not None and one.mode in OF_MODES:
+        level, text = OF_MODES[one.mode]
+        by = f" ({one.autopilot})" if one.autopilot else ""
+        return level, text.format(prediction_s=patience.prediction_s, by=by)
+    if one.links_lost:
+        return "note", "has lost one of its links and flies on by the other: mend it after landing."
+    return "note", ""

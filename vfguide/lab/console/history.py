@@ -1,4 +1,4 @@
-"""What has been seen of a flight so far, in a bounded room: the newest minute whole, the rest ever coarser."""
+"""What has been seen of a flight so far, in a bounded room: the newest minute whole, the rest coarser."""
 
 import numpy as np
 

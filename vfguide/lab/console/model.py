@@ -1,7 +1,7 @@
 """From states and presences to what the console shows. Pure: bytes and times go in, plain values come out.
 
-Times are seconds since the console began. Places are in the mission's local frame: metres north and east of its
-origin, altitudes above mean sea level.
+Times are seconds since the console began. Places are in the mission's local frame: metres north and east of
+its origin, altitudes above mean sea level.
 """
 
 import cmath
@@ -60,6 +60,12 @@ KEPT_S = 15.0
 OLDEST_S = 300.0
 """Greatest age that is told."""
 
+CLIMB_S = 0.5
+"""Over so long climb rates are averaged."""
+
+STEEPEST_M_S = 20.0
+"""More is no climb, but a height that was set right."""
+
 STEP_S = 0.3
 """A clock that is behind by more than this has been set, or the flight is slower than real time."""
 
@@ -75,6 +81,8 @@ class Heard:
     """As it came."""
     place: complex
     """North and east as real and imaginary part, m."""
+    climb: float
+    """m/s; the state does not say it."""
     received_s: float
     """When it came."""
 
@@ -126,7 +134,8 @@ class Formation:
             self.counters["no state"] += 1
             return
         place = complex(*self._frame.to_local(message.latitude_deg, message.longitude_deg))
-        self._heard[vehicle] = Heard(message=message, place=place, received_s=now)
+        climb = climb_between(self._heard.get(vehicle), message)
+        self._heard[vehicle] = Heard(message=message, place=place, climb=climb, received_s=now)
         leader = self._heard.get(self.names[0])
         if vehicle == self.names[0] or leader is None or now - leader.received_s > CARRIED_S:
             self._note_clock(message.time_s - now)
@@ -159,11 +168,13 @@ class Formation:
             if heard is None or now - heard.received_s > KEPT_S:
                 continue
             passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
-            place, velocity = carry(heard, min(max(passed_s, 0.0), CARRIED_S))
+            carried_s = min(max(passed_s, 0.0), CARRIED_S)
+            place, velocity = carry(heard, carried_s)
             fresh = now - heard.received_s <= CARRIED_S
             if fresh:
                 carried[row] = place, velocity
             values[row, :-2] = self._numbers(name, heard.message, place, velocity, fresh=fresh)
+            values[row, 2] += heard.climb * carried_s
         self._reckon_slots(values, carried)
         self._near = self._nearness(values, sorted(carried))
         self.history.add(now, values)
@@ -323,6 +334,18 @@ def slot_of(mission: Mission, name: str) -> tuple[float, float, float]:
     if follower is None:
         return 0.0, 0.0, 0.0
     return follower.slot.forward_m, follower.slot.right_m, follower.slot.up_m
+
+
+def climb_between(before: Heard | None, message: LeaderMessage) -> float:
+    """How fast a vehicle climbs, m/s, by its last states."""
+    if before is None:
+        return 0.0
+    passed_s = message.time_s - before.message.time_s
+    if not 0.0 < passed_s < CARRIED_S:
+        return 0.0
+    newest = (message.altitude_amsl - before.message.altitude_amsl) / passed_s
+    newest = min(max(newest, -STEEPEST_M_S), STEEPEST_M_S)
+    return before.climb + min(passed_s / CLIMB_S, 1.0) * (newest - before.climb)
 
 
 def carry(heard: Heard, seconds: float) -> tuple[complex, complex]:
