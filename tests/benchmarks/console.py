@@ -2,9 +2,9 @@
 
     python tests/benchmarks/console.py [--aircraft 30] [--seconds 20] [--chromium PROGRAM]
 
-A program in the place of the companions sends signed states of all aircraft ten times a second, over a broker. The
-console runs as a program of its own, with one page open in Chromium. Fails if the server takes a tenth of a core or
-more; pictures a second depend on the machine, which here draws without a graphics card.
+A program in the place of the companions sends signed states of all aircraft ten times a second, over a
+broker. The console runs as a program of its own, with one page open in Chromium. Fails if the server takes a
+tenth of a core or more.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import aiomqtt
@@ -53,6 +53,12 @@ FRAMES = """seconds => new Promise(done => {
     };
     requestAnimationFrame(count);
 })"""
+
+
+def tell(text: str) -> None:
+    """Print a line."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 def mission_of(aircraft: int) -> dict[str, object]:
@@ -187,7 +193,7 @@ def bytes_of(url: str, seconds: float) -> tuple[int, float]:
     """Bytes of the flight so far, and bytes a second after it, of one page."""
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
     opener.open(url).read()
-    stream = opener.open(url.split("?")[0] + "flight")
+    stream = opener.open(url.partition("?")[0] + "flight")
     head = sum(len(stream.readline()) for _ in range(3))
     began_s, count = time.monotonic(), 0
     while (passed_s := time.monotonic() - began_s) < seconds:
@@ -209,11 +215,11 @@ async def measure(page: Page, url: str, process: psutil.Process, seconds: float)
     passed_s = time.monotonic() - began_s
     server = (processor_s([process]) - server_s) / passed_s
     drawing = (processor_s(browsers) - browser_s) / passed_s
-    print(f"server: {server:.1%} of a core, {process.memory_info().rss / 1e6:.0f} MB")
-    print(f"browser: {frames:.0f} pictures a second, {drawing:.0%} of a core")
-    print(f"first picture after {first_s:.2f} s")
+    tell(f"server: {server:.1%} of a core, {process.memory_info().rss / 1e6:.0f} MB")
+    tell(f"browser: {frames:.0f} pictures a second, {drawing:.0%} of a core")
+    tell(f"first picture after {first_s:.2f} s")
     head, rate = await asyncio.to_thread(bytes_of, url, 5.0)
-    print(f"one page: {head / 1e3:.0f} kB to begin with, {rate / 1e3:.0f} kB a second")
+    tell(f"one page: {head / 1e3:.0f} kB to begin with, {rate / 1e3:.0f} kB a second")
     return server < MOST_SERVER_SHARE
 
 
@@ -235,10 +241,12 @@ async def main() -> int:
                     executable_path=options.chromium, args=["--disable-dev-shm-usage"]
                 )
                 page = await browser.new_page(viewport={"width": 1280, "height": 900})
-                print(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz")
+                tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz")
                 good = await measure(page, url, process, options.seconds)
                 await browser.close()
             flying.cancel()
+            with suppress(asyncio.CancelledError):
+                await flying
     return 0 if good else 1
 
 

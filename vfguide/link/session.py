@@ -21,8 +21,8 @@ ECHO_REST_S = 20.0
 """s from one time that own states are listened for to the next."""
 
 WATCH_S = 0.25
-"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature that
-is not looked at costs nothing."""
+"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature
+that is not looked at costs nothing."""
 
 INSISTENCE_S = 0.1
 """s after which a task that has not ended is cancelled again."""

@@ -196,7 +196,9 @@ def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> 
         formation.take_state(name, state(mission, north=0.0, east=50.0 * len(name)), 0.0)
         formation.take_presence(name, online(), 0.0)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=105.0), 5.0)
-    assert any(text.startswith("f1 has not been heard for 5 s") for _, text in alarms(formation, 5.0))
+    assert any(
+        text.startswith("f1 has not been heard for 5 s") for _, text in alarms(formation, 5.0)
+    )
     texts = [text for _, text in alarms(formation, 10.0)]
     assert any(text.startswith("No aircraft has been heard for 5 s") for text in texts)
     assert not any(text.startswith("f1 has not") for text in texts)
