@@ -239,6 +239,8 @@ def listen(address: Address) -> socket:
     opened.setsockopt(SOL_SOCKET, SO_REUSEADDR, 1)
     try:
         opened.bind((address.host, address.port))
+        # From here on a page that comes before the server runs waits, and is not turned away.
+        opened.listen()
     except OSError as error:
         opened.close()
         raise InputError(
