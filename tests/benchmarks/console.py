@@ -9,6 +9,7 @@ tenth of a core or more.
 
 import argparse
 import asyncio
+import cmath
 import math
 import re
 import shutil
@@ -117,7 +118,8 @@ class Formation:
         north = RADIUS_M * math.sin(course) + forward * math.cos(course) - right * math.sin(course)
         east = -RADIUS_M * math.cos(course) + forward * math.sin(course) + right * math.cos(course)
         latitude, longitude = local_frame(self._mission).to_geodetic(north, east)
-        velocity = math.hypot(SPEED_M_S - turn_rate * right, turn_rate * forward)
+        # Those beside and behind the leader turn about the same centre.
+        velocity = complex(SPEED_M_S - turn_rate * right, turn_rate * forward)
         return encode(
             LeaderMessage(
                 sequence=0,
@@ -125,8 +127,8 @@ class Formation:
                 latitude_deg=latitude,
                 longitude_deg=longitude,
                 altitude_amsl=588.0,
-                course=course,
-                ground_speed=velocity,
+                course=math.remainder(course + cmath.phase(velocity), math.tau),
+                ground_speed=abs(velocity),
                 acceleration=0.0,
                 turn_rate=turn_rate,
                 turn_acceleration=0.0,

@@ -108,6 +108,14 @@ def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: 
     assert numbers(formation, "f1", 2.6)["along_m"] == pytest.approx(0.0, abs=1e-3)
 
 
+def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -> None:
+    """The leader's messages take 0.2 s, f1's none: f1's state is 0.2 s, or 4 m, ahead of the leader's."""
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=99.8), 1.0)
+    formation.take_state("f1", state(mission, north=-16.0, east=-20.0, time_s=100.0), 1.0)
+    assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
+
+
 def test_a_turn_is_flown_on(mission: Mission) -> None:
     """A quarter turn in 2 s at 20 m/s: a circle of radius 80 / pi m."""
     formation = Formation(mission)

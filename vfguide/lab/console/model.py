@@ -168,7 +168,8 @@ class Formation:
             if heard is None or now - heard.received_s > KEPT_S:
                 continue
             passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
-            carried_s = min(max(passed_s, 0.0), CARRIED_S)
+            # A vehicle whose messages take less than the leader's is heard ahead of the moment.
+            carried_s = min(max(passed_s, -CARRIED_S), CARRIED_S)
             place, velocity = carry(heard, carried_s)
             fresh = now - heard.received_s <= CARRIED_S
             if fresh:

@@ -21,6 +21,10 @@ function tell(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+function withMetres(length) {
+  return Number.isFinite(length) ? `${length.toFixed(1)} m` : dash;
+}
+
 /** An age in words. */
 function old(seconds) {
   if (!Number.isFinite(seconds)) return "never";
@@ -50,8 +54,7 @@ class Cards {
     const shown = vehicle.leads ? ["height", "speed", "course"] : ["off", "along", "across", "height"];
     for (const key of shown) {
       const value = element("dd");
-      const title = { off: "off", along: "along", across: "across", height: "height", speed: "speed", course: "course" };
-      numbers.append(element("div", key, element("dt", "", title[key]), value));
+      numbers.append(element("div", key, element("dt", "", key), value));
       parts.numbers.set(key, value);
     }
     parts.trace = vehicle.leads ? null : element("canvas", "trace");
@@ -96,12 +99,13 @@ class Cards {
   }
 
   #showNumbers({ numbers, vehicle }, state, leader) {
+    const late = state.age_s > OLD_S || leader.age_s > OLD_S;
     const texts = vehicle.leads
       ? { height: `${fixed(state.altitude_m, 0)} m`, speed: `${fixed(state.ground_speed_m_s, 1)} m/s`,
           course: `${bearing(state.course_deg)}°` }
-      : { off: `${fixed(Math.hypot(state.along_m, state.across_m), 1)} m`, along: fixedSign(state.along_m, 1),
+      : { off: withMetres(Math.hypot(state.along_m, state.across_m)), along: fixedSign(state.along_m, 1),
           across: fixedSign(state.across_m, 1),
-          height: fixedSign(leader.altitude_m + vehicle.slot.up - state.altitude_m, 1) };
+          height: fixedSign(late ? NaN : leader.altitude_m + vehicle.slot.up - state.altitude_m, 1) };
     for (const [key, text] of Object.entries(texts)) tell(numbers.get(key), text);
   }
 
