@@ -10,7 +10,7 @@ import typer
 
 from vfguide.commands.bench_options import bench
 from vfguide.commands.flight_options import emulate, fly, judge
-from vfguide.commands.inspection_options import analyse, check, export, report, status
+from vfguide.commands.inspection_options import analyse, check, console, export, report, status
 from vfguide.commands.keys_options import keys
 from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
@@ -61,7 +61,21 @@ def program(
     del version
 
 
-for command in (fly, companion, identify, judge, emulate, status, check, report, export, analyse):
+COMMANDS = (
+    fly,
+    companion,
+    identify,
+    judge,
+    emulate,
+    status,
+    console,
+    check,
+    report,
+    export,
+    analyse,
+)
+
+for command in COMMANDS:
     app.command()(with_plugins(command))
 
 

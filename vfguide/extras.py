@@ -20,6 +20,9 @@ DEVELOPMENT = "dev"
 PLOTTING = ("matplotlib", "PIL", "jinja2")
 """What a report is drawn by."""
 
+CONSOLE = ("starlette", "uvicorn")
+"""What a console is served by."""
+
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
 
 

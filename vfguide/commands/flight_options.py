@@ -83,6 +83,10 @@ def fly(
             help="With --live: a broker or a UDP group, or several; an embedded broker if absent.",
         ),
     ] = None,
+    console: Annotated[
+        bool,
+        typer.Option("--console", help="With --live: show the flight on a page of a browser."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Fly a whole formation on this computer.
@@ -94,7 +98,7 @@ def fly(
     wrong, 3 the flight broke or was stopped.
     """
     if not live:
-        refuse_without_live(speedup, link)
+        refuse_without_live(speedup, link, console=console)
     if force and out is None:
         raise InputError(
             "--force: nothing is replaced without --out; add --out DIR, or leave it out"
@@ -128,6 +132,7 @@ def fly(
         changed,
         links=link or (),
         speedup=1.0 if speedup is None else speedup,
+        console=console,
         out=out,
         force=force,
         as_json=as_json,
@@ -135,7 +140,9 @@ def fly(
     raise typer.Exit(status)
 
 
-def refuse_without_live(speedup: float | None, links: Sequence[str] | None) -> None:
+def refuse_without_live(
+    speedup: float | None, links: Sequence[str] | None, *, console: bool
+) -> None:
     """See that nothing is asked of a flight in virtual time that only a live one can do.
 
     Raises:
@@ -148,6 +155,11 @@ def refuse_without_live(speedup: float | None, links: Sequence[str] | None) -> N
         )
     if links:
         raise InputError("--link: only a live flight has a broker; add --live, or leave it out")
+    if console:
+        raise InputError(
+            "--console: only a live flight can be watched; add --live, or show what --out wrote with"
+            " `vfguide console --replay DIR`"
+        )
 
 
 def judge(

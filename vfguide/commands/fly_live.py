@@ -6,8 +6,8 @@ How a live flight goes while it is flown: a table redrawn in place on a terminal
 import asyncio
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AsyncExitStack, contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -20,12 +20,13 @@ from rich.text import Text
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import PLAIN_STEPS, Terminal
 from vfguide.errors import InputError, VfguideError
+from vfguide.extras import CONSOLE, require
 from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.processes import broker_process
 from vfguide.lab.report.geometry import slot_error
 from vfguide.link.presence import Presence
-from vfguide.link.watch import check_reachable, watching
+from vfguide.link.watch import Watched, check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import latency_of
@@ -162,6 +163,7 @@ def fly_live(
     out: Path | None,
     force: bool,
     as_json: bool,
+    console: bool = False,
 ) -> int:
     """Fly a mission live, report, and return the exit status.
 
@@ -172,6 +174,7 @@ def fly_live(
         out: where everything is kept.
         force: whether what is there may be replaced.
         as_json: whether standard output is the summary alone.
+        console: whether to show the flight on a page, whose address is printed.
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
@@ -179,6 +182,8 @@ def fly_live(
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
+    if console:
+        require(*CONSOLE)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name} live"
     with output_of(mission, out, force=force) as kept:
@@ -197,6 +202,7 @@ def fly_live(
                     show=show,
                     stop=stop,
                     tell=errors.tell,
+                    console=console,
                 )
             )
         return conclude(flight, kept, out=out, force=force, as_json=as_json)
@@ -216,6 +222,7 @@ async def flown_live(
     show: Show = show_nothing,
     stop: Callable[[], bool] = lambda: False,
     tell: Callable[[str], None] = lambda _: None,
+    console: bool = False,
 ) -> Flight:
     """The flight itself, to its end or until told to stop.
 
@@ -227,6 +234,7 @@ async def flown_live(
         show: called with the time and what is known of each vehicle.
         stop: whether to end now.
         tell: called with what a user should read.
+        console: whether to show the flight on a page.
 
     Raises:
         VfguideError: a process that should not has ended, or none of the links stands.
@@ -243,6 +251,8 @@ async def flown_live(
             live_flight(mission, directory=directory, links=links, speedup=speedup)
         )
         _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
+        if console:
+            await stack.enter_async_context(console_of(mission, flight.watched, tell))
         before, flies, interrupted = flight.accounts(), False, False
         while (
             now_s := flight.truth_collector.time_s
@@ -267,3 +277,17 @@ async def flown_live(
         latency = latency_of(figures, leader=mission.leader.vehicle, processes=usage)
         record = flight.record(wall_s=wall_s)
     return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+
+
+@asynccontextmanager
+async def console_of(
+    mission: Mission, watched: Watched, tell: Callable[[str], None]
+) -> AsyncIterator[None]:
+    """The flight on a page, whose address is told."""
+    # Here, because it brings the web server's libraries.
+    from vfguide.commands.console import live_console
+    from vfguide.lab.console.server import Address
+
+    async with live_console(mission, watched, address=Address(port=0)) as url:
+        tell(f"console: {url}")
+        yield

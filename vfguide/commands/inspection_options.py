@@ -1,4 +1,4 @@
-"""The options of `vfguide status`, `check`, `report`, `export` and `analyse`, which steer nothing."""
+"""The options of `vfguide status`, `console`, `check`, `report`, `export`, `analyse`: they steer nothing."""
 
 from pathlib import Path
 from typing import Annotated
@@ -49,6 +49,80 @@ def status(
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     raise typer.Exit(
         show_status(loaded.mission, links=link, keys=keys, as_json=as_json, watch=watch)
+    )
+
+
+def console(
+    mission: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MISSION", help="Mission file (YAML), or the name of one that comes along."
+        ),
+    ] = None,
+    *,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="URL",
+            help="The formation's link, such as mqtt://host:1883; several are used at once.",
+        ),
+    ] = None,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+    replay: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Show a recorded flight instead: what `fly --out` wrote or companions recorded.",
+            parser=directory,
+        ),
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(metavar="HOST", help="Interface to serve on; others than loopback need TLS."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=0, max=65535, help="To serve on; 0 for any free one.")
+    ] = 8080,
+    certificate: Annotated[Path | None, typer.Option(metavar="FILE", help="For TLS, PEM.")] = None,
+    certificate_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Private key of the certificate, PEM.")
+    ] = None,
+    token: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Keeps the token of the page's address, so that open pages outlive a restart.",
+        ),
+    ] = None,
+) -> None:
+    """Show a formation on a page of a browser: who is where, how well, and what to do.
+
+    It only looks on. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
+    """
+    from vfguide.extras import CONSOLE, require
+
+    require(*CONSOLE)
+    from vfguide.commands.console import show_formation, show_recorded
+    from vfguide.commands.credentials import KeyFiles
+    from vfguide.lab.console.server import Address
+
+    address = Address(
+        host=host, port=port, certificate=certificate, certificate_key=certificate_key
+    )
+    if replay:
+        if mission is not None or link:
+            raise InputError("--replay: shows a recorded flight; leave MISSION and --link out")
+        show_recorded(replay, address=address, token_file=token)
+        return
+    if mission is None or not link:
+        raise InputError(
+            "give MISSION and --link URL to show a formation, or --replay DIR to show a flight"
+        )
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    show_formation(
+        read_mission(mission).mission, links=link, keys=keys, address=address, token_file=token
     )
 
 

@@ -156,6 +156,17 @@ class Companion:
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
         )
         self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._wind: tuple[float, float] | None = None
+
+    @property
+    def flight_mode(self) -> str:
+        """What ground stations call the autopilot's mode."""
+        return self._authority.mode_name()
+
+    @property
+    def wind(self) -> tuple[float, float] | None:
+        """(north, east) of the wind that it flies by, m/s; None while not known."""
+        return self._wind
 
     @property
     def snapshot(self) -> Snapshot:
@@ -351,6 +362,7 @@ class Companion:
 
     def _guide(self, navigated: NavigatedState, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
+        self._wind = navigated.state.wind_north, navigated.state.wind_east
         if not navigated.steerable:
             state = self._role.step(navigated, Mode.WAITING).publish
             out.to_link += [] if state is None else [state]

@@ -28,7 +28,7 @@ from vfguide.link.address import LinkAddress
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import Presence
+from vfguide.link.presence import LONGEST_WARNING, Presence, fit_text
 from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
@@ -157,6 +157,7 @@ class Daemon:
         self._response = Quantiles()
         self._leader_age = Quantiles()
         self._announced = -ANNOUNCE_S
+        self._warning = ""
         self._failure: Exception | None = None
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -304,6 +305,8 @@ class Daemon:
         for event in out.events:
             level = logging.WARNING if event.warning else logging.INFO
             logger.log(level, event.text, extra={"vehicle": self._name})
+            if event.warning:
+                self._warning = event.text
         if any(not event.warning for event in out.events):
             self._announced = -ANNOUNCE_S
 
@@ -321,6 +324,8 @@ class Daemon:
                 version=VERSION,
                 signed=self._surroundings.trust.signs,
                 obstacle=self._companion.obstacle(now) or "",
+                autopilot=fit_text(self._companion.flight_mode),
+                warning=fit_text(self._warning, LONGEST_WARNING),
                 figures=self._figures(),
             )
         )
@@ -336,6 +341,10 @@ class Daemon:
             if values.last is not None:
                 figures[f"{name}_last"] = round(values.last * 1e3, 3)
             figures[f"{name}_max"] = round(values.greatest * 1e3, 3)
+        if self._companion.wind is not None:
+            wind_north, wind_east = self._companion.wind
+            figures["wind_north_m_s"] = round(wind_north, 2)
+            figures["wind_east_m_s"] = round(wind_east, 2)
         if self._link is not None:
             figures |= refused_messages(self._link.counters)
             figures["links"] = float(len(self._link.carriers))

@@ -11,7 +11,10 @@ LARGEST = 4096
 """Bytes of a presence: whatever is longer is not read."""
 
 LONGEST_TEXT = 100
-"""Characters of each text."""
+"""Characters of every other text."""
+
+LONGEST_WARNING = 200
+"""Characters of a warning."""
 
 MOST_FIGURES = 100
 """Figures in one presence."""
@@ -35,6 +38,10 @@ class Presence:
     """Whether its messages are signed; else anybody can say what it says."""
     obstacle: str = ""
     """What would keep it from steering now, in words; empty where nothing would."""
+    autopilot: str = ""
+    """What ground stations call the autopilot's mode; empty while not known."""
+    warning: str = ""
+    """The last warning that it gave its pilot; empty before the first."""
     figures: dict[str, float] = field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
@@ -74,8 +81,16 @@ def decode_presence(data: bytes) -> Presence:
         version=_text(content.get("version", "")),
         signed=content.get("signed") is True,
         obstacle=_text(content.get("obstacle", "")),
+        autopilot=_text(content.get("autopilot", "")),
+        warning=_text(content.get("warning", ""), LONGEST_WARNING),
         figures=_figures(content.get("figures", {})),
     )
+
+
+def fit_text(text: str, longest: int = LONGEST_TEXT) -> str:
+    """A text as a presence can hold it: printable, and cut where it is too long."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in text)
+    return printable if len(printable) <= longest else printable[: longest - 1] + "…"
 
 
 def _status(value: object) -> Status:
@@ -86,8 +101,8 @@ def _status(value: object) -> Status:
     raise LinkDataError("the status is neither online nor offline")
 
 
-def _text(value: object) -> str:
-    if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
+def _text(value: object, longest: int = LONGEST_TEXT) -> str:
+    if not isinstance(value, str) or len(value) > longest or not value.isprintable():
         raise LinkDataError("a text is none, too long or not printable")
     return value
 

@@ -20,6 +20,10 @@ BEAT_S = 1.0
 ECHO_REST_S = 20.0
 """s from one time that own states are listened for to the next."""
 
+WATCH_S = 0.25
+"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature
+that is not looked at costs nothing."""
+
 INSISTENCE_S = 0.1
 """s after which a task that has not ended is cancelled again."""
 
@@ -134,6 +138,8 @@ class Session:
             await self._inbox.settle(self._client.has_more)
             while (mail := self._inbox.mail.take()) is not None:
                 self._dispatch(*mail)
+            if self._parts.member.watches:
+                await asyncio.sleep(WATCH_S)
 
     def _dispatch(self, topic: str, payload: bytes) -> None:
         parts = self._parts

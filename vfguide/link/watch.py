@@ -1,9 +1,10 @@
 """Listening to the presences of a formation, for people who want to know how it is."""
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -11,7 +12,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from vfguide.errors import InputError, VfguideError
 from vfguide.link.address import LinkAddress
 from vfguide.link.keys import Roster, public_bytes
-from vfguide.link.member import Member
+from vfguide.link.member import Member, ignore, ignore_neighbour
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
@@ -97,6 +98,58 @@ async def watching(
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
     """A link on which presences come in, and those that have, by vehicle; old ones while no link stands."""
     found: dict[str, Presence] = {}
+    member = watching_member(watched, random, receive_presence=found.__setitem__)
+    async with open_link(
+        watched.addresses, formation=watched.formation, member=member, random=random
+    ) as link:
+        await link.settle()
+        yield link, found
+
+
+@asynccontextmanager
+async def overhearing(
+    watched: Watched,
+    followers: Sequence[str],
+    *,
+    receive_state: Callable[[str, bytes], None],
+    receive_presence: Callable[[str, Presence], None],
+    random: Random,
+) -> AsyncIterator[Link]:
+    """The link of one who hears all states and presences and says nothing about itself.
+
+    It need not stand: a connection is made again for ever.
+
+    Args:
+        watched: the formation.
+        followers: names of those whose states are wanted beside the leader's.
+        receive_state: called with a vehicle's name and its new state.
+        receive_presence: called with a vehicle's name and what it says about itself.
+        random: keeps those who lost the same broker from coming back in step.
+    """
+    member = watching_member(
+        watched,
+        random,
+        receive_presence=receive_presence,
+        receive=partial(receive_state, watched.leader),
+        neighbours=followers,
+        receive_neighbour=receive_state,
+    )
+    async with open_link(
+        watched.addresses, formation=watched.formation, member=member, random=random
+    ) as link:
+        yield link
+
+
+def watching_member(
+    watched: Watched,
+    random: Random,
+    *,
+    receive_presence: Callable[[str, Presence], None],
+    receive: Callable[[bytes], None] = ignore,
+    neighbours: Sequence[str] = (),
+    receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
+) -> Member:
+    """A member that only listens, and asks the leader whether it lives if it has a key to ask with."""
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
     if watched.roster is not None:
         asks = watched.key is not None
@@ -111,14 +164,12 @@ async def watching(
         key=watched.key,
         watches=True,
     )
-    member = Member(
+    return Member(
         trust,
         clock=clock,
-        receive_presence=found.__setitem__,
+        receive=receive,
+        neighbours=neighbours,
+        receive_neighbour=receive_neighbour,
+        receive_presence=receive_presence,
         peer_clock=PeerClock() if asks else None,
     )
-    async with open_link(
-        watched.addresses, formation=watched.formation, member=member, random=random
-    ) as link:
-        await link.settle()
-        yield link, found

@@ -21,6 +21,8 @@ SOUND = st.builds(
     time_s=FINITE,
     version=TEXTS,
     obstacle=TEXTS,
+    autopilot=TEXTS,
+    warning=TEXTS,
     figures=st.dictionaries(st.text("abc_", max_size=8), FINITE, max_size=10),
 )
 JSON: Any = st.recursive(
@@ -44,6 +46,8 @@ def test_a_presence_is_json_that_anybody_can_read() -> None:
         "version": "0.1.0",
         "signed": False,
         "obstacle": "",
+        "autopilot": "",
+        "warning": "",
         "figures": {"delay_ms": 0.25},
     }
 

@@ -7,7 +7,7 @@ import numpy as np
 import simplekml
 
 from vfguide.lab.export.columns import begin_of, geodetic, moment, origin_of
-from vfguide.lab.report.style import vehicle_colours
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.record.flight import FlightRecord
 
 MOST_POINTS = 100_000

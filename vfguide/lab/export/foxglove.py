@@ -17,8 +17,8 @@ import numpy as np
 from mcap.writer import Writer
 
 from vfguide.lab.export.columns import UNITS, Part, begin_of, parts_of
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.geometry import slot_track
-from vfguide.lab.report.style import vehicle_colours
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 Schema = dict[str, Any]

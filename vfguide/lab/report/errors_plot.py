@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.figures import errors_that_count, in_window, settling_time
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.style import (
@@ -21,7 +22,6 @@ from vfguide.lab.report.style import (
     set_log_scale,
     shade_window,
     show_whole_flight,
-    vehicle_colours,
 )
 from vfguide.record.flight import FlightRecord
 

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.geometry import PairSeparation, pair_separations
 from vfguide.lab.report.style import (
     LIMIT_COLOUR,
@@ -17,7 +18,6 @@ from vfguide.lab.report.style import (
     plain_text,
     set_log_scale,
     show_whole_flight,
-    vehicle_colours,
 )
 from vfguide.lab.report.wording import in_digits
 from vfguide.record.flight import FlightRecord

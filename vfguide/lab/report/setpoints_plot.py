@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.style import (
     LIMIT_COLOUR,
     NARROW_INCH,
@@ -17,7 +18,6 @@ from vfguide.lab.report.style import (
     new_figure,
     plain_text,
     show_whole_flight,
-    vehicle_colours,
 )
 from vfguide.record.flight import FlightRecord, VehicleRecord
 

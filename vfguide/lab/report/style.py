@@ -26,38 +26,6 @@ NARROW_DOTS_PER_INCH = 230
 NARROW_LETTERS = 34
 """Letters of a title that fit into a line of a narrow figure."""
 
-LEADER_COLOUR = "#1a1a1a"
-
-FOLLOWER_COLOURS = (
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-    "#cc79a7",
-    "#e69f00",
-    "#56b4e9",
-    "#6f4fa0",
-    "#8c564b",
-    "#999933",
-)
-"""Of Okabe and Ito, told apart by colour-blind readers too; three more for large formations."""
-
-DAY_COLOURS = (LEADER_COLOUR, *FOLLOWER_COLOURS)
-"""On a light ground, the leader's first."""
-
-NIGHT_COLOURS = (
-    "#f2f2f2",
-    "#4da3e8",
-    "#ff8a45",
-    "#2fc79a",
-    "#eaa0ca",
-    "#f5bf3d",
-    "#a5dbf7",
-    "#ad92e6",
-    "#cf9a8b",
-    "#cfcf62",
-)
-"""The same on a dark ground."""
-
 LIMIT_COLOUR = "#c1121f"
 """Of what a flight is held against."""
 
@@ -75,14 +43,6 @@ WINDOW_COLOUR = "#eef3e6"
 TEXT_SIZE = 9.0
 TITLE_SIZE = 10.5
 SMALL_SIZE = 8.0
-
-
-def vehicle_colours(record: FlightRecord, palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
-    """A colour for each vehicle, by name: the first for the leader, the others in turn."""
-    colours = {record.leader.name: palette[0]}
-    for number, follower in enumerate(record.followers):
-        colours[follower.name] = palette[1 + number % (len(palette) - 1)]
-    return colours
 
 
 def plain_text(text: str) -> str:

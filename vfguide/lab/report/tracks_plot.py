@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.figures import in_window
 from vfguide.lab.report.formation_drawing import Point, draw_aircraft, draw_links, formation_links
 from vfguide.lab.report.geometry import seen_from_leader
@@ -27,7 +28,6 @@ from vfguide.lab.report.style import (
     legend_above,
     new_figure,
     plain_text,
-    vehicle_colours,
 )
 from vfguide.record.flight import FlightRecord
 

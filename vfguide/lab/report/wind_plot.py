@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from vfguide.angles import wrap_course
 from vfguide.elementwise import FloatArray
+from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.style import (
     NARROW_INCH,
     STILL_AIR_M_S,
@@ -21,7 +22,6 @@ from vfguide.lab.report.style import (
     set_log_scale,
     shade_window,
     show_whole_flight,
-    vehicle_colours,
 )
 from vfguide.record.flight import FlightRecord
 

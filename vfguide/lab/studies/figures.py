@@ -13,11 +13,10 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vfguide.lab.report.colours import FOLLOWER_COLOURS, LEADER_COLOUR
 from vfguide.lab.report.picture import save_figure
 from vfguide.lab.report.style import (
     DOTS_PER_INCH,
-    FOLLOWER_COLOURS,
-    LEADER_COLOUR,
     LIMIT_COLOUR,
     SMALL_SIZE,
     TITLE_SIZE,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.report.colours import NIGHT_COLOURS, vehicle_colours
 from vfguide.lab.report.figures import window_s
 from vfguide.lab.report.geometry import slot_error
-from vfguide.lab.report.style import NIGHT_COLOURS, vehicle_colours
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 FORMAT = 1

@@ -48,6 +48,7 @@ function hermite(from, fromVelocity, to, toVelocity, seconds, share) {
 class Flight {
   constructor(content) {
     this.mission = content.mission;
+    this.nothing = "nothing recorded at this moment";
     this.estimated = content.estimated;
     this.modes = content.modes;
     this.window = content.window_s;

@@ -31,10 +31,11 @@ def replay_of(record: FlightRecord) -> PagePart:
     """The replay of a flight; nothing for one that broke at once."""
     if record.time_s.size < 2 or record.time_s[-1] <= record.time_s[0]:
         return NOTHING
+    markup = read("replay.html").replace("<!-- below -->\n", read("numbers.html"))
     data = f'<script type="application/json" id="replay-data">{replay_json(record)}</script>\n'
     return PagePart(
         style=read("replay.css"),
-        markup=f"<h2>Replay</h2>\n{read('replay.html')}{data}",
+        markup=f"<h2>Replay</h2>\n{markup}{data}",
         script=program(),
     )
 

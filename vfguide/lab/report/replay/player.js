@@ -4,6 +4,7 @@ const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 60];
 // A page that was not drawn for longer, as in another tab, goes on from where it was.
 const LONGEST_FRAME_S = 0.5;
 const TABLE_EVERY_MS = 100;
+const SPANS = [["20 s", 20], ["1 min", 60], ["5 min", 300], ["20 min", 1200]];
 
 /** Colours and fonts of the page, as they are now. */
 function readTheme(element) {
@@ -37,23 +38,35 @@ class Player {
       ["scene", "timeline", "play", "back", "forward", "slider", "clock", "speed", "quantity", "span", "numbers",
         "above", "course", "aslant", "whole", "nearer", "farther", "reset"].map((name) => [name, find(name)]),
     );
-    this.scene = new Scene(this.parts.scene, flight);
+    this.scene = new Scene(this.parts.scene, flight, this.makeFraming());
     this.timeline = new Timeline(this.parts.timeline, flight);
-    this.numbers = new Numbers(this.parts.numbers, flight, (name) => this.choose(name));
+    this.numbers = this.makeNumbers((name) => this.choose(name));
     this.#fillChoices();
     this.#listen();
     this.theme = readTheme(section);
     this.draw();
   }
 
+  makeFraming() {
+    return new Framing(this.flight);
+  }
+
+  /** What shows the numbers of every vehicle; `choose` is called with the name of one that is pressed. */
+  makeNumbers(choose) {
+    return new Numbers(this.parts.numbers, this.flight, choose);
+  }
+
+  /** Lengths of the plot beside the whole flight: [[name, seconds]]. */
+  spans() {
+    const whole = this.flight.end - this.flight.begin;
+    return SPANS.filter(([, seconds]) => seconds < 0.8 * whole);
+  }
+
   #fillChoices() {
     const { speed, quantity, span, slider } = this.parts;
     for (const factor of SPEEDS) speed.append(new Option(`${factor} ×`, String(factor), factor === 1, factor === 1));
     for (const one of this.timeline.quantities()) quantity.append(new Option(one.name, one.key));
-    const whole = this.flight.end - this.flight.begin;
-    for (const [name, seconds] of [["20 s", 20], ["1 min", 60], ["5 min", 300], ["20 min", 1200]]) {
-      if (seconds < 0.8 * whole) span.append(new Option(name, String(seconds)));
-    }
+    for (const [name, seconds] of this.spans()) span.append(new Option(name, String(seconds)));
     span.append(new Option("whole flight", "Infinity", true, true));
     Object.assign(slider, { min: String(this.flight.begin), max: String(this.flight.end), step: "0.1" });
   }
@@ -196,12 +209,18 @@ class Player {
   }
 
   play() {
-    if (this.flight.end <= this.flight.begin) return;
-    if (this.time >= this.flight.end) this.time = this.flight.begin;
+    if (!this.start()) return;
     this.playing = true;
     this.last = performance.now();
     this.draw();
     requestAnimationFrame((now) => this.#frame(now));
+  }
+
+  /** Go to where playing begins, from the end to the beginning; false if there is nothing to play. */
+  start() {
+    if (this.flight.end <= this.flight.begin) return false;
+    if (this.time >= this.flight.end) this.time = this.flight.begin;
+    return true;
   }
 
   pause() {
@@ -213,11 +232,16 @@ class Player {
     if (!this.playing) return;
     const passed = Math.min(Math.max((now - this.last) / 1000, 0), LONGEST_FRAME_S);
     this.last = now;
-    this.time = Math.min(this.time + passed * Number(this.parts.speed.value), this.flight.end);
-    if (this.time >= this.flight.end) this.playing = false;
-    else requestAnimationFrame((next) => this.#frame(next));
+    this.advance(passed);
+    if (this.playing) requestAnimationFrame((next) => this.#frame(next));
     this.timeline.follow(this.time);
     this.draw();
+  }
+
+  /** Go on by seconds of the reader's time. */
+  advance(seconds) {
+    this.time = Math.min(this.time + seconds * Number(this.parts.speed.value), this.flight.end);
+    if (this.time >= this.flight.end) this.playing = false;
   }
 
   seek(time) {
@@ -274,7 +298,7 @@ class Player {
     parts.clock.textContent = told;
     const now = performance.now();
     if (!this.playing || now - (this.toldAt ?? -Infinity) >= TABLE_EVERY_MS) {
-      this.numbers.show(this.flight.formationAt(time), theme, chosen);
+      this.numbers.show(this.flight.formationAt(time), theme, chosen, time);
       this.toldAt = now;
     }
   }

@@ -11,13 +11,15 @@ const FIN = [[0, -0.55], [0.5, -0.98], [0, -0.9]];
 const TRAIL_S = 20;
 const STILL_AIR_M_S = 0.05;
 const GROUND_MARGIN = 0.35;
+// An aircraft that was heard longer ago is somewhere else by now: it is drawn pale.
+const OLD_S = 2;
 
 class Scene {
-  constructor(canvas, flight) {
+  constructor(canvas, flight, framing) {
     this.canvas = canvas;
     this.flight = flight;
     this.camera = new Camera();
-    this.framing = new Framing(flight);
+    this.framing = framing;
     /** "above", "course" (the leader's course is up) or "aslant". */
     this.view = "above";
     this.whole = false;
@@ -59,7 +61,7 @@ class Scene {
     if (!formation.length) {
       context.fillStyle = theme.quiet;
       context.textAlign = "center";
-      context.fillText("nothing recorded at this moment", camera.width / 2, camera.height / 2);
+      context.fillText(this.flight.nothing, camera.width / 2, camera.height / 2);
     }
     this.shown = shown;
   }
@@ -237,7 +239,7 @@ class Scene {
     const size = this.#size(chosen, vehicle);
     const heading = Number.isFinite(state.heading_deg) ? state.heading_deg : state.course_deg;
     const bank = Number.isFinite(state.bank_deg) ? state.bank_deg : 0;
-    context.globalAlpha = chosen && chosen !== vehicle.name ? 0.45 : 1;
+    context.globalAlpha = (chosen && chosen !== vehicle.name) || state.age_s > OLD_S ? 0.45 : 1;
     context.fillStyle = theme.of(vehicle);
     context.lineJoin = "round";
     const wings = AIRCRAFT.map(([right, forward]) => [right, 0, forward]);

@@ -1,0 +1,256 @@
+"""What the console takes: its server's share of a core, the browser's, pictures and bytes a second.
+
+    python tests/benchmarks/console.py [--aircraft 30] [--seconds 20] [--chromium PROGRAM]
+
+A program in the place of the companions sends signed states of all aircraft ten times a second, over a
+broker. The console runs as a program of its own, with one page open in Chromium. Fails if the server takes a
+tenth of a core or more.
+"""
+
+import argparse
+import asyncio
+import cmath
+import math
+import re
+import shutil
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import aiomqtt
+import psutil
+import yaml
+from playwright.async_api import Page, async_playwright
+
+from vfguide.companion.plan import local_frame
+from vfguide.lab.studies.programs import broker
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.envelope import Kind
+from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
+from vfguide.link.presence import Presence, encode_presence
+from vfguide.link.topics import Topics
+from vfguide.link.trust import Trust, new_session
+from vfguide.mission import Mission, load_mission
+
+MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
+
+RATE_HZ = 10.0
+SPEED_M_S, RADIUS_M = 20.0, 300.0
+MOST_SERVER_SHARE = 0.10
+WARM_UP_S = 5.0
+
+FRAMES = """seconds => new Promise(done => {
+    let frames = 0;
+    const began = performance.now();
+    const count = () => {
+        frames += 1;
+        const passed = (performance.now() - began) / 1000;
+        if (passed < seconds) requestAnimationFrame(count);
+        else done(frames / passed);
+    };
+    requestAnimationFrame(count);
+})"""
+
+
+def tell(text: str) -> None:
+    """Print a line."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def mission_of(aircraft: int) -> dict[str, object]:
+    """The circle, with rows of aircraft."""
+    content = load_mission(MISSION).model_dump(mode="json", exclude_unset=True)
+    vehicle = content["vehicles"]["leader"]
+    content["name"] = f"rows-of-{aircraft}"
+    content["path"]["radius_m"] = RADIUS_M
+    names = [f"f{number}" for number in range(1, aircraft)]
+    content["followers"] = [
+        {
+            "vehicle": name,
+            "slot": {"forward_m": -20.0 * (row // 5 + 1), "right_m": 20.0 * (row % 5 - 2)},
+        }
+        for row, name in enumerate(names)
+    ]
+    content["vehicles"] = {
+        name: {**vehicle, "system_id": number + 1} for number, name in enumerate(["leader", *names])
+    }
+    content["rehearsal"].pop("start", None)
+    return content
+
+
+class Formation:
+    """All companions in one program: they fly their slots exactly and say so."""
+
+    def __init__(self, mission: Mission, file: Path) -> None:
+        places = key_places(file)
+        self._mission = mission
+        self.names = [mission.leader.vehicle, *mission.followers_by_name]
+        make_keys(places, mission.name, self.names)
+        roster = read_roster(places.roster)
+        self._trusts = {
+            name: Trust(
+                formation=mission.name,
+                name=name,
+                leader=self.names[0],
+                session=new_session(),
+                roster=roster,
+                key=read_private_key(places.private(name)),
+            )
+            for name in self.names
+        }
+        self._topics = {
+            name: Topics(prefix="vfguide", formation=mission.name, vehicle=name)
+            for name in self.names
+        }
+
+    def state(self, name: str, time_s: float) -> bytes:
+        """Of an aircraft at a time."""
+        turn_rate = SPEED_M_S / RADIUS_M
+        course = math.remainder(turn_rate * time_s, math.tau)
+        follower = self._mission.followers_by_name.get(name)
+        forward = follower.slot.forward_m if follower else 0.0
+        right = follower.slot.right_m if follower else 0.0
+        north = RADIUS_M * math.sin(course) + forward * math.cos(course) - right * math.sin(course)
+        east = -RADIUS_M * math.cos(course) + forward * math.sin(course) + right * math.cos(course)
+        latitude, longitude = local_frame(self._mission).to_geodetic(north, east)
+        # Those beside and behind the leader turn about the same centre.
+        velocity = complex(SPEED_M_S - turn_rate * right, turn_rate * forward)
+        return encode(
+            LeaderMessage(
+                sequence=0,
+                time_s=time_s,
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl=588.0,
+                course=math.remainder(course + cmath.phase(velocity), math.tau),
+                ground_speed=abs(velocity),
+                acceleration=0.0,
+                turn_rate=turn_rate,
+                turn_acceleration=0.0,
+                steered=True,
+            )
+        )
+
+    async def fly(self, port: int) -> None:
+        """Send states and presences until cancelled, evenly spread over time."""
+        pause_s = 1.0 / RATE_HZ / len(self.names)
+        async with aiomqtt.Client("127.0.0.1", port) as client:
+            began_s, count = time.monotonic(), 0
+            while True:
+                name = self.names[count % len(self.names)]
+                now = time.monotonic()
+                data = self._trusts[name].seal(Kind.STATE, self.state(name, now), time_s=now)
+                await client.publish(self._topics[name].state(name), data)
+                if count // len(self.names) % int(RATE_HZ) == 0:
+                    await self._announce(client, name, now)
+                count += 1
+                await asyncio.sleep(max(began_s + count * pause_s - time.monotonic(), 0.0))
+
+    async def _announce(self, client: aiomqtt.Client, name: str, now: float) -> None:
+        presence = Presence(
+            status="online",
+            mode="tracking",
+            time_s=now,
+            version="0",
+            signed=True,
+            autopilot="GUIDED",
+            figures={"leader_age_ms_last": 50.0, "wind_north_m_s": 3.0, "wind_east_m_s": 1.0},
+        )
+        data = self._trusts[name].seal(Kind.PRESENCE, encode_presence(presence), time_s=now)
+        await client.publish(self._topics[name].presence(name), data, retain=True)
+
+
+@asynccontextmanager
+async def console(file: Path, port: int) -> AsyncIterator[tuple[str, psutil.Process]]:
+    """The console as a program; yields its address and its process."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "vfguide", "console", str(file)),
+        *("--link", f"mqtt://127.0.0.1:{port}", "--port", "0"),
+        stdout=asyncio.subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    try:
+        line = (await process.stdout.readline()).decode()
+        found = re.search(r"http\S+", line)
+        if found is None:
+            raise SystemExit(f"the console did not start: {line}")
+        yield found[0], psutil.Process(process.pid)
+    finally:
+        process.terminate()
+        await process.wait()
+
+
+def processor_s(processes: Sequence[psutil.Process]) -> float:
+    """Processor time of some programs, s."""
+    times = [one.cpu_times() for one in processes]
+    return float(sum(one.user + one.system for one in times))
+
+
+def bytes_of(url: str, seconds: float) -> tuple[int, float]:
+    """Bytes of the flight so far, and bytes a second after it, of one page."""
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    opener.open(url).read()
+    stream = opener.open(url.partition("?")[0] + "flight")
+    head = sum(len(stream.readline()) for _ in range(3))
+    began_s, count = time.monotonic(), 0
+    while (passed_s := time.monotonic() - began_s) < seconds:
+        count += len(stream.readline())
+    return head, count / passed_s
+
+
+async def measure(page: Page, url: str, process: psutil.Process, seconds: float) -> bool:
+    """Print what it takes; whether that is little enough."""
+    began_s = time.monotonic()
+    await page.goto(url)
+    await page.get_by_text("live,").wait_for()
+    first_s = time.monotonic() - began_s
+    await asyncio.sleep(WARM_UP_S)
+    own = psutil.Process()
+    browsers = [one for one in own.children(recursive=True) if "chrom" in one.name()]
+    server_s, browser_s, began_s = processor_s([process]), processor_s(browsers), time.monotonic()
+    frames = await page.evaluate(FRAMES, seconds)
+    passed_s = time.monotonic() - began_s
+    server = (processor_s([process]) - server_s) / passed_s
+    drawing = (processor_s(browsers) - browser_s) / passed_s
+    tell(f"server: {server:.1%} of a core, {process.memory_info().rss / 1e6:.0f} MB")
+    tell(f"browser: {frames:.0f} pictures a second, {drawing:.0%} of a core")
+    tell(f"first picture after {first_s:.2f} s")
+    head, rate = await asyncio.to_thread(bytes_of, url, 5.0)
+    tell(f"one page: {head / 1e3:.0f} kB to begin with, {rate / 1e3:.0f} kB a second")
+    return server < MOST_SERVER_SHARE
+
+
+async def main() -> int:
+    """Measure; exit status 1 if the server takes too much."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--aircraft", type=int, default=30)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--chromium", default=shutil.which("chromium") or "chromium")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "mission.yaml"
+        file.write_text(yaml.safe_dump(mission_of(options.aircraft)), encoding="utf-8")
+        formation = Formation(load_mission(file), file)
+        async with broker(Path(scratch)) as (_, port), console(file, port) as (url, process):
+            flying = asyncio.create_task(formation.fly(port))
+            async with async_playwright() as playwright:
+                browser = await playwright.chromium.launch(
+                    executable_path=options.chromium, args=["--disable-dev-shm-usage"]
+                )
+                page = await browser.new_page(viewport={"width": 1280, "height": 900})
+                tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz")
+                good = await measure(page, url, process, options.seconds)
+                await browser.close()
+            flying.cancel()
+            with suppress(asyncio.CancelledError):
+                await flying
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main()))

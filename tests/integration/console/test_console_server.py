@@ -1,0 +1,216 @@
+"""Who is let in by the console's server, and what it says with every answer."""
+
+import asyncio
+import http.client
+import socket
+import ssl
+import subprocess
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from vfguide.commands.console import kept_token
+from vfguide.errors import InputError
+from vfguide.lab.console.server import Address, served
+from vfguide.lab.console.source import MOST_PAGES, Source
+
+ANYWHERE = Address(port=0)
+
+Answer = tuple[int, dict[str, str], str]
+
+
+class Nothing(Source):
+    """A flight without anything."""
+
+    def opening(self) -> str:
+        return '{"live": false}'
+
+
+def ask(
+    url: str, path: str, *, cookie: str = "", method: str = "GET", authority: str = ""
+) -> Answer:
+    """Status, headers and the first bytes of what a path answers."""
+    parts = urlsplit(url)
+    assert parts.hostname is not None
+    if parts.scheme == "https":
+        trusted = ssl.create_default_context(cafile=authority)
+        connection: http.client.HTTPConnection = http.client.HTTPSConnection(
+            parts.hostname, parts.port, timeout=20, context=trusted
+        )
+    else:
+        connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=20)
+    connection.request(method, path, headers={"Cookie": cookie} if cookie else {})
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.getheaders()), answer.read1(2000).decode()
+    connection.close()
+    return found
+
+
+def when_served(look: Callable[[str], Awaitable[None]], address: Address = ANYWHERE) -> None:
+    """Look at a console that is served."""
+
+    async def run() -> None:
+        async with served(Nothing(), address, title="<b>&", token="t" * 24) as url:
+            await look(url)
+
+    asyncio.run(run())
+
+
+PATHS = ("/", "/console.js", "/console.css", "/flight", "/nowhere")
+
+
+@pytest.mark.parametrize("given", ["", "?token=", "?token=wrong", "?token=" + "t" * 23])
+def test_nothing_is_shown_without_the_token(given: str) -> None:
+    async def look(url: str) -> None:
+        for path in PATHS:
+            status, headers, text = await asyncio.to_thread(ask, url, path + given)
+            assert status == 403
+            assert "open the whole address" in text
+            assert "set-cookie" not in headers
+        wrong = f"vfguide-console-{urlsplit(url).port}=wrong"
+        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=wrong)
+        assert status == 403
+
+    when_served(look)
+
+
+def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
+    async def look(url: str) -> None:
+        parts = urlsplit(url)
+        status, headers, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
+        assert (status, headers["location"]) == (303, "/")
+        cookie, *attributes = headers["set-cookie"].split("; ")
+        assert {"HttpOnly", "SameSite=strict"} <= set(attributes)
+        status, _, page = await asyncio.to_thread(ask, url, "/", cookie=cookie)
+        assert status == 200
+        assert "<h1>&lt;b&gt;&amp;</h1>" in page
+        status, headers, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+        assert (status, headers["content-type"].split(";")[0]) == (200, "text/event-stream")
+        assert text.startswith("event: flight\ndata: {")
+        status, _, _ = await asyncio.to_thread(ask, url, "/", cookie=cookie, method="POST")
+        assert status == 405
+
+    when_served(look)
+
+
+def test_every_answer_allows_the_pages_own_files_alone() -> None:
+    async def look(url: str) -> None:
+        for path in (*PATHS, "/?" + urlsplit(url).query):
+            _, headers, _ = await asyncio.to_thread(ask, url, path)
+            policy = headers["content-security-policy"]
+            assert "default-src 'none'" in policy
+            assert "unsafe" not in policy
+            assert "http" not in policy
+            assert headers["cache-control"] == "no-store"
+            assert headers["referrer-policy"] == "no-referrer"
+
+    when_served(look)
+
+
+@pytest.mark.parametrize("host", ["10.0.0.1", "::", "192.0.2.7", "ground.example"])
+def test_beyond_this_computer_a_certificate_is_wanted(host: str) -> None:
+    with pytest.raises(InputError, match="--certificate"):
+        Address(host=host).check()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.9", "::1", "localhost"])
+def test_on_this_computer_none_is(host: str) -> None:
+    Address(host=host).check()
+
+
+def test_with_a_certificate_it_is_served_by_tls(tmp_path: Path, openssl_program: str) -> None:
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    subprocess.run(
+        [
+            *(
+                openssl_program,
+                "req",
+                "-x509",
+                "-newkey",
+                "ec",
+                "-pkeyopt",
+                "ec_paramgen_curve:P-256",
+            ),
+            *(
+                "-nodes",
+                "-days",
+                "2",
+                "-subj",
+                "/CN=console",
+                "-addext",
+                "subjectAltName=IP:127.0.0.1",
+            ),
+            *("-keyout", str(key), "-out", str(certificate)),
+        ],
+        check=True,
+        capture_output=True,
+    )
+
+    async def look(url: str) -> None:
+        assert url.startswith("https://127.0.0.1:")
+        query = urlsplit(url).query
+        status, headers, _ = await asyncio.to_thread(
+            ask, url, f"/?{query}", authority=str(certificate)
+        )
+        assert status == 303
+        assert "Secure" in headers["set-cookie"]
+
+    when_served(look, Address(port=0, certificate=certificate, certificate_key=key))
+
+
+def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.pem"
+    wrong.write_text("nothing")
+
+    async def look(_: str) -> None:
+        raise AssertionError
+
+    with pytest.raises(InputError, match="cannot be used"):
+        when_served(look, Address(port=0, certificate=wrong))
+
+
+def test_a_port_that_is_taken_is_one_line() -> None:
+    async def look(_: str) -> None:
+        raise AssertionError
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(InputError, match="choose another"):
+            when_served(look, Address(port=taken.getsockname()[1]))
+
+
+def test_more_pages_than_are_served_are_told_so() -> None:
+    async def look(url: str) -> None:
+        cookie = f"vfguide-console-{urlsplit(url).port}={'t' * 24}"
+        host, port = urlsplit(url).hostname, urlsplit(url).port
+        request = f"GET /flight HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode()
+        writers = []
+        for _ in range(MOST_PAGES):
+            reader, writer = await asyncio.open_connection(host, port)
+            writer.write(request)
+            assert b"200" in await reader.readline()
+            await reader.readuntil(b"data: ")
+            writers.append(writer)
+        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+        assert status == 503
+        for writer in writers:
+            writer.close()
+
+    when_served(look)
+
+
+def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    token = kept_token(file)
+    assert file.stat().st_mode & 0o077 == 0
+    assert kept_token(file) == token
+    file.chmod(0o644)
+    with pytest.raises(InputError, match="chmod 600"):
+        kept_token(file)
+    file.chmod(0o600)
+    file.write_text("short\n")
+    with pytest.raises(InputError, match="holds no token"):
+        kept_token(file)

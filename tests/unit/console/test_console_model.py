@@ -1,0 +1,265 @@
+"""The console's model: what it makes of states and presences, by hand-computed places."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.companion.plan import local_frame
+from vfguide.lab.console.model import MODES, SERIES, Formation
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.presence import Presence
+from vfguide.mission import Mission, load_mission
+
+MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+
+ALTITUDE_M = 588.0
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    """f1 is 20 m behind and 20 m left of the leader."""
+    return load_mission(MISSION)
+
+
+def state(
+    mission: Mission,
+    *,
+    north: float,
+    east: float,
+    time_s: float = 100.0,
+    course: float = 0.0,
+    turn_rate: float = 0.0,
+    altitude: float = ALTITUDE_M,
+) -> bytes:
+    latitude, longitude = local_frame(mission).to_geodetic(north, east)
+    return encode(
+        LeaderMessage(
+            sequence=0,
+            time_s=time_s,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl=altitude,
+            course=course,
+            ground_speed=20.0,
+            acceleration=0.0,
+            turn_rate=turn_rate,
+            turn_acceleration=0.0,
+            steered=True,
+        )
+    )
+
+
+def online(mode: str = "tracking", **more: float) -> Presence:
+    return Presence(status="online", mode=mode, time_s=0.0, version="1", figures=more)
+
+
+def numbers(formation: Formation, name: str, now: float) -> dict[str, float]:
+    row = formation.sample(now)[formation.names.index(name)]
+    return dict(zip(SERIES, row.tolist(), strict=True))
+
+
+def alarms(formation: Formation, now: float) -> list[tuple[str, str]]:
+    return [(one.level, one.text) for one in formation.alarms(now)]
+
+
+def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
+    """On a course of 90 degrees behind is west and left is north."""
+    formation = Formation(mission)
+    east = math.pi / 2.0
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, course=east), 1.0)
+    formation.take_state("f1", state(mission, north=20.0, east=-20.0, course=east), 1.0)
+    shown = numbers(formation, "f1", 1.0)
+    assert shown["along_m"] == pytest.approx(0.0, abs=1e-3)
+    assert shown["across_m"] == pytest.approx(0.0, abs=1e-3)
+    assert shown["north_m"] == pytest.approx(20.0, abs=1e-3)
+    assert shown["course_deg"] == pytest.approx(90.0)
+
+
+def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
+    formation.take_state("f1", state(mission, north=-23.0, east=-24.0), 1.0)
+    shown = numbers(formation, "f1", 1.0)
+    assert shown["along_m"] == pytest.approx(3.0, abs=1e-3)
+    assert shown["across_m"] == pytest.approx(4.0, abs=1e-3)
+
+
+def test_states_of_different_times_are_compared_at_one_time(mission: Mission) -> None:
+    """f1 was heard 0.1 s before the leader, in which both fly 2 m."""
+    formation = Formation(mission)
+    formation.take_state("f1", state(mission, north=-20.0, east=-20.0, time_s=99.9), 0.9)
+    formation.take_state("leader", state(mission, north=2.0, east=0.0, time_s=100.0), 1.0)
+    assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
+    assert numbers(formation, "leader", 1.0)["north_m"] == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: Mission) -> None:
+    """The first took no time, the second half a second, in which 10 m are flown."""
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=100.0), 1.0)
+    late = state(mission, north=-20.0 + 20.0, east=-20.0, time_s=101.0)
+    formation.take_state("leader", state(mission, north=20.0, east=0.0, time_s=101.0), 2.0)
+    formation.take_state("f1", late, 2.5)
+    assert numbers(formation, "f1", 2.5)["north_m"] == pytest.approx(10.0, abs=1e-3)
+    assert numbers(formation, "f1", 2.6)["along_m"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -> None:
+    """The leader's messages take 0.2 s, f1's none: f1's state is 0.2 s, or 4 m, ahead of the leader's."""
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=99.8), 1.0)
+    formation.take_state("f1", state(mission, north=-16.0, east=-20.0, time_s=100.0), 1.0)
+    assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_turn_is_flown_on(mission: Mission) -> None:
+    """A quarter turn in 2 s at 20 m/s: a circle of radius 80 / pi m."""
+    formation = Formation(mission)
+    turning = state(mission, north=0.0, east=0.0, turn_rate=math.pi / 4.0)
+    formation.take_state("leader", turning, 0.0)
+    shown = numbers(formation, "leader", 2.0)
+    assert shown["course_deg"] == pytest.approx(90.0)
+    # A chord of the arc's length: 40 m toward 45 degrees.
+    assert shown["north_m"] == pytest.approx(40.0 * math.sqrt(0.5), abs=1e-2)
+    assert shown["bank_deg"] == pytest.approx(
+        math.degrees(math.atan(20.0 * math.pi / 4.0 / 9.80665)), abs=1e-3
+    )
+
+
+def test_wind_gives_airspeed_and_heading(mission: Mission) -> None:
+    """North at 20 m/s over ground, the air moves east by 15 m/s: the nose points to the west, 25 m/s."""
+    formation = Formation(mission)
+    formation.take_presence("leader", online(wind_north_m_s=0.0, wind_east_m_s=15.0), 0.0)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
+    shown = numbers(formation, "leader", 0.0)
+    assert shown["airspeed_m_s"] == pytest.approx(25.0)
+    assert shown["heading_deg"] == pytest.approx(-math.degrees(math.atan2(15.0, 20.0)))
+
+
+def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
+    formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
+    assert math.isfinite(numbers(formation, "f1", 1.0)["along_m"])
+    shown = numbers(formation, "f1", 3.0)
+    assert math.isnan(shown["along_m"])
+    assert math.isfinite(shown["north_m"])
+    assert shown["age_s"] == pytest.approx(3.0)
+    assert math.isnan(numbers(formation, "f1", 16.0)["north_m"])
+
+
+def test_a_formation_in_its_slots_has_no_alarm(mission: Mission) -> None:
+    formation = Formation(mission)
+    places = {"leader": (0.0, 0.0), "f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
+    for name, (north, east) in places.items():
+        formation.take_state(name, state(mission, north=north, east=east), 0.0)
+        formation.take_presence(name, online(), 0.0)
+    formation.sample(0.1)
+    assert alarms(formation, 0.1) == []
+    assert [card["level"] for card in formation.cards(0.1)] == ["good"] * 4
+
+
+def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission: Mission) -> None:
+    formation = Formation(mission)
+    for name in formation.names:
+        formation.take_state(name, state(mission, north=0.0, east=100.0 * len(name)), 0.0)
+        formation.take_presence(name, online(), 0.0)
+    gone = Presence(status="offline", mode="", time_s=0.0, version="1")
+    formation.take_presence("f2", gone, 0.5)
+    ((level, text),) = [one for one in alarms(formation, 0.5) if "lost" in one[1]]
+    assert level == "alarm"
+    assert text.startswith("f2 has lost its companion")
+    assert "take it over by hand" in text
+    row = formation.names.index("f2")
+    assert formation.cards(0.5)[row]["level"] == "alarm"
+    assert MODES[int(numbers(formation, "f2", 0.5)["mode"])] == "offline"
+
+
+def test_two_that_are_too_near_are_named(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
+    formation.take_state("f1", state(mission, north=3.0, east=4.0), 0.0)
+    formation.sample(0.0)
+    assert alarms(formation, 0.0)[0] == (
+        "alarm",
+        "leader and f1 are 5 m apart: take one of them out of the formation by hand.",
+    )
+
+
+def test_heights_count_for_what_is_near(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
+    formation.take_state("f1", state(mission, north=3.0, east=4.0, altitude=ALTITUDE_M + 20.0), 0.0)
+    formation.sample(0.0)
+    assert not [text for _, text in alarms(formation, 0.0) if "apart" in text]
+
+
+def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> None:
+    formation = Formation(mission)
+    for name in ("leader", "f1"):
+        formation.take_state(name, state(mission, north=0.0, east=50.0 * len(name)), 0.0)
+        formation.take_presence(name, online(), 0.0)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=105.0), 5.0)
+    assert any(
+        text.startswith("f1 has not been heard for 5 s") for _, text in alarms(formation, 5.0)
+    )
+    texts = [text for _, text in alarms(formation, 10.0)]
+    assert any(text.startswith("No aircraft has been heard for 5 s") for text in texts)
+    assert not any(text.startswith("f1 has not") for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("mode", "level", "advice"),
+    [
+        ("predicting", "alarm", "mend the link within 30 s"),
+        ("breakaway", "alarm", "give it room"),
+        ("lost", "alarm", "take it over"),
+        ("pilot", "note", "select the guided mode"),
+        ("waiting", "note", "armed and in the guided mode"),
+    ],
+)
+def test_modes_in_which_somebody_should_act_say_what_to_do(
+    mission: Mission, mode: str, level: str, advice: str
+) -> None:
+    formation = Formation(mission)
+    formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
+    formation.take_presence("f1", online(mode), 0.0)
+    ((found, text),) = [one for one in alarms(formation, 0.1) if one[1].startswith("f1 ")]
+    assert found == level
+    assert advice in text
+
+
+def test_a_warning_is_as_old_as_it_was_new(mission: Mission) -> None:
+    formation = Formation(mission)
+    for now in (1.0, 2.0, 3.0):
+        said = Presence(status="online", mode="tracking", time_s=0.0, version="1", warning="hot")
+        formation.take_presence("f1", said, now)
+    card = formation.cards(11.0)[formation.names.index("f1")]
+    assert card["warning"] == "hot"
+    assert card["warned_s"] == 10
+
+
+def test_the_flight_so_far_is_json_that_the_replay_reads(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.sample(0.0)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
+    formation.sample(0.1)
+    content = formation.describe()
+    json.dumps(content, allow_nan=False)
+    assert content["modes"] == list(MODES)
+    assert content["live"] is True
+    assert len(formation.history.time_s) == 2
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(data=st.binary(max_size=120), name=st.sampled_from(["leader", "f1", "stranger"]))
+def test_whatever_comes_the_picture_stays_json(data: bytes, name: str) -> None:
+    formation = Formation(load_mission(MISSION))
+    formation.take_state(name, data, 0.0)
+    formation.sample(0.1)
+    json.dumps(formation.describe(), allow_nan=False)
+    assert not formation.heard_anything

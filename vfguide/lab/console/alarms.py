@@ -1,0 +1,172 @@
+"""Alarms of a formation, each a sentence that says what to do."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vfguide.companion.possibilities import SPACING_SHARE
+from vfguide.companion.supervisor import Mode
+from vfguide.companion.traffic import HOLD_M
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.mission.model import Timeouts
+
+Level = Literal["alarm", "note"]
+"""An alarm wants somebody to act, a note wants somebody to look."""
+
+SILENT_S = 2.0
+"""Without a state for so long a vehicle counts as silent: it may be anywhere by then."""
+
+MOST_NEAR = 4
+"""Pairs of vehicles that are named at once."""
+
+
+OF_MODES: Mapping[str, tuple[Level, str]] = {
+    Mode.PREDICTING.value: (
+        "alarm",
+        (
+            "does not hear the leader and follows its plan: mend the link within {prediction_s:g} s, then the"
+            " formation breaks up by itself."
+        ),
+    ),
+    Mode.BREAKAWAY.value: (
+        "alarm",
+        (
+            "flies away from the others, as the leader was silent for too long: give it room, and be ready"
+            " to take it over."
+        ),
+    ),
+    Mode.LOST.value: (
+        "alarm",
+        (
+            "was given back to its autopilot, without a leader: take it over, or mend the link and select"
+            " the guided mode again."
+        ),
+    ),
+    Mode.PILOT.value: (
+        "note",
+        "is flown by its pilot{by}: select the guided mode to have it join again.",
+    ),
+    Mode.WAITING.value: (
+        "note",
+        "is not steered{by}: see that it is armed and in the guided mode, and has a position.",
+    ),
+}
+"""What is wrong with a vehicle whose companion is in a mode, after its name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm:
+    """Something that somebody should know."""
+
+    level: Level
+    """How bad it is."""
+    text: str
+    """One sentence, with what to do."""
+    vehicles: tuple[str, ...] = ()
+    """Whom it is about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Knowledge:
+    """What is known of a vehicle."""
+
+    name: str
+    """Its name."""
+    leads: bool
+    """Whether it is the leader."""
+    mode: str | None
+    """Of its companion; None before that has said anything."""
+    offline: bool
+    """Whether the broker has lost its companion."""
+    state_age_s: float
+    """Since its newest state came; infinite before the first."""
+    autopilot: str
+    """Mode of its autopilot; empty while not known."""
+    links_lost: int
+    """How many of its links do not stand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearness:
+    """Two vehicles that are too near to each other."""
+
+    first: str
+    """One of them."""
+    second: str
+    """The other."""
+    distance_m: float
+    """Between them, m."""
+
+    @staticmethod
+    def is_too_near(distance_m: FloatArray, wanted_m: FloatArray) -> BoolArray:
+        """Whether distances are below what companions keep, by the distances between their slots, m."""
+        near: BoolArray = distance_m < np.minimum(HOLD_M, SPACING_SHARE * wanted_m)
+        return near
+
+
+def alarms_of(
+    known: Sequence[Knowledge], near: Sequence[Nearness], *, patience: Timeouts
+) -> list[Alarm]:
+    """What somebody should look at or do, the worst first."""
+    found = [
+        Alarm(
+            level="alarm",
+            text=f"{pair.first} and {pair.second} are {pair.distance_m:.0f} m apart:"
+            " take one of them out of the formation by hand.",
+            vehicles=(pair.first, pair.second),
+        )
+        for pair in sorted(near, key=lambda pair: pair.distance_m)[:MOST_NEAR]
+    ]
+    silent = all(one.state_age_s > SILENT_S for one in known)
+    newest_s = min(one.state_age_s for one in known)
+    if silent and newest_s < float("inf"):
+        text = (
+            f"No aircraft has been heard for {newest_s:.0f} s, what you see is old: keep the airspace clear"
+            " and see that the link stands."
+        )
+        found.append(Alarm(level="alarm", text=text))
+    for one in known:
+        found += alarms_of_vehicle(one, patience, all_silent=silent)
+    return sorted(found, key=lambda alarm: alarm.level != "alarm")
+
+
+def alarms_of_vehicle(one: Knowledge, patience: Timeouts, *, all_silent: bool) -> list[Alarm]:
+    """What is wrong with one vehicle: the first thing alone, which the others follow from."""
+    level, text = describe_trouble(one, patience, all_silent=all_silent)
+    if not text:
+        return []
+    return [Alarm(level=level, text=f"{one.name} {text}", vehicles=(one.name,))]
+
+
+def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) -> tuple[Level, str]:
+    """How bad it is and what to do, after the vehicle's name; empty where all is well."""
+    if one.mode is None and one.state_age_s == float("inf"):
+        return "note", (
+            "has not been heard yet: see that its companion runs, on this link and with keys of this mission."
+        )
+    if one.offline:
+        return "alarm", (
+            "has lost its companion, and its autopilot flies by itself: watch it, take it over by hand, then"
+            " start the companion again."
+        )
+    if one.state_age_s > SILENT_S and not all_silent:
+        heard = (
+            "has sent no position yet"
+            if one.state_age_s == float("inf")
+            else f"has not been heard for {one.state_age_s:.0f} s"
+        )
+        return "alarm", f"{heard}: look for it in the sky and keep the others away from it."
+    return describe_mode(one, patience)
+
+
+def describe_mode(one: Knowledge, patience: Timeouts) -> tuple[Level, str]:
+    """The same, of the mode that its companion is in."""
+    if one.mode is not None and one.mode in OF_MODES:
+        level, text = OF_MODES[one.mode]
+        by = f" ({one.autopilot})" if one.autopilot else ""
+        return level, text.format(prediction_s=patience.prediction_s, by=by)
+    if one.links_lost:
+        return "note", "has lost one of its links and flies on by the other: mend it after landing."
+    return "note", ""

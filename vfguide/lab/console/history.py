@@ -1,0 +1,68 @@
+"""What has been seen of a flight so far, in a bounded room: the newest minute whole, the rest coarser."""
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+
+FINE_S = 60.0
+"""The newest samples, which are kept as they came, s."""
+
+FIRST_STEP_S = 0.2
+"""Between two older samples, before the room first runs out, s."""
+
+KEPT_SHARE = 0.75
+"""Of the room, at most, that is in use after samples have been left out."""
+
+
+class History:
+    """Samples of some series of some vehicles, in order of time."""
+
+    def __init__(self, vehicles: int, series: int, *, room: int = 8000) -> None:
+        """Make an empty one.
+
+        Args:
+            vehicles: how many there are.
+            series: how many numbers each sample has of a vehicle.
+            room: how many samples are kept at most.
+        """
+        self._time_s = np.empty(room, dtype=np.float64)
+        self._values = np.empty((room, vehicles, series), dtype=np.float32)
+        self._count = 0
+        self._step_s = FIRST_STEP_S
+
+    @property
+    def time_s(self) -> FloatArray:
+        """N times, ascending, s."""
+        return self._time_s[: self._count]
+
+    def series(self, vehicle: int, number: int) -> FloatArray:
+        """N values of one series of one vehicle."""
+        return self._values[: self._count, vehicle, number].astype(np.float64)
+
+    def add(self, time_s: float, values: FloatArray) -> None:
+        """Add a sample: (vehicles, series) values at a time later than all before; others are passed over."""
+        if self._count and time_s <= self._time_s[self._count - 1]:
+            return
+        if self._count == self._time_s.size:
+            self._thin(time_s)
+        self._time_s[self._count] = time_s
+        self._values[self._count] = values
+        self._count += 1
+
+    def _thin(self, now_s: float) -> None:
+        """Leave older samples out, as few as possible, so that there is room again."""
+        time_s = self.time_s
+        fine = time_s > now_s - FINE_S
+        # Samples that come faster than there is room for a minute of them are coarser from the first.
+        if fine.sum() > 0.5 * time_s.size:
+            fine = np.arange(time_s.size) >= 0.5 * time_s.size
+        while True:
+            spans = np.floor(time_s / self._step_s)
+            kept = fine | (np.diff(spans, prepend=-np.inf) > 0.0)
+            if kept.sum() <= KEPT_SHARE * time_s.size:
+                break
+            self._step_s *= 2.0
+        count = int(kept.sum())
+        self._time_s[:count] = time_s[kept]
+        self._values[:count] = self._values[: self._count][kept]
+        self._count = count

@@ -1,0 +1,192 @@
+// A card for each vehicle: what it does, how well, how old that is, and what its companion says.
+
+const TRACE_S = 60;
+const TRACE_EVERY_MS = 500;
+// Along, across, height: told apart by their dashes too.
+const TRACES = [
+  { name: "along", dash: [] },
+  { name: "across", dash: [5, 3] },
+  { name: "height", dash: [1.5, 2.5] },
+];
+const LEVELS = { good: "●", note: "◆", alarm: "▲" };
+
+function element(tag, className, ...children) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.append(...children);
+  return made;
+}
+
+function tell(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+function withMetres(length) {
+  return Number.isFinite(length) ? `${length.toFixed(1)} m` : dash;
+}
+
+/** An age in words. */
+function old(seconds) {
+  if (!Number.isFinite(seconds)) return "never";
+  return seconds < 10 ? `${seconds.toFixed(1)} s ago` : `${clock(seconds)} ago`;
+}
+
+class Cards {
+  constructor(box, flight, choose) {
+    this.flight = flight;
+    this.words = null;
+    this.tracedAt = -Infinity;
+    this.cards = flight.vehicles.map((vehicle) => this.#make(vehicle, choose));
+    box.replaceChildren(...this.cards.map((card) => card.box));
+    box.classList.toggle("many", this.cards.length > 8);
+  }
+
+  #make(vehicle, choose) {
+    const mark = element("span", "mark");
+    const name = element("button", "vehicle", mark, vehicle.name);
+    name.type = "button";
+    name.title = "Show this one above the others";
+    name.addEventListener("click", () => choose(vehicle.name));
+    const level = element("span", "level");
+    const mode = element("span", "mode");
+    const parts = { mark, name, level, mode, numbers: new Map() };
+    const numbers = element("dl", "figures");
+    const shown = vehicle.leads ? ["height", "speed", "course"] : ["off", "along", "across", "height"];
+    for (const key of shown) {
+      const value = element("dd");
+      numbers.append(element("div", key, element("dt", "", key), value));
+      parts.numbers.set(key, value);
+    }
+    parts.trace = vehicle.leads ? null : element("canvas", "trace");
+    parts.trace?.setAttribute("role", "img");
+    parts.trace?.setAttribute("aria-label", `The last minute of ${vehicle.name}'s distance from its slot`);
+    parts.heard = element("p", "heard");
+    parts.warning = element("p", "warning");
+    const head = element("header", "", name, element("span", "state", level, mode));
+    const box = element("article", "card", head, numbers);
+    if (parts.trace) box.append(parts.trace);
+    box.append(parts.heard, parts.warning);
+    box.setAttribute("aria-label", vehicle.name);
+    return { ...parts, box, vehicle };
+  }
+
+  /** What the server says of each vehicle at the end of the flight. */
+  say(words) {
+    this.words = words;
+  }
+
+  show(formation, theme, chosen, time) {
+    const leader = formation[0].state;
+    // What is said is of now: at another moment of the flight it is left out.
+    const current = this.flight.live && this.current?.();
+    for (const [row, { vehicle, state }] of formation.entries()) {
+      const card = this.cards[row];
+      const words = current && this.words ? this.words[row] : null;
+      const level = words?.level ?? "good";
+      card.box.dataset.level = level;
+      card.box.classList.toggle("chosen", chosen === vehicle.name);
+      card.name.setAttribute("aria-pressed", String(chosen === vehicle.name));
+      card.mark.style.background = theme.of(vehicle);
+      tell(card.level, words ? LEVELS[level] : "");
+      tell(card.mode, this.flight.modeName(state.mode));
+      this.#showNumbers(card, state, leader);
+      this.#showWords(card, state, words);
+    }
+    const now = performance.now();
+    if (now - this.tracedAt < TRACE_EVERY_MS) return;
+    this.tracedAt = now;
+    for (const card of this.cards) if (card.trace) this.#drawTrace(card, time, theme);
+  }
+
+  #showNumbers({ numbers, vehicle }, state, leader) {
+    const late = state.age_s > OLD_S || leader.age_s > OLD_S;
+    const texts = vehicle.leads
+      ? { height: `${fixed(state.altitude_m, 0)} m`, speed: `${fixed(state.ground_speed_m_s, 1)} m/s`,
+          course: `${bearing(state.course_deg)}°` }
+      : { off: withMetres(Math.hypot(state.along_m, state.across_m)), along: fixedSign(state.along_m, 1),
+          across: fixedSign(state.across_m, 1),
+          height: fixedSign(late ? NaN : leader.altitude_m + vehicle.slot.up - state.altitude_m, 1) };
+    for (const [key, text] of Object.entries(texts)) tell(numbers.get(key), text);
+  }
+
+  #showWords(card, state, words) {
+    const parts = [];
+    if (this.flight.live) parts.push(`heard ${old(state.age_s)}`);
+    if (words && words.hears_s !== null) parts.push(`hears the leader ${words.hears_s.toFixed(2)} s old`);
+    if (words?.autopilot) parts.push(words.autopilot);
+    if (words && words.signed === false) parts.push("not signed");
+    tell(card.heard, parts.join(" · "));
+    card.box.classList.toggle("old", state.age_s > OLD_S);
+    tell(card.warning, words?.warning ? `${words.warning} (${old(words.warned_s)})` : "");
+  }
+
+  /** Along, across and height error over the last minute before the moment that is shown. */
+  #drawTrace({ trace, vehicle }, time, theme) {
+    const [width, height] = [trace.clientWidth, trace.clientHeight];
+    if (!width || !height) return;
+    const ratio = sharpness();
+    fitCanvas(trace, ratio);
+    const context = trace.getContext("2d");
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    const { flight } = this;
+    const from = flight.sampleAt(time - TRACE_S);
+    const to = flight.sampleAt(time) + 1;
+    const { along_m: along, across_m: across, altitude_m: altitude } = vehicle.series;
+    const led = flight.leader.series.altitude_m;
+    const valueOf = {
+      along: (i) => along[i],
+      across: (i) => across[i],
+      height: (i) => led[i] + vehicle.slot.up - altitude[i],
+    };
+    let most = 1;
+    for (let i = from; i < to; i++) {
+      for (const { name } of TRACES) {
+        const value = Math.abs(valueOf[name](i));
+        if (value > most) most = value;
+      }
+    }
+    most = roundLength(most) >= most ? roundLength(most) : nextRound(most);
+    const middle = height / 2;
+    const y = (value) => middle - (value / most) * (middle - 3);
+    context.strokeStyle = theme.grid;
+    context.lineWidth = 1;
+    context.setLineDash([]);
+    context.beginPath();
+    context.moveTo(0, middle);
+    context.lineTo(width, middle);
+    context.stroke();
+    context.strokeStyle = theme.of(vehicle);
+    context.lineWidth = 1.5;
+    for (const { name, dash } of TRACES) {
+      context.setLineDash(dash);
+      context.beginPath();
+      let drawing = false;
+      for (let i = from; i < to; i++) {
+        const value = valueOf[name](i);
+        if (!Number.isFinite(value)) {
+          drawing = false;
+          continue;
+        }
+        const x = width * (1 - (time - flight.time[i]) / TRACE_S);
+        if (drawing) context.lineTo(x, y(value));
+        else context.moveTo(x, y(value));
+        drawing = true;
+      }
+      context.stroke();
+    }
+    context.setLineDash([]);
+    context.font = theme.font(11);
+    context.fillStyle = theme.quiet;
+    context.textBaseline = "top";
+    context.textAlign = "left";
+    outlinedText(context, `±${most} m, 1 min`, 2, 1, theme);
+  }
+}
+
+/** Least of 1, 2, 5 times a power of ten that is not below `length`. */
+function nextRound(length) {
+  const below = roundLength(length);
+  if (below >= length) return below;
+  return [2, 2.5, 5, 10].map((factor) => below * factor).find((one) => one >= length && roundLength(one) === one);
+}
