@@ -45,7 +45,7 @@ def show_formation(
     watched = Watched(
         addresses=parse_links(links),
         formation=mission.name,
-        leader=mission.leader.vehicle,
+        leader=mission.timekeeper,
         roster=credentials.roster,
         key=credentials.key,
     )

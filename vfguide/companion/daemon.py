@@ -10,7 +10,7 @@ import math
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +20,7 @@ from random import Random
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.outgoing import Outgoing, Snapshot
+from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
@@ -302,13 +302,17 @@ class Daemon:
         if self._link is not None:
             for data in out.to_link:
                 self._link.publish(data)
-        for event in out.events:
+        self._note(out.events)
+
+    def _note(self, events: Sequence[Event]) -> None:
+        """Log what the companion has to say, and let the others know of it soon."""
+        for event in events:
             level = logging.WARNING if event.warning else logging.INFO
             logger.log(level, event.text, extra={"vehicle": self._name})
             if event.warning:
                 self._warning = event.text
-        if any(not event.warning for event in out.events):
-            self._announced = -ANNOUNCE_S
+            else:
+                self._announced = -ANNOUNCE_S
 
     def _announce(self) -> None:
         """Tell the formation, once a second and after each change of mode, how this companion is."""
