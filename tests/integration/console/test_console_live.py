@@ -133,6 +133,7 @@ def test_on_a_phone_it_is_usable_and_outlives_the_broker_and_looks_back(
             await broker.kill()
             await expect(alarms).to_contain_text("No connection", timeout=PATIENCE_MS)
             await expect(alarms).to_contain_text("No aircraft has been heard", timeout=PATIENCE_MS)
+            await expect(leader).to_have_attribute("data-level", "alarm")
             assert await overflow(page) <= 0
             stood = await place(page, "leader")
             await broker.start()

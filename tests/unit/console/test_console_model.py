@@ -210,6 +210,7 @@ def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> 
     texts = [text for _, text in alarms(formation, 10.0)]
     assert any(text.startswith("No aircraft has been heard for 5 s") for text in texts)
     assert not any(text.startswith("f1 has not") for text in texts)
+    assert {card["level"] for card in formation.cards(10.0)} == {"alarm"}
 
 
 @pytest.mark.parametrize(

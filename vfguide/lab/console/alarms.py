@@ -126,7 +126,7 @@ def alarms_of(
             f"No aircraft has been heard for {newest_s:.0f} s, what you see is old: keep the airspace clear"
             " and see that the link stands."
         )
-        found.append(Alarm(level="alarm", text=text))
+        found.append(Alarm(level="alarm", text=text, vehicles=tuple(one.name for one in known)))
     for one in known:
         found += alarms_of_vehicle(one, patience, all_silent=silent)
     return sorted(found, key=lambda alarm: alarm.level != "alarm")
