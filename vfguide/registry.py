@@ -170,6 +170,7 @@ links = Registry(
         "mqtt": "vfguide.link.mqtt",
         "mqtts": "vfguide.link.mqtt",
         "udp": "vfguide.link.udp",
+        "zenoh": "vfguide.link.zenoh",
         "serial": "vfguide.link.radio",
     },
 )

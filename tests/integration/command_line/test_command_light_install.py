@@ -53,21 +53,22 @@ def test_the_companion_starts_and_missions_are_checked_and_flown(run: Run) -> No
 
 
 @pytest.mark.parametrize(
-    ("arguments", "library"),
+    ("arguments", "library", "extra"),
     [
-        (("fly", "line-calm", "--duration", "5", "--out", "flight"), "matplotlib"),
-        (("fly", "line-calm", "--duration", "5", "--controller", "mpc"), "osqp"),
-        (("fly", "line-calm", "--duration", "5", "--live"), "psutil"),
-        (("bench", "--quick"), "matplotlib"),
-        (("bench", "robustness", "--quick"), "matplotlib"),
+        (("fly", "line-calm", "--duration", "5", "--out", "flight"), "matplotlib", "lab"),
+        (("fly", "line-calm", "--duration", "5", "--controller", "mpc"), "osqp", "lab"),
+        (("fly", "line-calm", "--duration", "5", "--live"), "psutil", "lab"),
+        (("status", "line-calm", "--insecure", "--link", "zenoh://"), "zenoh", "zenoh"),
+        (("bench", "--quick"), "matplotlib", "lab"),
+        (("bench", "robustness", "--quick"), "matplotlib", "lab"),
     ],
 )
 def test_what_needs_more_says_what_to_install_before_it_begins(
-    run: Run, tmp_path: Path, arguments: tuple[str, ...], library: str
+    run: Run, tmp_path: Path, arguments: tuple[str, ...], library: str, extra: str
 ) -> None:
     refused = run("vfguide", *arguments)
     assert refused.returncode == 3, refused.stderr
-    said = f"this needs {library}, which is not installed: pip install 'vfguide[lab]'"
+    said = f"this needs {library}, which is not installed: pip install 'vfguide[{extra}]'"
     assert refused.stderr.splitlines()[-1] == said
     assert "flying" not in refused.stderr
     assert not (tmp_path / "flight").exists()

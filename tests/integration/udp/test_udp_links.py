@@ -112,13 +112,42 @@ def peers(*names: str) -> dict[str, tuple[str, ...]]:
     }
 
 
-@pytest.mark.parametrize("way", ["group", "broadcast", "peers"])
+def zenoh_peers(first: str, *others: str) -> dict[str, tuple[str, ...]]:
+    """Addresses of members of whom one is known to all others, by which they find each other."""
+    known, *own = (f"127.0.0.1:{free_port()}" for _ in (first, *others))
+    links = {first: (f"zenoh://?listen={known}",)}
+    return links | {
+        name: (f"zenoh://{known}?listen={port}",) for name, port in zip(others, own, strict=True)
+    }
+
+
+def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back() -> None:
+    links = zenoh_peers(LEADER, "f1")
+
+    async def scenario() -> None:
+        async with crew_of("f1", **links) as (one,):
+            assert not one.link.connected or not one.heard
+            for _ in range(2):
+                one.heard.clear()
+                async with crew_of(LEADER, **links) as (leader,):
+                    await speak(leader, lambda: one.heard)
+            one.heard.clear()
+            # Meanwhile nobody is there, and nothing waits for anybody.
+            for number in range(1000):
+                one.link.publish(b"%d" % number)
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("way", ["group", "broadcast", "peers", "zenoh"])
 def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
     names = (LEADER, "f1", "f2")
     if way == "peers":
         links = peers(*names)
     elif way == "group":
         links = dict.fromkeys(names, group())
+    elif way == "zenoh":
+        links = zenoh_peers(*names)
     else:
         links = dict.fromkeys(names, (f"udp://127.255.255.255:{free_port()}",))
 

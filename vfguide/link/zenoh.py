@@ -1,0 +1,163 @@
+"""A formation's link over Zenoh (https://zenoh.io): peers find each other, with or without a router between.
+
+A peer that goes away and comes back is found again by Zenoh itself. Signatures, freshness and clocks are above
+it, as on every link; its own encryption is not used.
+"""
+
+import asyncio
+import json
+import re
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from random import Random
+from threading import Lock
+from typing import Any, ClassVar
+from urllib.parse import SplitResult, parse_qsl
+
+from vfguide.errors import InputError
+from vfguide.extras import import_extra
+from vfguide.link.address import LinkAddress
+from vfguide.link.carrier import link
+from vfguide.link.datagrams import DatagramCarrier
+from vfguide.link.envelope import LARGEST, formation_number
+from vfguide.link.member import Member
+from vfguide.link.presence import Presence
+
+EXAMPLE = "zenoh://10.0.0.2:7447?listen=0.0.0.0:7447, or zenoh:// where multicast finds the others"
+
+ENDPOINT = re.compile(r"[A-Za-z0-9._-]{1,253}:([0-9]{1,5})", re.ASCII)
+
+MOST_WAITING = 256
+"""Messages that wait for the event loop: of those that it cannot keep up with the oldest are lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZenohAddress(LinkAddress):
+    """Where Zenoh finds the others."""
+
+    scheme: ClassVar[str] = "zenoh"
+
+    peers: tuple[str, ...] = ()
+    """HOST:PORT of peers or routers; none where multicast finds them."""
+    listen: str = ""
+    """HOST:PORT that others can call; any free port if empty."""
+
+    def __str__(self) -> str:
+        return "zenoh://" + ",".join(self.peers) + (f"?listen={self.listen}" if self.listen else "")
+
+
+@link("zenoh")
+class ZenohCarrier(DatagramCarrier):
+    """Carries messages by Zenoh."""
+
+    address: ZenohAddress
+
+    def __init__(
+        self,
+        address: ZenohAddress,
+        *,
+        formation: str,
+        member: Member,
+        presence: Presence,
+        random: Random,
+    ) -> None:
+        """Make one that is not open yet; arguments as of `Carrier`.
+
+        Raises:
+            VfguideError: Zenoh is not installed.
+        """
+        super().__init__(
+            address, formation=formation, member=member, presence=presence, random=random
+        )
+        self._zenoh = import_extra("zenoh")
+        # As a number: a formation's name may hold what a key may not.
+        self._key = f"vfguide/{formation_number(formation):016x}"
+        self._session: Any = None
+        self._publisher: Any = None
+        self._waiting: deque[bytes] = deque(maxlen=MOST_WAITING)
+        self._lock = Lock()
+
+    @classmethod
+    def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> ZenohAddress:
+        """Peers or routers, as in zenoh://10.0.0.2:7447?listen=0.0.0.0:7447; none: by multicast."""
+        del environment
+        options = dict(parse_qsl(parts.query, keep_blank_values=True))
+        if parts.fragment or parts.path.strip("/") or not set(options) <= {"listen"}:
+            raise InputError(f"a Zenoh link has peers, and after the ? listen=; write {EXAMPLE}")
+        peers = tuple(filter(None, parts.netloc.split(",")))
+        for endpoint in (*peers, *options.values()):
+            found = ENDPOINT.fullmatch(endpoint)
+            if found is None or not 0 < int(found[1]) < 2**16:
+                raise InputError(f"a Zenoh peer is HOST:PORT; write {EXAMPLE}")
+        return ZenohAddress(peers=peers, listen=options.get("listen", ""))
+
+    def open(self) -> None:
+        """Open a session; peers that are not there yet are called again and again."""
+        zenoh, loop = self._zenoh, asyncio.get_running_loop()
+        try:
+            self._session = zenoh.open(self._config())
+            remote = zenoh.Locality.REMOTE
+            self._session.declare_subscriber(
+                self._key,
+                lambda sample: self._hear(loop, bytes(sample.payload)),
+                allowed_origin=remote,
+            )
+            self._publisher = self._session.declare_publisher(
+                self._key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                express=True,
+                allowed_destination=remote,
+            )
+        except zenoh.ZError as error:
+            self.close()
+            raise OSError(str(error)) from error
+
+    def close(self) -> None:
+        """Close the session."""
+        session, self._session, self._publisher = self._session, None, None
+        if session is not None:
+            session.close()
+
+    def transmit(self, data: bytes) -> None:
+        """Send to all peers."""
+        if self._publisher is not None:
+            self._publisher.put(data)
+
+    def _config(self) -> Any:  # noqa: ANN401 - Zenoh's own
+        """A peer that finds the others by multicast where the address names none."""
+        config = self._zenoh.Config()
+        settings: dict[str, object] = {
+            "mode": "peer",
+            "scouting/multicast/enabled": not self.address.peers and not self.address.listen,
+            "scouting/delay": 0,
+            "connect/endpoints": [f"tcp/{peer}" for peer in self.address.peers],
+            "connect/exit_on_failure": False,
+            "connect/timeout_ms": 0,
+        }
+        if self.address.listen:
+            settings["listen/endpoints"] = [f"tcp/{self.address.listen}"]
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
+        return config
+
+    def _hear(self, loop: asyncio.AbstractEventLoop, data: bytes) -> None:
+        """Take a message in Zenoh's thread."""
+        if len(data) > LARGEST:
+            return
+        with self._lock:
+            first = not self._waiting
+            self._waiting.append(data)
+        if first:
+            # The loop may have ended meanwhile.
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._hand_over)
+
+    def _hand_over(self) -> None:
+        """Take what is waiting, in the event loop."""
+        with self._lock:
+            waiting = [*self._waiting]
+            self._waiting.clear()
+        for data in waiting:
+            self.arrived(data)
