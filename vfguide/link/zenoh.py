@@ -1,7 +1,7 @@
 """A formation's link over Zenoh (https://zenoh.io): peers find each other, with or without a router between.
 
-A peer that goes away and comes back is found again by Zenoh itself. Signatures, freshness and clocks are above
-it, as on every link; its own encryption is not used.
+A peer that goes away and comes back is found again by Zenoh itself. Signatures, freshness and clocks are
+above it, as on every link; its own encryption is not used.
 """
 
 import asyncio
