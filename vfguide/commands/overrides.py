@@ -9,10 +9,12 @@ import yaml
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
+from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.controller import with_law
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location, dotted
+from vfguide.mission.load import DEFAULTS
 from vfguide.mission.model import Mission
 
 SpeedResponseName = Literal["first-order", "tecs", "px4"]
@@ -55,15 +57,19 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
     Raises:
         InputError: an option is out of its range.
     """
+    content = overridden(mission, overrides)
     try:
-        return overridden(mission, overrides)
+        return Mission.model_validate(content)
     except ValidationError as error:
         chosen = {place: f"--set {dotted(place)}" for place, _ in overrides.settings}
         options = {**OPTIONS, **chosen}
-        lines = (
-            f"{named(one.location, options)}: {one.message}; {one.remedy}" for one in explain(error)
-        )
-        raise InputError("\n".join(lines)) from error
+        faults = [(one.location, one.message, one.remedy) for one in explain(error)]
+        faults += [(one.location, one.message, one.remedy) for one in inconsistencies(content)]
+        lines = [
+            f"{named(location, options)}: {message}; {remedy}"
+            for location, message, remedy in faults
+        ]
+        raise InputError("\n".join(dict.fromkeys(lines))) from error
 
 
 def named(location: Location, options: Mapping[Location, str]) -> str:
@@ -91,11 +97,11 @@ def blamed(finding: Finding, overrides: Overrides) -> Finding:
     return finding
 
 
-def overridden(mission: Mission, overrides: Overrides) -> Mission:
-    """The mission with the overrides, as valid as if its file had said so.
+def overridden(mission: Mission, overrides: Overrides) -> dict[str, Any]:
+    """The fields of the mission with the overrides in them, valid or not.
 
     Raises:
-        pydantic.ValidationError: an override is out of its range.
+        InputError: an option names no field, or no law.
     """
     content: dict[str, Any] = mission.model_dump(exclude_unset=True)
     if overrides.controller is not None:
@@ -119,7 +125,7 @@ def overridden(mission: Mission, overrides: Overrides) -> Mission:
         if (value := getattr(overrides, name)) is not None
     }
     content.setdefault("rehearsal", {}).update(rehearsal)
-    return Mission.model_validate(content)
+    return content
 
 
 def put_law(content: dict[str, Any], name: str, *, option: str) -> None:
@@ -167,6 +173,11 @@ def put(content: dict[str, Any], place: Location, value: object) -> None:
     Raises:
         InputError: there is no such place.
     """
+    if place[:2] == ("vehicles", DEFAULTS) and len(place) > 2:
+        # Every vehicle has them by now.
+        for name in content["vehicles"]:
+            put(content, ("vehicles", name, *place[2:]), value)
+        return
     if place == ("controller", "type"):
         put_law(content, str(value), option="--set controller.type")
         return

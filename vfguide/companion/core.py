@@ -5,6 +5,7 @@ leads to one guidance step and one pair of setpoints at once.
 """
 
 import math
+import struct
 from collections import Counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -19,6 +20,7 @@ from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.readiness import obstacle
+from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -301,6 +303,18 @@ class Companion:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
         return self._role.leader_age(now)
 
+    def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
+        """FOLLOW_TARGET for aircraft without a companion; a failure to send it ends no flight."""
+        if self._target_sender is None:
+            return
+        try:
+            out.to_others = self._target_sender.due(step.motion, navigated)
+        except (ValueError, struct.error) as error:
+            text = (
+                f"FOLLOW_TARGET cannot be sent ({error}): aircraft that follow it are on their own"
+            )
+            out.warn(text, navigated.state.time_s)
+
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
         return obstacle(
@@ -308,6 +322,7 @@ class Companion:
             telemetry_age=now - self._telemetry_time,
             doubts=self._own.doubts,
             leader_age=self.leader_age(now),
+            time_known=math.isfinite(self._clock.from_own(now)),
         )
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
@@ -379,8 +394,7 @@ class Companion:
         self._distance = step.distance
         if step.publish is not None:
             out.to_link.append(step.publish)
-        if self._target_sender is not None:
-            out.to_others = self._target_sender.due(step.motion, navigated)
+        self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
         out.warn(complaint, now)

@@ -158,6 +158,7 @@ class Daemon:
         self._leader_age = Quantiles()
         self._announced = -ANNOUNCE_S
         self._warning = ""
+        self._leader_failed = False
         self._failure: Exception | None = None
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -280,7 +281,13 @@ class Daemon:
 
     def _take_leader(self, datagram: bytes) -> None:
         """A leader without a companion has spoken, or somebody on the same connection."""
-        self._guarded(lambda: self._take_link(datagram))
+        try:
+            self._take_link(datagram)
+        except Exception:
+            # Nobody vouches for what comes there: it must not end the companion, whatever it makes of it.
+            if not self._leader_failed:
+                logger.exception("a message of the leader cannot be used: tell the authors")
+            self._leader_failed = True
         if self._record is not None:
             self._record.add_datagram(self._clock.now(), datagram)
 

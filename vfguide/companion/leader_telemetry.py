@@ -96,6 +96,7 @@ class LeaderTelemetry:
         self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
         self._altitude = AltitudeGate()
         self._place: Motion | None = None
+        self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
         self._doubted = self._late = self._complained = self._stands = False
         self._words: list[str] = []
@@ -175,8 +176,14 @@ class LeaderTelemetry:
         return self._judge(report, moment)
 
     def _moment(self, report: LeaderReport, now: float) -> Moment | None:
-        """When a report was true."""
+        """When a report was true; None where that cannot be known, or it was heard before."""
         if report.stamp_s is None:
+            place = report.latitude_deg, report.longitude_deg
+            if place == self._unstamped:
+                # A receiver that repeats a position says nothing new about where the aircraft is now.
+                self._counters["repeated"] += 1
+                return None
+            self._unstamped = place
             time_s = now - report.age_s - (self._leader.least_delay_s or 0.0)
             return Moment(time_s=time_s, even_s=time_s, late_s=0.0, restarted=False)
         clock = self._clocks.get(report.kind)
@@ -253,15 +260,20 @@ class LeaderTelemetry:
     def _velocity_between(
         self, north: float, east: float, moment: Moment
     ) -> tuple[float, float] | None:
-        """The velocity of a report that tells none: as observed, or at first from the place before."""
+        """The velocity of a report that tells none: as observed a moment ago, else from the place before."""
         if self._motion is not None:
             state = self._motion.state
             age_s = moment.even_s - state.time_s
-            course = state.course + state.turn_rate * age_s
-            return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
+            if age_s <= GAP_S:
+                course = state.course + state.turn_rate * age_s
+                return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
+            # Nobody knows which turns it has flown since.
+            self._motion = None
         before = self._place
         interval_s = math.inf if before is None else moment.even_s - before.time_s
         if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
+            if interval_s > LONGEST_S:
+                self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
             self._place = Motion(moment.even_s, north, east, 0.0, 0.0)
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s

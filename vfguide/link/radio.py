@@ -260,10 +260,12 @@ class RadioCarrier(DatagramCarrier):
         """Say what there is to say."""
         self._timer = None
         now = max(asyncio.get_running_loop().time(), turn.at_s)
-        data = self._station.speak(turn, now)
-        if data:
-            self._send(data)
-        self._plan()
+        try:
+            data = self._station.speak(turn, now)
+            if data:
+                self._send(data)
+        finally:
+            self._plan()
 
 
 def radio_key(address: RadioAddress, *, signs: bool) -> bytes:

@@ -46,7 +46,7 @@ from vfguide.link.packed import (
 from vfguide.link.peer_clock import HURRIED_S, OPEN
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
-from vfguide.link.radio_schedule import Beat, Channel, Timetable, Turn, timetable_of
+from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
 from vfguide.link.trust import HEARD_BEFORE, Message, RefusedError
 
 STALE_S = 1.0
@@ -71,6 +71,9 @@ ONLY_FOLLOWERS = frozenset({PackedKind.QUESTION})
 
 UNKNOWN_SESSION = "another session or forged"
 """Why a packet is refused whose tag is not of this session of the leader."""
+
+LONGEST_CYCLE_S = 10.0
+"""Of a beat that nothing vouches for: a slower one would keep a member silent for long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +128,7 @@ class Station:
         known = member.name in vehicles and not member.watches
         self._number = vehicles.index(member.name) if known else None
         self._beat = Beat(self._number)
+        self._proven_s = -math.inf
         self._framer = Framer(member.counters)
         self._sent: deque[bytes] = deque(maxlen=8)
         self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
@@ -228,6 +232,7 @@ class Station:
         if packet.sender == self._number:
             raise RefusedError("another companion of this name")
         self._check_newer(packet, epoch)
+        self._proven_s = began_s
         if leads:
             self._note_leader(packet, epoch, began_s)
         elif packet.kind is not PackedKind.QUESTION:
@@ -257,7 +262,9 @@ class Station:
             return
         # The leader may have started anew: asking it tells.
         self._member.hurry.set()
-        if self._beat.is_silent(began_s):
+        # By what was proven, not by the beat that is counted from: that may be a forger's, and a slow one.
+        cycle_s = packet.beat.period_ms * 1e-3 * packet.beat.beats
+        if began_s - self._proven_s > HANDOVER_S and cycle_s <= LONGEST_CYCLE_S:
             self._count_from(packet, began_s)
 
     def _count_from(self, packet: Packet, began_s: float) -> None:

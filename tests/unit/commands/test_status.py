@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vfguide.commands.status import Freshness, readiness, status_json
-from vfguide.companion.readiness import DOUBTED, NO_LEADER, NOTHING_HEARD, obstacle
+from vfguide.companion.readiness import DOUBTED, NO_LEADER, NO_TIME, NOTHING_HEARD, obstacle
 from vfguide.companion.supervisor import Timeouts
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission
@@ -60,20 +60,27 @@ def test_a_kept_presence_that_does_not_change_is_a_companion_that_is_gone() -> N
 
 
 @pytest.mark.parametrize(
-    ("telemetry_age", "doubts", "leader_age", "expected"),
+    ("telemetry_age", "doubts", "leader_age", "time_known", "expected"),
     [
-        (0.1, False, 0.1, None),
-        (float("inf"), False, 0.1, NOTHING_HEARD),
-        (float("nan"), False, 0.1, NOTHING_HEARD),
-        (0.1, True, 0.1, DOUBTED),
-        (0.1, False, float("inf"), NO_LEADER),
-        (1.1, True, 9.0, NOTHING_HEARD),
+        (0.1, False, 0.1, True, None),
+        (float("inf"), False, 0.1, True, NOTHING_HEARD),
+        (float("nan"), False, 0.1, True, NOTHING_HEARD),
+        (0.1, True, 0.1, True, DOUBTED),
+        (0.1, False, float("inf"), True, NO_LEADER),
+        (1.1, True, 9.0, True, NOTHING_HEARD),
+        (0.1, False, 0.1, False, NO_TIME),
     ],
 )
 def test_the_first_obstacle_is_told(
-    telemetry_age: float, leader_age: float, expected: str | None, *, doubts: bool
+    telemetry_age: float, leader_age: float, expected: str | None, *, doubts: bool, time_known: bool
 ) -> None:
-    found = obstacle(Timeouts(), telemetry_age=telemetry_age, doubts=doubts, leader_age=leader_age)
+    found = obstacle(
+        Timeouts(),
+        telemetry_age=telemetry_age,
+        doubts=doubts,
+        leader_age=leader_age,
+        time_known=time_known,
+    )
     assert found == expected
 
 

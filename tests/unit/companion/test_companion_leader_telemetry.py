@@ -303,3 +303,53 @@ def test_whatever_is_said_in_its_name_the_motion_stays_finite(
         assert newest.time_s <= now
         assert math.isfinite(newest.north + newest.east + newest.course + newest.ground_speed)
         assert math.isfinite(newest.turn_rate + newest.acceleration + newest.turn_acceleration)
+
+
+def bare_place(sent_s: float, north: float, east: float) -> bytes:
+    """FOLLOW_TARGET with a position and nothing else."""
+    latitude, longitude = FRAME.to_geodetic(north, east)
+    message = mavlink.MAVLink_follow_target_message(
+        round((sent_s + BOOTED_S) * 1e3),
+        1,
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        588.0,
+        [0.0] * 3,
+        [0.0] * 3,
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0] * 3,
+        [0.0] * 3,
+        0,
+    )
+    return packed(message)
+
+
+@pytest.mark.parametrize("gap_s", [6, 10, 15, 30])
+def test_after_a_gap_with_a_turn_in_it_a_leader_that_tells_places_alone_is_found_again(
+    gap_s: int,
+) -> None:
+    # 20 m/s round a circle of 170 m: 0.118 rad/s, so that 15 s are 100 degrees.
+    telemetry, rate = listener(), 20.0 / 170.0
+
+    def place(at_s: float) -> tuple[float, float]:
+        return 170.0 * math.sin(rate * at_s), 170.0 - 170.0 * math.cos(rate * at_s)
+
+    for sent_s in (*range(20), *range(20 + gap_s, 60 + gap_s)):
+        telemetry.take(bare_place(sent_s, *place(sent_s)), sent_s + 0.2)
+    newest = telemetry.newest
+    assert newest is not None
+    assert newest.time_s == pytest.approx(59.0 + gap_s, abs=0.01)
+    assert (newest.north, newest.east) == pytest.approx(place(newest.time_s), abs=1.0)
+    off = (newest.course - rate * newest.time_s + math.pi) % (2.0 * math.pi) - math.pi
+    assert abs(off) < 0.1
+
+
+def test_a_jump_of_a_leader_that_tells_places_alone_is_not_followed_at_once() -> None:
+    telemetry = listener()
+    for sent_s in range(20):
+        telemetry.take(bare_place(sent_s, 20.0 * sent_s, 0.0), sent_s + 0.2)
+    for sent_s in range(20, 24):
+        assert not telemetry.take(bare_place(sent_s, 20.0 * sent_s, 300.0), sent_s + 0.2)
+    newest = telemetry.newest
+    assert newest is not None
+    assert newest.east == pytest.approx(0.0, abs=1.0)

@@ -5,7 +5,7 @@ import json
 import math
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from random import Random
 
 from vfguide.elementwise import FloatArray
@@ -118,10 +118,11 @@ def rows_of(values: FloatArray) -> list[list[float | None]]:
 async def live_flight_of(mission: Mission, watched: Watched) -> AsyncIterator[LiveFlight]:
     """A formation that is listened to for as long as the context lasts."""
     flight = LiveFlight(mission)
-    running = asyncio.create_task(flight.run(watched, random=Random()), name="console")
     try:
-        yield flight
-    finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+        # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
+        async with asyncio.TaskGroup() as tasks:
+            running = tasks.create_task(flight.run(watched, random=Random()), name="console")
+            yield flight
+            running.cancel()
+    except BaseExceptionGroup as failed:
+        raise failed.exceptions[0] from None

@@ -46,6 +46,9 @@ OWN_SCRIPTS = ("live.js", "cards.js", "console.js")
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
 
+MOST_CONNECTIONS = 100
+"""At once: more are told to come back later."""
+
 CLOSING_S = 1
 """For open streams to end, s."""
 
@@ -307,6 +310,7 @@ def configured(app: ASGIApp, address: Address) -> uvicorn.Config:
         lifespan="off",
         http="h11",
         ws="none",
+        limit_concurrency=MOST_CONNECTIONS,
         server_header=False,
         timeout_graceful_shutdown=CLOSING_S,
         ssl_certfile=address.certificate,
