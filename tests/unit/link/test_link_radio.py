@@ -12,7 +12,14 @@ from tests.unit.link.wire import FORMATION, LEADER, trust_of
 from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
-from vfguide.link.packed import PackedKind, decode_packet
+from vfguide.link.packed import (
+    BeatInfo,
+    PackedKind,
+    decode_packet,
+    encode_beat,
+    encode_packet,
+    formation_mark,
+)
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import DAMAGED, Framer, encode_frame
@@ -514,3 +521,26 @@ def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_rea
     # And the formation is heard again once it is over.
     channel.fly(3.0)
     assert one.heard
+
+
+@pytest.mark.parametrize(("beats", "period_ms"), [(255, 65_000), (1, 65_000), (1, 8_000)])
+def test_one_forged_slow_beat_does_not_silence_a_member_that_starts(
+    beats: int, period_ms: int
+) -> None:
+    channel = Shared()
+    info = BeatInfo(beat=0, beats=beats, members=len(NAMES), period_ms=period_ms)
+    forged = encode_packet(
+        PackedKind.BEAT,
+        formation=formation_mark(FORMATION),
+        sender=0,
+        ticks=0,
+        body=encode_beat(info),
+    )
+    one = channel.craft("f1", session=12)
+    channel.air.transmit(encode_frame(forged + bytes(8)))
+    channel.fly(0.5)
+    channel.craft(LEADER, session=11)
+    channel.craft("f2", session=13)
+    channel.fly(10.0)
+    # Ten states a second, from when the leader's answer has come.
+    assert len(one.heard) > 50
