@@ -19,12 +19,11 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.readiness import obstacle
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.supervisor import Control, Mode, Situation, next_mode
+from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
 from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error

@@ -6,8 +6,14 @@ from pathlib import Path
 import pytest
 
 from vfguide.commands.status import Freshness, readiness, status_json
-from vfguide.companion.readiness import DOUBTED, NO_LEADER, NO_TIME, NOTHING_HEARD, obstacle
-from vfguide.companion.supervisor import Timeouts
+from vfguide.companion.supervisor import (
+    DOUBTED,
+    NO_LEADER,
+    NO_TIME,
+    NOTHING_HEARD,
+    Timeouts,
+    obstacle,
+)
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission
 
