@@ -43,6 +43,10 @@ class VehicleState(Generic[Number]):
     """m/s³."""
     wind_jerk_east: Number
     """m/s³."""
+    height: Number | float = 0.0
+    """m above the mission's origin."""
+    climb_rate: Number | float = 0.0
+    """m/s, positive up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +74,10 @@ class LeaderState(Generic[Number]):
     speed are those that it means to fly."""
     drift_east: Number | float = 0.0
     """m/s."""
+    height: Number | float = 0.0
+    """m above the mission's origin."""
+    climb_rate: Number | float = 0.0
+    """m/s, positive up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +88,10 @@ class HeardState(LeaderState[float]):
     """m above mean sea level."""
     steered: bool
     """Whether its companion steers it."""
+    term: int = 0
+    """Of the leader that it obeys, or is."""
+    arrangement: int = 0
+    """Number of the newest order that it flies by or is about to; 0 before the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

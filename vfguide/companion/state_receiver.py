@@ -155,5 +155,8 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         turn_rate=message.turn_rate,
         turn_acceleration=message.turn_acceleration,
         altitude_amsl=message.altitude_amsl,
+        climb_rate=message.climb_rate,
         steered=message.steered,
+        term=message.term,
+        arrangement=message.arrangement,
     )

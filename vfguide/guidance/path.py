@@ -28,6 +28,10 @@ class PathPoint(Generic[Number]):
     """Curvature of the path, 1/m, positive where it turns clockwise."""
     progress: Number
     """How far along the path the point is, m from its beginning."""
+    height: Number | float = 0.0
+    """Of the path there, m above the mission's flying height."""
+    slope: Number | float = 0.0
+    """Rise for each metre along the ground, positive where it climbs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,10 @@ class PathPlace(Generic[Number]):
     """Course of the path, rad."""
     curvature: Number
     """Curvature of the path, 1/m, positive where it turns clockwise."""
+    height: Number | float = 0.0
+    """m above the mission's flying height."""
+    slope: Number | float = 0.0
+    """Rise for each metre along the ground, positive where it climbs."""
 
 
 class Path(ABC):

@@ -2,8 +2,9 @@
 
 Layout, little-endian: "VFLS", version (u8), flags (u8), two bytes of zero, sequence number (u32), then as f64
 the time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course (rad),
-ground speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), then the CRC-32 of
-all that (u32). 88 bytes. Position is geodetic, so that no two vehicles have to agree on an origin.
+ground speed (m/s), acceleration (m/s²), turn rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s),
+then the term and the arrangement (u32 each), and the CRC-32 of all that (u32). 104 bytes. Position is
+geodetic, so that no two vehicles have to agree on an origin.
 
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
@@ -15,15 +16,15 @@ import zlib
 from dataclasses import dataclass
 
 MAGIC = b"VFLS"
-VERSION = 1
-LAYOUT = struct.Struct("<4sBB2xI9d")
+VERSION = 2
+LAYOUT = struct.Struct("<4sBB2xI10dII")
 CHECKSUM = struct.Struct("<I")
 NOT_STEERED = 0x01
 """Flag: a pilot or the autopilot itself flies the sender."""
 
 SIZE = LAYOUT.size + CHECKSUM.size
 
-GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0)
+GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
 """Greatest magnitude of each value: beyond them it is no aircraft's state."""
 
 
@@ -55,6 +56,12 @@ class LeaderMessage:
     """omega, rad/s."""
     turn_acceleration: float
     """domega/dt, rad/s²."""
+    climb_rate: float = 0.0
+    """m/s, positive up."""
+    term: int = 0
+    """Of the leader that the sender obeys, or is: it rises by one with each succession."""
+    arrangement: int = 0
+    """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
     """Whether the sender's companion steers it, and with that keeps it clear of the others."""
 
@@ -75,6 +82,9 @@ def encode(message: LeaderMessage) -> bytes:
         message.acceleration,
         message.turn_rate,
         message.turn_acceleration,
+        message.climb_rate,
+        message.term,
+        message.arrangement,
     )
     return body + CHECKSUM.pack(zlib.crc32(body))
 
@@ -87,7 +97,7 @@ def decode(data: bytes) -> LeaderMessage:
     """
     if len(data) != SIZE:
         raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
-    magic, version, flags, sequence, *values = LAYOUT.unpack_from(data)
+    magic, version, flags, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
     if magic != MAGIC:
         raise LinkDataError("not a leader state")
     if version != VERSION:
@@ -99,7 +109,7 @@ def decode(data: bytes) -> LeaderMessage:
     if not sound or not math.isfinite(values[0]):
         raise LinkDataError("a value is out of range")
     time_s, latitude, longitude, altitude, course, ground_speed, *rates = values
-    acceleration, turn_rate, turn_acceleration = rates
+    acceleration, turn_rate, turn_acceleration, climb_rate = rates
     return LeaderMessage(
         sequence=sequence,
         time_s=time_s,
@@ -111,5 +121,8 @@ def decode(data: bytes) -> LeaderMessage:
         acceleration=acceleration,
         turn_rate=turn_rate,
         turn_acceleration=turn_acceleration,
+        climb_rate=climb_rate,
+        term=term,
+        arrangement=arrangement,
         steered=not flags & NOT_STEERED,
     )

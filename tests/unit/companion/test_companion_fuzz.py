@@ -111,7 +111,7 @@ def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(
         for message in parsed(out.to_autopilot):
             assert is_sound(message, limits)
         for published in out.to_link:
-            assert len(published) == 88
+            assert len(published) == 104
 
 
 @settings(deadline=None, derandomize=True, max_examples=100)

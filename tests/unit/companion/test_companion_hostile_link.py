@@ -23,12 +23,12 @@ def nonsense(leader_bytes: Make) -> dict[str, Callable[[float], list[bytes]]]:
         good = leader_bytes(now + 0.01, course=2.0)
         return [
             b"",
-            b"\x00" * 88,
+            b"\x00" * 104,
             good[:-1],
             good + b"\x00",
             good[:30] + bytes([good[30] ^ 1]) + good[31:],
             with_checksum(b"XXXX" + good[4:-4]),
-            with_checksum(good[:4] + b"\x02" + good[5:-4]),
+            with_checksum(good[:4] + b"\x01" + good[5:-4]),
             leader_bytes(now + 0.01, course=float("nan")),
             leader_bytes(now + 0.01, ground_speed=float("inf")),
             leader_bytes(now + 0.01, latitude_deg=91.0),

@@ -18,6 +18,9 @@ PLAIN = LeaderMessage(
     acceleration=-0.25,
     turn_rate=0.125,
     turn_acceleration=0.0625,
+    climb_rate=3.0,
+    term=2,
+    arrangement=5,
 )
 
 

@@ -21,12 +21,15 @@ GREATEST = {
     "acceleration": 100.0,
     "turn_rate": 10.0,
     "turn_acceleration": 100.0,
+    "climb_rate": 200.0,
 }
 
 SOUND = st.builds(
     LeaderMessage,
     sequence=st.integers(0, 2**32 - 1),
     time_s=st.floats(allow_nan=False, allow_infinity=False),
+    term=st.integers(0, 2**32 - 1),
+    arrangement=st.integers(0, 2**32 - 1),
     **{name: st.floats(-bound, bound) for name, bound in GREATEST.items()},
 )
 
@@ -41,15 +44,16 @@ def test_what_goes_in_comes_out(message: LeaderMessage) -> None:
     assert decode(encode(message)) == message
 
 
-def test_a_leader_state_is_88_bytes_laid_out_as_documented(leader_message: Make) -> None:
+def test_a_leader_state_is_104_bytes_laid_out_as_documented(leader_message: Make) -> None:
     data = encode(leader_message())
-    assert len(data) == 88
-    assert data[:12] == b"VFLS\x01\x00\x00\x00\x07\x00\x00\x00"
-    assert struct.unpack("<9d", data[12:84]) == (
+    assert len(data) == 104
+    assert data[:12] == b"VFLS\x02\x00\x00\x00\x07\x00\x00\x00"
+    assert struct.unpack("<10dII", data[12:100]) == (
         *(123.25, 47.397742, 8.545594, 588.0),
-        *(0.5, 22.0, -0.25, 0.125, 0.0625),
+        *(0.5, 22.0, -0.25, 0.125, 0.0625, 3.0),
+        *(2, 5),
     )
-    assert data == with_checksum(data[:84])
+    assert data == with_checksum(data[:100])
 
 
 def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
@@ -61,24 +65,24 @@ def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
             decode(bytes(data))
 
 
-@pytest.mark.parametrize("size", [0, 1, 84, 87, 89, 176])
+@pytest.mark.parametrize("size", [0, 1, 88, 100, 103, 105, 208])
 def test_another_size_is_refused_with_both_sizes(leader_message: Make, size: int) -> None:
     data = (encode(leader_message()) * 2)[:size]
-    with pytest.raises(LinkDataError, match=rf"^{size} bytes where a leader state has 88$"):
+    with pytest.raises(LinkDataError, match=rf"^{size} bytes where a leader state has 104$"):
         decode(data)
 
 
 def test_another_mark_is_refused(leader_message: Make) -> None:
-    body = b"VFLX" + encode(leader_message())[4:84]
+    body = b"VFLX" + encode(leader_message())[4:100]
     with pytest.raises(LinkDataError, match="not a leader state"):
         decode(with_checksum(body))
 
 
-@pytest.mark.parametrize("version", [0, 2, 255])
+@pytest.mark.parametrize("version", [0, 1, 255])
 def test_another_version_is_refused_by_its_number(leader_message: Make, version: int) -> None:
-    body = bytearray(encode(leader_message())[:84])
+    body = bytearray(encode(leader_message())[:100])
     body[4] = version
-    with pytest.raises(LinkDataError, match=f"version {version} .* speaks 1"):
+    with pytest.raises(LinkDataError, match=f"version {version} .* speaks 2"):
         decode(with_checksum(bytes(body)))
 
 
@@ -111,18 +115,18 @@ def test_a_value_that_no_aircraft_has_is_refused(
 
 @settings(deadline=None, derandomize=True, max_examples=500)
 @example(data=b"")
-@given(data=st.binary(max_size=120) | st.binary(min_size=88, max_size=88))
+@given(data=st.binary(max_size=120) | st.binary(min_size=104, max_size=104))
 def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
     with pytest.raises(LinkDataError):
         decode(data)
 
 
 @settings(deadline=None, derandomize=True, max_examples=500)
-@given(sequence=st.integers(0, 2**32 - 1), values=st.binary(min_size=72, max_size=72))
+@given(sequence=st.integers(0, 2**32 - 1), values=st.binary(min_size=88, max_size=88))
 def test_any_content_under_a_right_checksum_is_sound_or_refused(
     sequence: int, values: bytes
 ) -> None:
-    data = with_checksum(b"VFLS\x01\x00\x00\x00" + struct.pack("<I", sequence) + values)
+    data = with_checksum(b"VFLS\x02\x00\x00\x00" + struct.pack("<I", sequence) + values)
     try:
         message = decode(data)
     except LinkDataError:
@@ -132,7 +136,7 @@ def test_any_content_under_a_right_checksum_is_sound_or_refused(
 
 
 def test_senders_that_know_no_flags_count_as_steered(leader_message: Make) -> None:
-    data = bytearray(encode(leader_message())[:84])
+    data = bytearray(encode(leader_message())[:100])
     data[5] = 0
     assert decode(with_checksum(bytes(data))).steered
 
@@ -145,6 +149,6 @@ def test_whether_the_sender_is_under_guidance_crosses_the_link(
 
 
 def test_flags_that_are_not_known_yet_change_nothing(leader_message: Make) -> None:
-    data = bytearray(encode(leader_message())[:84])
+    data = bytearray(encode(leader_message())[:100])
     data[5] = 0xFE
     assert decode(with_checksum(bytes(data))) == leader_message()
