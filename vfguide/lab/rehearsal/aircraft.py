@@ -108,7 +108,7 @@ class Aircraft:
             if data.startswith(ORDER_MAGIC):
                 self.companion.receive_order(data, data, now)
             elif data.startswith(REPLY_MAGIC):
-                self.companion.receive_reply(sender, data)
+                self.companion.receive_reply(sender, data, now)
             elif sender == self._leader:
                 self.companion.receive_link(data, now)
             else:
