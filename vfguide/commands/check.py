@@ -33,7 +33,7 @@ def with_expectation(
         return findings
     # Here, because what is not flown needs no emulator.
     from vfguide.commands.fly import stopped_by_signals
-    from vfguide.lab.rehearsal.prediction import expected_precision
+    from vfguide.lab.studies.prediction import expected_precision
 
     with stopped_by_signals() as stop:
         expected = expected_precision(mission, stop)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.rehearsal.prediction import expected_precision
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
+from vfguide.lab.studies.prediction import expected_precision
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord
