@@ -1,12 +1,11 @@
 """An order flown in virtual time before it is given: how near anybody comes, and how long it takes."""
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vfguide.formation.arrangement import Arrangement, Flown, Point
+from vfguide.formation.arrangement import Arrangement, Flown
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
@@ -72,9 +71,9 @@ def rehearsed(
         RefusedOrderError: two would come within the mission's least separation, or it would not be flown.
     """
     order = replace(arrangement, number=1, time_s=BEGINS_S)
-    joins = {place.vehicle for place in order.places} - set(formation.slots)
+    joins = order.vehicles - set(formation.slots)
     end_s = BEGINS_S + order.duration_s + (JOINS_S if joins else AFTER_S)
-    copy = _at_present(mission, formation, order, leader, joins, end_s)
+    copy = _at_present(mission, formation, order, leader=leader, end_s=end_s)
     data = encode_order(order)
     early_s = 0.0 if order.flown is Flown.ABORT else LEAD_S
     orders = [(BEGINS_S - early_s + REPEAT_S * number, data) for number in range(TIMES)]
@@ -82,7 +81,7 @@ def rehearsed(
     flying = [Aircraft(copy, name, orders=orders) for name in names]
     rate_hz = copy.rehearsal.rate_hz
     times = [step / rate_hz for step in range(round(end_s * rate_hz) + 1)]
-    mail: Sequence[Mail] = []
+    mail = list[Mail]()
     for now in times:
         mail = step_all(flying, now, mail)
     for aircraft in flying:
@@ -134,7 +133,9 @@ def _check_flown(aircraft: Aircraft, order: Arrangement) -> None:
     reasons = [
         event.text.partition(": ")[2]
         for event in aircraft.events
-        if event.text.startswith((f"order {order.number} is refused", f"order {order.number} is void"))
+        if event.text.startswith(
+            (f"order {order.number} is refused", f"order {order.number} is void")
+        )
     ]
     raise RefusedOrderError(f"{aircraft.name} would not fly it: {(reasons or ['no word'])[0]}")
 
@@ -143,12 +144,13 @@ def _at_present(
     mission: Mission,
     formation: Formation,
     order: Arrangement,
+    *,
     leader: LeaderPlace | None,
-    joins: set[str],
     end_s: float,
 ) -> Mission:
     """The mission as if it began with the formation as it is."""
-    slots: Mapping[str, Point] = {
+    joins = order.vehicles - set(formation.slots)
+    slots = {
         **formation.slots,
         **{name: place.begin for name in joins if (place := order.place_of(name)) is not None},
     }
@@ -159,9 +161,7 @@ def _at_present(
         )
         for name, point in slots.items()
     )
-    starts = {
-        name: FollowerStart(forward_m=-BEHIND_M if name in joins else 0.0) for name in slots
-    }
+    starts = {name: FollowerStart(forward_m=-BEHIND_M if name in joins else 0.0) for name in slots}
     begin = (
         mission.rehearsal.start.leader
         if leader is None
@@ -173,6 +173,4 @@ def _at_present(
     )
     start = Start.model_validate({"leader": begin, **starts})
     rehearsal = mission.rehearsal.model_copy(update={"start": start, "duration_s": end_s})
-    return mission.model_copy(
-        update={"followers": followers, "rehearsal": rehearsal, "orders": ()}
-    )
+    return mission.model_copy(update={"followers": followers, "rehearsal": rehearsal, "orders": ()})
