@@ -8,7 +8,7 @@ from typing import Any
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
-from vfguide.companion.role import RoleStep
+from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
@@ -23,20 +23,27 @@ ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
 
 
-class LeaderRole:
+class LeaderRole(Role):
     """Follows the path and publishes its state."""
 
-    def __init__(self, plan: FlightPlan, task: LeaderTask, clock: SharedClock) -> None:
+    def __init__(
+        self,
+        plan: FlightPlan,
+        task: LeaderTask,
+        clock: SharedClock,
+        report: StatePublisher | None = None,
+    ) -> None:
         """Make a leader that has heard no follower yet.
 
         Args:
             plan: its part of the mission.
             task: its path.
             clock: that the formation shares: the leader's own.
+            report: says how the vehicle moves; a new one if absent.
         """
         self._plan = plan
         self._task = task
-        self._report = StatePublisher(plan)
+        self._report = report or StatePublisher(plan)
         self._law = task.law(task.gains, plan.settings, plan.airframe)
         self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
         self._memory: Any = FIRST

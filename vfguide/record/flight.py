@@ -14,14 +14,15 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
+from vfguide.record.lead import slot_reference
 from vfguide.record.vehicle import (
-    SERIES,
     IntegerArray,
     Role,
     VehicleRecord,
     compose_vehicle,
     describe_vehicle,
     floats,
+    series_of,
 )
 
 __all__ = [
@@ -133,7 +134,7 @@ class FlightRecord:
         if self.path_north_m.ndim != 1 or self.path_north_m.shape != self.path_east_m.shape:
             raise ValueError("the drawn path has not as many norths as easts")
         for vehicle in self.vehicles:
-            for name in (*SERIES, "mode", "limited"):
+            for name in (*series_of(vehicle), "mode", "limited"):
                 shape = getattr(vehicle, name).shape
                 if shape != self.time_s.shape:
                     wanted = self.time_s.shape
@@ -149,6 +150,11 @@ class FlightRecord:
         """All but the leader, in the order of the mission file."""
         return self.vehicles[1:]
 
+    @property
+    def reference(self) -> VehicleRecord:
+        """What the slots were fixed to: the leader, or the one that a deputy carried on in its place."""
+        return slot_reference(self.time_s, self.vehicles)
+
     def save(self, path: Path) -> None:
         """Write the record to one `.npz` file, whole or not at all.
 
@@ -161,7 +167,7 @@ class FlightRecord:
             "path_east_m": self.path_east_m,
         }
         for number, vehicle in enumerate(self.vehicles):
-            for name in (*SERIES, "mode", "limited"):
+            for name in (*series_of(vehicle), "mode", "limited"):
                 arrays[f"vehicle_{number}_{name}"] = getattr(vehicle, name)
         write_archive(path, _describe(self), arrays)
 

@@ -36,6 +36,9 @@ SERIES = (
 )
 """The arrays of floats in a `VehicleRecord`."""
 
+LEAD_SERIES = ("lead_term", "lead_north_m", "lead_east_m", "lead_course_rad")
+"""More of them, of a mission with deputies."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleRecord:
@@ -89,6 +92,19 @@ class VehicleRecord:
     """The follower's Lyapunov function W, m²; NaN for the leader."""
     slot_up_m: float = 0.0
     """Slot above the leader, m; 0 for the leader. No error counts it: a formation error is horizontal."""
+    lead_term: FloatArray | None = None
+    """Term in which the vehicle led, NaN where it did not; None where the mission names no deputies."""
+    lead_north_m: FloatArray | None = None
+    """The leader by which it led, itself or one that it carried on; with `lead_term`."""
+    lead_east_m: FloatArray | None = None
+    """The same."""
+    lead_course_rad: FloatArray | None = None
+    """The same."""
+
+
+def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
+    """The arrays of floats that a record has."""
+    return SERIES if vehicle.lead_term is None else (*SERIES, *LEAD_SERIES)
 
 
 def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
@@ -125,6 +141,7 @@ def compose_vehicle(
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},
+        **{name: floats(arrays, prefix + name) for name in LEAD_SERIES if prefix + name in arrays},
     )
 
 

@@ -15,7 +15,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
-from vfguide.record.vehicle import VehicleRecord
+from vfguide.record.vehicle import LEAD_SERIES, VehicleRecord
 
 TRUTHS = (
     "altitude_amsl_m",
@@ -34,6 +34,9 @@ POSITION = ("latitude_deg", "longitude_deg")
 
 DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
 """What it takes from the companion's snapshot, as numbers."""
+
+LEADS = ("term", "north", "east", "course")
+"""What it takes of the leader by which a vehicle leads, where the mission names deputies."""
 
 MODES = tuple(Mode)
 
@@ -58,11 +61,14 @@ class VehicleRecorder:
         self._name = name
         self._truths = array("d")
         self._doings = array("d")
+        self._leads = array("d") if mission.deputies else None
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
         """Note where the aircraft is and what its companion did."""
         self._truths.extend(truth_row(truth))
         self._doings.extend(doings_row(snapshot))
+        if self._leads is not None:
+            self._leads.extend(lead_row(snapshot))
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
@@ -96,7 +102,14 @@ class VehicleRecorder:
             mode=doings["mode"].astype(np.int64),
             limited=doings["limited"].astype(np.bool_),
             lyapunov=doings["lyapunov"],
+            **self._lead_series(),
         )
+
+    def _lead_series(self) -> dict[str, FloatArray]:
+        """By what the vehicle led."""
+        if self._leads is None:
+            return {}
+        return dict(zip(LEAD_SERIES, columns(self._leads, LEADS).values(), strict=True))
 
 
 def flight_record(
@@ -138,6 +151,14 @@ def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
         else (setpoint.course, setpoint.speed, bool(setpoint.limited))
     )
     return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov
+
+
+def lead_row(snapshot: Snapshot) -> tuple[float, ...]:
+    """By what a companion led, in the order of `LEADS`; NaN where it did not."""
+    lead = snapshot.lead
+    if lead is None:
+        return (math.nan,) * len(LEADS)
+    return lead.term, lead.motion.north, lead.motion.east, lead.motion.course
 
 
 def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray]:
