@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from vfguide.companion.role import Lead, RoleStep
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Point
 from vfguide.state import Setpoint
 
 
@@ -31,6 +32,10 @@ class Outgoing:
     """Own states."""
     to_followers: list[bytes] = field(default_factory=list)
     """States of the leader by which this vehicle leads, in a term above 0."""
+    replies: list[bytes] = field(default_factory=list)
+    """Answers to orders."""
+    repeats: list[bytes] = field(default_factory=list)
+    """Orders, as they were signed, for vehicles that have missed them."""
     to_leader: bytes = b""
     """One datagram, for a leader without a companion."""
     to_others: bytes = b""
@@ -68,5 +73,7 @@ class Snapshot:
     """The last that was sent."""
     lyapunov: float
     """W, m²; NaN for the leader."""
+    slot: Point | None = None
+    """That was ordered; None for the mission's, and for the leader."""
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""

@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from dataclasses import replace
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.leader_role import LeaderRole
 from vfguide.companion.own_vehicle import NavigatedState
@@ -31,14 +32,18 @@ PASSED_S = 2.0 * COPY_S
 class SuccessionRole(Role):
     """Leads, follows, or leads on."""
 
-    def __init__(self, plan: FlightPlan, lead: LeadPlan, clock: SharedClock) -> None:
+    def __init__(
+        self, plan: FlightPlan, lead: LeadPlan, clock: SharedClock, arrangements: Arrangements
+    ) -> None:
         """Make one that has heard nothing yet.
 
         Args:
             plan: its part of the mission.
             lead: who may lead.
             clock: that the formation shares.
+            arrangements: what was ordered of the formation.
         """
+        self._arrangements = arrangements
         self._plan = lead
         self._leader_name = lead.order[0]
         self._frame = plan.frame
@@ -46,12 +51,12 @@ class SuccessionRole(Role):
         self._succession = Succession(plan.name, lead.order, silence_s=plan.timeouts.leader_s)
         self._report = StatePublisher(plan)
         self._leader_role = (
-            LeaderRole(plan, plan.task, clock, self._report)
+            LeaderRole(plan, plan.task, clock, arrangements, self._report)
             if isinstance(plan.task, LeaderTask)
             else None
         )
         self._follower_role = FollowerRole(
-            replace(plan, task=lead.task), lead.task, clock, self._report
+            replace(plan, task=lead.task), lead.task, clock, arrangements, self._report
         )
         self._sequence = 0
         self._told = 0
@@ -96,6 +101,7 @@ class SuccessionRole(Role):
             self._follower_role.take_lead()
         self._tell()
         self._report.term = self._succession.term
+        self._arrangements.coordinator = self._succession.holder
         if self._flies_path:
             self._follower_role.note_wind(navigated)
         step = self._role.step(navigated, mode)
@@ -131,6 +137,7 @@ class SuccessionRole(Role):
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
                 term=self._succession.term,
+                arrangement=self._arrangements.number,
                 steered=steered,
                 leads=True,
             )
@@ -151,7 +158,9 @@ class SuccessionRole(Role):
             setpoint=None,
             distance=math.inf,
             lyapunov=math.nan,
-            publish=self._report.message(own, navigated, time_s, steered=False),
+            publish=self._report.message(
+                own, navigated, time_s, steered=False, arrangement=self._arrangements.number
+            ),
             lead=self._state_to_lead_by(steered=False) if leads else None,
         )
 

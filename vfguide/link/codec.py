@@ -138,4 +138,4 @@ def decode(data: bytes) -> LeaderMessage:
 
 def is_leaders(data: bytes) -> bool:
     """Whether these bytes say of themselves that they are the state by which their sender leads."""
-    return len(data) == SIZE and bool(data[FLAGS_AT] & LEADS)
+    return len(data) == SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)

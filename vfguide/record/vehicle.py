@@ -36,6 +36,8 @@ SERIES = (
 )
 """The arrays of floats in a `VehicleRecord`."""
 
+SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
+"""Those that only a vehicle has whose slot was changed in flight."""
 LEAD_SERIES = ("lead_term", "lead_north_m", "lead_east_m", "lead_course_rad")
 """More of them, of a mission with deputies."""
 
@@ -92,6 +94,12 @@ class VehicleRecord:
     """The follower's Lyapunov function W, m²; NaN for the leader."""
     slot_up_m: float = 0.0
     """Slot above the leader, m; 0 for the leader. No error counts it: a formation error is horizontal."""
+    slot_forward_series_m: FloatArray | None = None
+    """Where the slot was at each sample, where it was changed in flight; None of one that was not."""
+    slot_right_series_m: FloatArray | None = None
+    """The same, m right of the leader."""
+    slot_up_series_m: FloatArray | None = None
+    """The same, m above the leader."""
     lead_term: FloatArray | None = None
     """Term in which the vehicle led, NaN where it did not; None where the mission names no deputies."""
     lead_north_m: FloatArray | None = None
@@ -101,10 +109,13 @@ class VehicleRecord:
     lead_course_rad: FloatArray | None = None
     """The same."""
 
-
-def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
-    """The arrays of floats that a record has."""
-    return SERIES if vehicle.lead_term is None else (*SERIES, *LEAD_SERIES)
+    @property
+    def slot_m(self) -> tuple[float | FloatArray, float | FloatArray]:
+        """(forward, right) of the slot, over time where it was changed in flight."""
+        forward, right = self.slot_forward_series_m, self.slot_right_series_m
+        if forward is None or right is None:
+            return self.slot_forward_m, self.slot_right_m
+        return forward, right
 
 
 def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
@@ -141,7 +152,11 @@ def compose_vehicle(
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},
-        **{name: floats(arrays, prefix + name) for name in LEAD_SERIES if prefix + name in arrays},
+        **{
+            name: floats(arrays, prefix + name)
+            for name in (*SLOT_SERIES, *LEAD_SERIES)
+            if prefix + name in arrays
+        },
     )
 
 

@@ -1,5 +1,6 @@
 """One emulated autopilot with its companion, joined by MAVLink bytes."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from vfguide.companion.consent import MemoryStore
@@ -9,9 +10,11 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
+from vfguide.lab.rehearsal.operator import OPERATOR, order_mail
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder
 from vfguide.link.codec import is_leaders
-from vfguide.link.memory import LinkQuality, Mail, MemoryLink
+from vfguide.link.memory import ROUNDING_S, LinkQuality, Mail, MemoryLink
+from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 
@@ -68,6 +71,9 @@ class Aircraft:
         seeds.pop(name, None)
         if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
+        self._orders = deque(order_mail(mission))
+        if self._orders:
+            seeds[OPERATOR] = f"{rehearsal.seed} {OPERATOR} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""
 
@@ -86,6 +92,9 @@ class Aircraft:
             return []
         alone = self._loses("link", now)
         companion, emulator = self.companion, self._emulator
+        while self._orders and self._orders[0][0] <= now + ROUNDING_S:
+            order = self._orders.popleft()[1]
+            self._link.send([] if alone else [(OPERATOR, order)], now)
         self._hear(now, [] if alone else mail)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
@@ -98,8 +107,8 @@ class Aircraft:
         if self.log is not None:
             self.log.add(now, telemetry)
             self.log.add(now, out.to_autopilot)
-        sent = [(self.name, data) for data in (*out.to_link, *out.to_followers)]
-        return [] if alone else sent
+        said = [*out.to_link, *out.to_followers, *out.replies, *out.repeats]
+        return [] if alone else [(self.name, data) for data in said]
 
     def _loses(self, what: str, now: float) -> bool:
         """Whether the vehicle is without its companion or its link now."""
@@ -124,7 +133,11 @@ class Aircraft:
                 self.companion.receive_link(datagram, arrival_s)
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
-            if is_leaders(data):
+            if data.startswith(ORDER_MAGIC):
+                self.companion.receive_order(data, data, now)
+            elif data.startswith(REPLY_MAGIC):
+                self.companion.receive_reply(sender, data)
+            elif is_leaders(data):
                 self.companion.receive_lead(sender, data, now)
             elif sender == self._leader:
                 self.companion.receive_link(data, now)
