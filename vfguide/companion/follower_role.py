@@ -8,6 +8,7 @@ from dataclasses import replace
 from vfguide.angles import wrap_angle
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
+from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import (
@@ -25,6 +26,16 @@ from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
 from vfguide.guidance.formation import extrapolate_by_rates, formation_error, slot_motion
+from vfguide.guidance.height import (
+    PLANNED_S,
+    UNPLANNED_S,
+    HeightDeviation,
+    HeightTarget,
+    followed_height,
+    height_deviation,
+    held_height,
+    path_height,
+)
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     intended_at_first,
@@ -106,6 +117,9 @@ class FollowerRole:
         self._late_keepers = tuple(SlotKeeper(law, task.slot) for law in late_laws(plan))
         self._carried: LeaderState[float] | None = None
         self._intended: IntendedMotion | None = None
+        self._deviation: HeightDeviation | None = None
+        self._height = HeightKeeper(plan)
+        self._asked_height = plan.height
         self._wind = (0.0, 0.0)
         self._breakaway_course: float | None = None
 
@@ -124,9 +138,14 @@ class FollowerRole:
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
         heard, before, known = self._leader.newest, self._intended, self._task.leader
-        if heard is None or isinstance(known, ForeignLeader):
+        if heard is None:
+            return
+        if isinstance(known, ForeignLeader):
+            self._note_height(heard, held_height(known.height), UNPLANNED_S)
             return
         planned = planned_motion(heard, known, self._wind)
+        at_once = path_height(known.path, planned.point, heard, flying=known.height, ahead_s=0.0)
+        self._note_height(heard, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -135,6 +154,34 @@ class FollowerRole:
         else:
             as_planned = slot_frame == "plan"
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
+
+    def _note_height(
+        self, heard: LeaderState[float], planned: HeightTarget, memory_s: float
+    ) -> None:
+        """Find out by how much the leader flies above what is planned for it."""
+        if self._task.follows_height:
+            self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
+
+    def _height_target(self, navigated: NavigatedState, leader: LeaderState[float]) -> HeightTarget:
+        """How high the slot is: now, and when a setpoint takes effect."""
+        known, now = self._task.leader, navigated.state.time_s
+        ahead_s = self._height.delay_s(navigated)
+        planned = held_height(known.height)
+        if not isinstance(known, ForeignLeader):
+            intended = None if self._carried is not None else self._intended
+            point = known.point_beside(leader) if intended is None else intended.planned.point
+            age_s = now - leader.time_s
+            planned = path_height(
+                known.path, point, leader, flying=known.height, ahead_s=age_s + ahead_s
+            )
+        deviation = self._deviation or HeightDeviation(time_s=now)
+        if self.leader_age(now) > self._plan.timeouts.leader_s:
+            # Nothing is heard of how it goes on beside its plan.
+            deviation = replace(deviation, climb_rate=0.0)
+        target = followed_height(
+            planned, deviation, flying=known.height, now_s=now, ahead_s=ahead_s
+        )
+        return target.shifted(self._task.slot.up)
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
@@ -171,7 +218,13 @@ class FollowerRole:
         publish = self._own_state(navigated, motion, mode)
         leader = self._leader_at(navigated)
         if leader is None:
-            return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=publish)
+            return RoleStep(
+                setpoint=None,
+                height=self._asked_height,
+                distance=math.inf,
+                lyapunov=math.nan,
+                publish=publish,
+            )
         breaks_away = mode is Mode.BREAKAWAY
         if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):
@@ -199,8 +252,13 @@ class FollowerRole:
             steered=mode.steers,
         )
         self._avoiding = mode.steers and avoidance.setpoint is not None
+        setpoint = avoidance.setpoint or setpoint
+        if not breaks_away:
+            target = self._height_target(navigated, leader)
+            self._asked_height = self._height.step(navigated, target, setpoint, steered=mode.steers)
         return RoleStep(
-            setpoint=avoidance.setpoint or setpoint,
+            setpoint=setpoint,
+            height=self._asked_height,
             distance=self._distance,
             lyapunov=guidance.lyapunov,
             publish=publish,

@@ -57,6 +57,7 @@ class StatePublisher:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                climb_rate=motion.climb_rate,
                 steered=steered,
             )
         )

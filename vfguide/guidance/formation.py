@@ -26,6 +26,8 @@ class Slot(Generic[Number]):
     """g_x, m ahead of the leader."""
     right: Number
     """g_y, m to the right of the leader."""
+    up: Number | float = 0.0
+    """m above the leader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +88,8 @@ def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderSt
         turn_acceleration=leader.turn_acceleration,
         drift_north=leader.drift_north,
         drift_east=leader.drift_east,
+        height=leader.height + leader.climb_rate * age,
+        climb_rate=leader.climb_rate,
     )
 
 

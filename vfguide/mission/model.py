@@ -173,6 +173,11 @@ class Mission(Section):
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
+    height: Literal["leader", "path"] | None = None
+    """What slots' `up_m` counts from. `leader`: the leader's own height, as it means to fly and lastingly
+    does. `path`: the height that the mission plans for it, wherever it is. If absent `path` for a leader that
+    is heard by ADS-B, `leader` for every other."""
+
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
     """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""
 
@@ -203,6 +208,11 @@ class Mission(Section):
 
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""
+
+    @property
+    def follows_height(self) -> bool:
+        """Whether slots count from the leader's own height."""
+        return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
 
     @property
     def leader_vehicle(self) -> Vehicle:
