@@ -3,8 +3,10 @@
 import cmath
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
@@ -14,7 +16,7 @@ from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.height import path_height
+from vfguide.guidance.height import held_height, path_height
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -28,16 +30,20 @@ ASTRAY_S = 1.0
 class LeaderRole:
     """Follows the path and publishes its state."""
 
-    def __init__(self, plan: FlightPlan, task: LeaderTask, clock: SharedClock) -> None:
+    def __init__(
+        self, plan: FlightPlan, task: LeaderTask, clock: SharedClock, arrangements: Arrangements
+    ) -> None:
         """Make a leader that has heard no follower yet.
 
         Args:
             plan: its part of the mission.
             task: its path.
             clock: that the formation shares: the leader's own.
+            arrangements: what was ordered of the formation.
         """
         self._plan = plan
-        self._task = task
+        self._mission_task = self._task = task
+        self._arrangements = arrangements
         self._report = StatePublisher(plan)
         self._law = task.law(task.gains, plan.settings, plan.airframe)
         self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
@@ -45,6 +51,7 @@ class LeaderRole:
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._height = HeightKeeper(plan)
+        self._planned_height = plan.height
 
     @property
     def counters(self) -> Counter[str]:
@@ -55,6 +62,8 @@ class LeaderRole:
         """One step along the path; the leader's own state goes out with it."""
         if navigated.moved:
             self._memory = FIRST
+        self._task = self._ordered_task(navigated.state.time_s)
+        self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:
@@ -71,23 +80,48 @@ class LeaderRole:
             steered=mode.steers,
         )
         setpoint = avoidance.setpoint or setpoint
-        target = path_height(
-            self._task.path,
-            guidance.point,
-            motion,
-            flying=self._task.height,
-            ahead_s=self._height.delay_s(navigated),
-        )
+        if self._arrangements.circle is None:
+            target = path_height(
+                self._task.path,
+                guidance.point,
+                motion,
+                flying=self._task.height,
+                ahead_s=self._height.delay_s(navigated),
+            )
+            self._planned_height = target.height
+        else:
+            # Where the hold began.
+            target = held_height(self._planned_height)
         return RoleStep(
             setpoint=setpoint,
             height=self._height.step(navigated, target, setpoint, steered=mode.steers),
             distance=distance,
             lyapunov=math.nan,
             publish=self._report.message(
-                motion, navigated, navigated.state.time_s, steered=mode.steers
+                motion,
+                navigated,
+                navigated.state.time_s,
+                steered=mode.steers,
+                arrangement=self._arrangements.number,
             ),
             climb_m=avoidance.climb_m,
             motion=motion,
+        )
+
+    def _ordered_task(self, now: float) -> LeaderTask:
+        """The mission's task, for the slots that were ordered, and on the circle of a hold."""
+        if self._arrangements.flown is None:
+            return self._mission_task
+        task, circle = self._mission_task, self._arrangements.circle
+        slots = [self._arrangements.slot(name, now) for name in self._plan.neighbours]
+        return replace(
+            task,
+            path=task.path if circle is None else circle,
+            followers=tuple(
+                replace(one, slot=slot)
+                for slot, one in zip(slots, task.followers, strict=True)
+                if slot is not None
+            ),
         )
 
     def _intent(self, state: VehicleState[float], distance: float) -> Intent:
@@ -130,7 +164,7 @@ class LeaderRole:
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of a follower."""
-        self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

@@ -42,12 +42,6 @@ class HeightTarget:
     ahead: float
     """To be flown once a setpoint takes effect, m above the mission's origin."""
 
-    def shifted(self, up: float) -> "HeightTarget":
-        """The same by so much higher, m."""
-        return HeightTarget(
-            height=self.height + up, climb_rate=self.climb_rate, ahead=self.ahead + up
-        )
-
 
 def held_height(height: float) -> HeightTarget:
     """Level flight at a height, m above the mission's origin."""

@@ -132,7 +132,6 @@ def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it() 
     assert found.height == pytest.approx(111.5)
     assert found.ahead == pytest.approx(116.5)
     assert found.climb_rate == pytest.approx(2.5)
-    assert found.shifted(-5.0).ahead == pytest.approx(111.5)
 
 
 def test_a_leader_that_goes_down_does_not_take_its_followers_to_the_ground() -> None:
