@@ -157,6 +157,7 @@ paths = Registry(
     own={
         "line": "vfguide.paths.line",
         "circle": "vfguide.paths.circle",
+        "helix": "vfguide.paths.helix",
         "racetrack": "vfguide.paths.racetrack",
     },
 )

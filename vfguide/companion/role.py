@@ -32,8 +32,10 @@ class RoleStep:
     """W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
+    height: float
+    """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
     climb_m: float = 0.0
-    """To be added to the altitude of the mission, m."""
+    """To be added to that, m: it keeps clear of another vehicle."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None

@@ -158,6 +158,11 @@ class Mission(Section):
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
+    height: Literal["leader", "path"] | None = None
+    """What slots' `up_m` counts from. `leader`: the leader's own height, as it means to fly and lastingly
+    does. `path`: the height that the mission plans for it, wherever it is. If absent `path` for a leader that
+    is heard by ADS-B, `leader` for every other."""
+
     orders: tuple[TimedOrder, ...] = ()
     """What the formation is to do in flight, by the time of the rehearsal."""
 
@@ -195,6 +200,11 @@ class Mission(Section):
 
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""
+
+    @property
+    def follows_height(self) -> bool:
+        """Whether slots count from the leader's own height."""
+        return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
 
     @property
     def leader_vehicle(self) -> Vehicle:
