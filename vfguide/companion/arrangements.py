@@ -276,14 +276,16 @@ class Arrangements:
         self._next, self._replied_s = Order(order, signed), -math.inf
         self._answers.clear()
 
-    def receive_reply(self, vehicle: str, data: bytes) -> None:
-        """Take another vehicle's answer to an order."""
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
         try:
             reply = decode_reply(data)
         except LinkDataError:
             self.counters["answer: malformed"] += 1
             return
-        if self._next is not None and reply.number == self._next.arrangement.number:
+        if reply.verdict is Verdict.UNKNOWN:
+            self._note_older(vehicle, reply.number, now)
+        elif self._next is not None and reply.number == self._next.arrangement.number:
             self._answers[vehicle] = reply
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:

@@ -216,9 +216,9 @@ class Companion:
         """Take an operator's order, and how it is to be repeated for others."""
         self._arrangements.receive_order(data, signed, now)
 
-    def receive_reply(self, vehicle: str, data: bytes) -> None:
-        """Take another vehicle's answer to an order."""
-        self._arrangements.receive_reply(vehicle, data)
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        self._arrangements.receive_reply(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""

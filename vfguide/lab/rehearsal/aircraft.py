@@ -32,6 +32,7 @@ class Aircraft:
         *,
         log: TelemetryLog | None = None,
         clock: SharedClock = SAME_CLOCK,
+        orders: Sequence[tuple[float, bytes]] | None = None,
     ) -> None:
         """Put the aircraft of this name at its start.
 
@@ -40,6 +41,7 @@ class Aircraft:
             name: of the vehicle.
             log: notes every datagram of the MAVLink connection.
             clock: the formation's, as this aircraft knows it.
+            orders: (when in s, what) an operator gives; those of the mission's time table if absent.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -71,7 +73,7 @@ class Aircraft:
         seeds.pop(name, None)
         if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
-        self._orders = deque(order_mail(mission))
+        self._orders = deque(order_mail(mission) if orders is None else orders)
         if self._orders:
             seeds[OPERATOR] = f"{rehearsal.seed} {OPERATOR} {name}"
         self._link = MemoryLink(quality, seeds)
@@ -136,7 +138,7 @@ class Aircraft:
             if data.startswith(ORDER_MAGIC):
                 self.companion.receive_order(data, data, now)
             elif data.startswith(REPLY_MAGIC):
-                self.companion.receive_reply(sender, data)
+                self.companion.receive_reply(sender, data, now)
             elif is_leaders(data):
                 self.companion.receive_lead(sender, data, now)
             elif sender == self._leader:
