@@ -158,6 +158,8 @@ paths = Registry(
         "line": "vfguide.paths.line",
         "circle": "vfguide.paths.circle",
         "racetrack": "vfguide.paths.racetrack",
+        "figure-eight": "vfguide.paths.figure_eight",
+        "waypoints": "vfguide.paths.waypoints",
     },
 )
 """Paths that leaders follow."""

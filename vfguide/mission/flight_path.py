@@ -7,7 +7,7 @@ Where in a mission file something is: a way down the tree, and the lines it lies
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -58,6 +58,37 @@ class MissionSource:
 FieldGain = Annotated[Gain, Field(le=10.0)]
 
 
+class MissionFrame(Section):
+    """What a path takes from the rest of its mission."""
+
+    latitude_deg: float
+    """Of the mission's origin."""
+
+    longitude_deg: float
+    """Of the origin."""
+
+    altitude_amsl_m: float
+    """Of the origin, m."""
+
+    height_above_origin_m: float
+    """The mission's flying height, m."""
+
+    radius_m: float
+    """Least radius of a turn that suits every vehicle of the formation, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Fields of a path that do not fit together."""
+
+    location: Location
+    """Below `path`."""
+    message: str
+    """What is wrong."""
+    remedy: str
+    """What would be right."""
+
+
 class PathShape(Section):
     """What every path of a mission says."""
 
@@ -71,6 +102,10 @@ class PathShape(Section):
     def approach_angle(self) -> float:
         """chi_inf, rad: the angle to the path at which the field approaches it from far away."""
         return math.pi / 2.0
+
+    def misfits(self) -> Iterable[Misfit]:
+        """What keeps it from being flown although each field is sound by itself."""
+        return ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to other processes as plain fields: the model of a path is made anew in each of them."""
@@ -112,9 +147,22 @@ def shape_of(content: Mapping[str, Any]) -> PathShape:
             "union_tag_invalid", content, discriminator="'type'", tag=str(name), expected_tags=names
         )
     try:
-        return shape_model(name).model_validate(content)
+        shape = shape_model(name).model_validate(content)
     except ValidationError as error:
         raise below(name, error) from error
+    found = [
+        InitErrorDetails(
+            type=PydanticCustomError(
+                "misfit", "{text}", {"text": one.message, "remedy": one.remedy}
+            ),
+            loc=(name, *one.location),
+            input=content,
+        )
+        for one in shape.misfits()
+    ]
+    if found:
+        raise ValidationError.from_exception_data("path", found)
+    return shape
 
 
 def chosen_path(value: object) -> object:

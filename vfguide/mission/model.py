@@ -20,6 +20,7 @@ from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
+from vfguide.mission.path_frame import with_frame
 from vfguide.mission.quantity import (
     Duration,
     MissionName,
@@ -233,7 +234,7 @@ class Mission(Section):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: object) -> object:
-        return completed(data)
+        return with_frame(completed(data))
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:
