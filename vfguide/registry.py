@@ -160,6 +160,7 @@ paths = Registry(
         "racetrack": "vfguide.paths.racetrack",
         "figure-eight": "vfguide.paths.figure_eight",
         "waypoints": "vfguide.paths.waypoints",
+        "plan": "vfguide.paths.plan",
     },
 )
 """Paths that leaders follow."""

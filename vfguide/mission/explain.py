@@ -120,7 +120,7 @@ REMEDIES = {
     "line_given_twice": "remove one of the two",
     "line_without_course": "add course_deg, degrees clockwise from north, or slope",
     "line_without_slope": "add slope, or use point and course_deg",
-    "waypoint": "give one of the two pairs",
+    "place": "give one of the two pairs",
     "waypoint_height": "remove one of the two",
 }
 

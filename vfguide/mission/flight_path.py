@@ -19,6 +19,8 @@ from pydantic_core.core_schema import ErrorType
 
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
+from vfguide.mission.fence import Fence
+from vfguide.mission.place import Place
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
 
@@ -58,25 +60,6 @@ class MissionSource:
 FieldGain = Annotated[Gain, Field(le=10.0)]
 
 
-class MissionFrame(Section):
-    """What a path takes from the rest of its mission."""
-
-    latitude_deg: float
-    """Of the mission's origin."""
-
-    longitude_deg: float
-    """Of the origin."""
-
-    altitude_amsl_m: float
-    """Of the origin, m."""
-
-    height_above_origin_m: float
-    """The mission's flying height, m."""
-
-    radius_m: float
-    """Least radius of a turn that suits every vehicle of the formation, m."""
-
-
 @dataclass(frozen=True, slots=True)
 class Misfit:
     """Fields of a path that do not fit together."""
@@ -102,6 +85,21 @@ class PathShape(Section):
     def approach_angle(self) -> float:
         """chi_inf, rad: the angle to the path at which the field approaches it from far away."""
         return math.pi / 2.0
+
+    @property
+    def fence(self) -> Fence | None:
+        """That it brings along, if it does."""
+        return None
+
+    @property
+    def rally_points(self) -> tuple[Place, ...]:
+        """That it brings along."""
+        return ()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What its file asks for and a formation does not do."""
+        return ()
 
     def misfits(self) -> Iterable[Misfit]:
         """What keeps it from being flown although each field is sound by itself."""

@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
+from vfguide.mission.fence import Fence
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
 from vfguide.mission.orders import Slot, TimedOrder
@@ -189,6 +190,9 @@ class Mission(Section):
 
     rehearsal: Rehearsal = Rehearsal()
     """How the flight is rehearsed on the computer."""
+
+    fence: Fence = Fence()
+    """Where every vehicle has to stay, beside the fence of a plan; `vfguide check` looks at all slots."""
 
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""

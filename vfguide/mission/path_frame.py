@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from vfguide.guidance.limits import GRAVITY
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
-from vfguide.mission.flight_path import MissionFrame
+from vfguide.mission.place import MissionFrame
 from vfguide.mission.vehicle import DEFAULT_MAX_BANK_DEG
 from vfguide.registry import paths
 

@@ -1,6 +1,7 @@
 """A route of straight legs between waypoints, with fillets at its corners, and what comes at its end."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -10,10 +11,10 @@ from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
 from vfguide.angles import wrap_angle
-from vfguide.frames import LocalFrame
 from vfguide.mission import quantity
-from vfguide.mission.flight_path import Misfit, MissionFrame, PathShape, shape_of
-from vfguide.mission.quantity import Coordinate, NotNegative, Section
+from vfguide.mission.flight_path import Misfit, PathShape, shape_of
+from vfguide.mission.place import MissionFrame, Place
+from vfguide.mission.quantity import NotNegative
 from vfguide.paths.chain import Chain, ChainedPath
 from vfguide.paths.circle import Radius
 from vfguide.paths.fillet import Bend, circle_entry, eased_turn, tangent_length, turn_back
@@ -38,20 +39,8 @@ USUAL_EASEMENT = 1.0
 End = Literal["repeat", "reverse", "loiter", "hand-back"]
 
 
-class Waypoint(Section):
-    """A corner of a route: in the local frame, or by latitude and longitude."""
-
-    north_m: Coordinate | None = None
-    """Metres north of the mission's origin."""
-
-    east_m: Coordinate | None = None
-    """Metres east of it."""
-
-    latitude_deg: Annotated[quantity.Number, Field(ge=-85.0, le=85.0)] | None = None
-    """Instead of `north_m` and `east_m`, with `longitude_deg`."""
-
-    longitude_deg: Annotated[quantity.Number, Field(ge=-180.0, le=180.0)] | None = None
-    """East positive."""
+class Waypoint(Place):
+    """A corner of a route."""
 
     up_m: Annotated[quantity.Number, Field(ge=-9000.0, le=9000.0)] = 0.0
     """Above the mission's flying height, m; negative is below."""
@@ -63,24 +52,20 @@ class Waypoint(Section):
     """Of the fillet at this waypoint, m; that of the path if absent."""
 
     @model_validator(mode="after")
-    def _in_one_way(self) -> Self:
-        local = self.north_m is not None and self.east_m is not None
-        geodetic = self.latitude_deg is not None and self.longitude_deg is not None
-        given = {"north_m", "east_m", "latitude_deg", "longitude_deg"} & self.model_fields_set
-        if local == geodetic or len(given) > 2:
-            raise PydanticCustomError(
-                "waypoint", "needs north_m and east_m, or latitude_deg and longitude_deg"
-            )
+    def _one_height(self) -> Self:
         if self.altitude_amsl_m is not None and "up_m" in self.model_fields_set:
             raise PydanticCustomError("waypoint_height", "has both up_m and altitude_amsl_m")
         return self
 
+    def up(self, frame: MissionFrame | None) -> float:
+        """Above the mission's flying height, m."""
+        if self.altitude_amsl_m is None or frame is None:
+            return self.up_m
+        return self.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
 
-class WaypointsShape(PathShape):
-    """A route of straight legs between waypoints, with eased fillets at its corners."""
 
-    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
-    """The corners in their order."""
+class RouteShape(PathShape):
+    """What routes have in common."""
 
     radius_m: Radius | None = None
     """Of the fillets, m; if absent the least that every vehicle of the formation flies with something to
@@ -90,17 +75,27 @@ class WaypointsShape(PathShape):
     """Length over which the curvature comes at the beginning of a fillet, and goes at its end, m; as long as
     the radius if absent."""
 
-    end: End = "loiter"
-    """After the last waypoint. `repeat`: on to the first. `reverse`: turn, and back along the route, again
-    and again. `loiter`: circle around the last one. `hand-back`: the same, and there every companion hands
-    its vehicle back to its autopilot."""
-
     loiter_radius_m: Annotated[quantity.Number, Field(ge=-100e3, le=100e3)] | None = None
     """`loiter`, `hand-back`: radius of the circle, m, negative counter-clockwise; that of the fillets,
     clockwise, if absent."""
 
     frame: SkipJsonSchema[MissionFrame | None] = Field(default=None, exclude=True)
     """What coordinates and radii count from; the mission fills it in."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> tuple[Waypoint, ...]:
+        """The waypoints."""
+
+    @property
+    @abstractmethod
+    def after(self) -> End:
+        """What comes after the last of them."""
+
+    @property
+    def circle_radius_m(self) -> float:
+        """Of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
+        return self.loiter_radius_m or 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel with the frame, which is no field of a mission."""
@@ -120,6 +115,28 @@ class WaypointsShape(PathShape):
     def misfits(self) -> Iterator[Misfit]:
         """What keeps the route from being flown."""
         yield from Route(self).misfits()
+
+
+class WaypointsShape(RouteShape):
+    """A route of straight legs between waypoints, with eased fillets at its corners."""
+
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
+    """The corners in their order."""
+
+    end: End = "loiter"
+    """After the last waypoint. `repeat`: on to the first. `reverse`: turn, and back along the route, again
+    and again. `loiter`: circle around the last one. `hand-back`: the same, and there every companion hands
+    its vehicle back to its autopilot."""
+
+    @property
+    def corners(self) -> tuple[Waypoint, ...]:
+        """The waypoints."""
+        return self.waypoints
+
+    @property
+    def after(self) -> End:
+        """What comes after the last of them."""
+        return self.end
 
 
 FALLBACK_RADIUS_M = 100.0
@@ -147,22 +164,22 @@ class Corner:
 class Route:
     """The geometry of a shape: corners, and the legs between them."""
 
-    def __init__(self, shape: WaypointsShape) -> None:
+    def __init__(self, shape: RouteShape) -> None:
         """Place the waypoints in the plane, and turn at each."""
         self.shape = shape
-        self.closed = shape.end == "repeat"
-        self.circles = shape.end in {"loiter", "hand-back"}
-        self.places = [place_of(one, shape.frame) for one in shape.waypoints]
+        self.closed = shape.after == "repeat"
+        self.circles = shape.after in {"loiter", "hand-back"}
+        self.places = [(*one.local(shape.frame), one.up(shape.frame)) for one in shape.corners]
         self.loiter = self._loiter_bend()
         self.entry = circle_entry(self.loiter, self._sense())
         self.legs = self._legs()
         self.corners = [self._corner(index) for index in range(len(self.places))]
 
     def _sense(self) -> float:
-        return math.copysign(1.0, self.shape.loiter_radius_m or 1.0)
+        return math.copysign(1.0, self.shape.circle_radius_m or 1.0)
 
     def _loiter_bend(self) -> Bend:
-        given = self.shape.loiter_radius_m
+        given = self.shape.circle_radius_m
         return self.shape.bend if not given else self.shape.bend_of(abs(given))
 
     def _legs(self) -> list[tuple[float, float]]:
@@ -184,7 +201,7 @@ class Route:
 
     def _corner(self, index: int) -> Corner:
         north, east, up = self.places[index]
-        waypoint = self.shape.waypoints[index]
+        waypoint = self.shape.corners[index]
         bend = (
             self.shape.bend if waypoint.radius_m is None else self.shape.bend_of(waypoint.radius_m)
         )
@@ -345,32 +362,21 @@ class Line:
         self.knots.append((self.run if progress is None else progress, up))
 
 
-def place_of(waypoint: Waypoint, frame: MissionFrame | None) -> tuple[float, float, float]:
-    """(north, east, up) of a waypoint, m."""
-    up = waypoint.up_m
-    if waypoint.altitude_amsl_m is not None and frame is not None:
-        up = waypoint.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
-    if waypoint.latitude_deg is None or waypoint.longitude_deg is None or frame is None:
-        return waypoint.north_m or 0.0, waypoint.east_m or 0.0, up
-    local = LocalFrame(frame.latitude_deg, frame.longitude_deg, frame.altitude_amsl_m)
-    return *local.to_local(waypoint.latitude_deg, waypoint.longitude_deg), up
-
-
 @paths.register("waypoints")
 class Waypoints(ChainedPath):
     """A route; after its last waypoint it goes round as its end says."""
 
-    Shape: ClassVar[type[WaypointsShape]] = WaypointsShape
+    Shape: ClassVar[type[RouteShape]] = WaypointsShape
 
-    def __init__(self, shape: WaypointsShape) -> None:
+    def __init__(self, shape: RouteShape) -> None:
         """The route of a shape that has no misfits."""
         line = Route(shape).line()
         self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
         self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
-        self._end = line.again if shape.end == "hand-back" else math.inf
+        self._end = line.again if shape.after == "hand-back" else math.inf
 
     @classmethod
-    def of(cls, shape: WaypointsShape) -> Self:
+    def of(cls, shape: RouteShape) -> Self:
         """The route of a mission."""
         return cls(shape)
 
