@@ -19,6 +19,7 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
@@ -127,6 +128,7 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
+        self._plotted = PlottedValues(plan)
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0
@@ -284,6 +286,8 @@ class Companion:
             if event.tell:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
+        if self._authority.connected and not self._stopped:
+            messages += self._plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
         out.to_leader = self._role.to_leader(now)
         return out
@@ -391,6 +395,7 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance = step.distance
+        self._plotted.note(step, now)
         if step.publish is not None:
             out.to_link.append(step.publish)
         self._tell_followers(step, navigated, out)

@@ -205,6 +205,8 @@ class FollowerRole:
             lyapunov=guidance.lyapunov,
             publish=publish,
             climb_m=avoidance.climb_m,
+            along_track=error.along_track,
+            cross_track=error.cross_track,
         )
 
     def _note_wind(self, navigated: NavigatedState) -> None:

@@ -75,6 +75,7 @@ class LeaderRole:
                 motion, navigated, navigated.state.time_s, steered=mode.steers
             ),
             climb_m=avoidance.climb_m,
+            cross_track=-guidance.cross_track_error,
             motion=motion,
         )
 

@@ -1,5 +1,6 @@
 """A part in the formation: what a companion hands to it, and what it hands back."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,6 +24,10 @@ class RoleStep:
     """Own state for the link."""
     climb_m: float = 0.0
     """To be added to the altitude of the mission, m."""
+    along_track: float = math.nan
+    """How far ahead the slot is, m; NaN for the leader and while not known."""
+    cross_track: float = math.nan
+    """How far to the right the slot is, or the path, m; NaN while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
 
