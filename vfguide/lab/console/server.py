@@ -167,8 +167,10 @@ class Guard:
     def _welcome(self) -> Response:
         """To the page itself: the token stays in no list of addresses that were visited."""
         answer = RedirectResponse("/", status_code=303)
+        # A strict cookie would not go with this redirection of a link on another site. A lax one goes with
+        # no request of other sites but for the page itself, which they can neither read nor frame.
         answer.set_cookie(
-            self._cookie, self._token, httponly=True, samesite="strict", secure=self._secure
+            self._cookie, self._token, httponly=True, samesite="lax", secure=self._secure
         )
         return answer
 
