@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-fast image accuracy live sitl bench lint clean
+.PHONY: help fly test test-fast docs image accuracy live sitl bench lint clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -24,6 +24,9 @@ test: lint ## the whole test suite, as continuous integration runs it
 
 test-fast: $(VENV)/.dev ## the unit tests alone
 	$(BIN)/pytest -n auto -q tests/unit
+
+docs: $(VENV)/.dev ## the API pages from the sources, in site/
+	$(BIN)/python docs/make_api.py site
 
 image: ## the Docker image
 	tests/docker/make-image
@@ -64,4 +67,4 @@ $(VENV)/.dev: $(VENV)/.runtime
 	@touch $@
 
 clean: ## removes .venv, flights and caches
-	rm -rf $(VENV) flights build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

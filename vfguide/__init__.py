@@ -1,9 +1,11 @@
 """Companion-computer guidance that flies fixed-wing UAVs as one formation.
 
+```python
 import vfguide
 mission = vfguide.load_mission("missions/circle-wind.yaml")
 flight = vfguide.fly(mission, law="slot", duration_s=60)
 flight.summary.formation.mean_error_m, flight.tracks["f1"].north_m
+```
 """
 
 from typing import TYPE_CHECKING, Any

@@ -26,7 +26,8 @@ def add(content: object, digest: "hashlib._Hash") -> None:
     """Add a value and all that is in it to a digest, arrays by their bytes."""
     if is_dataclass(content):
         for field in fields(content):
-            if field.name not in OF_THE_COMPUTER:
+            # What a flight has nothing of is no difference to a record that knows nothing of it.
+            if field.name not in OF_THE_COMPUTER and getattr(content, field.name) is not None:
                 digest.update(field.name.encode())
                 add(getattr(content, field.name), digest)
     elif isinstance(content, np.ndarray):

@@ -4,8 +4,11 @@ import json
 from collections.abc import Sequence
 
 from vfguide.commands.terminal import Terminal
+from vfguide.errors import VfguideError
 from vfguide.mission.faults import Fault
-from vfguide.mission.finding import Finding
+from vfguide.mission.finding import Finding, worst_first
+from vfguide.mission.flight_path import MissionSource
+from vfguide.mission.model import Mission
 
 PASSED, WARNED, WRONG = 0, 1, 2
 
@@ -16,6 +19,27 @@ def findings_of(faults: Sequence[Fault]) -> list[Finding]:
         Finding("error", one.location, one.message, one.remedy, one.file, one.line)
         for one in faults
     ]
+
+
+def with_expectation(
+    findings: Sequence[Finding], mission: Mission, source: MissionSource
+) -> Sequence[Finding]:
+    """The findings and, of a formation that can fly, what a rehearsal of a minute shows; the worst first.
+
+    Raises:
+        VfguideError: it was stopped.
+    """
+    if not mission.followers or any(one.severity == "error" for one in findings):
+        return findings
+    # Here, because what is not flown needs no emulator.
+    from vfguide.commands.fly import stopped_by_signals
+    from vfguide.lab.studies.prediction import expected_precision
+
+    with stopped_by_signals() as stop:
+        expected = expected_precision(mission, stop)
+    if expected is None:
+        raise VfguideError("stopped before the rehearsal of a minute had ended")
+    return worst_first([*findings, expected.placed(source)])
 
 
 def report_findings(

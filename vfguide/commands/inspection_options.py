@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.check import findings_of, report_findings
+from vfguide.commands.check import findings_of, report_findings, with_expectation
 from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.commands.shared_options import (
     AsJson,
@@ -147,8 +147,9 @@ def check(
 ) -> None:
     """Find out what can be known before take-off.
 
-    One line for each finding. Exit status: 0 ready to fly, 1 with warnings under --strict, 2 the mission
-    cannot be flown.
+    One line for each finding; what formation error to expect is flown, a minute in virtual time. Exit
+    status: 0 ready to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal
+    broke or was stopped.
     """
     try:
         loaded = read_mission(mission)
@@ -158,9 +159,9 @@ def check(
         found = findings_of(error.faults)
         raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
     overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
-    findings = check_mission(apply_overrides(loaded.mission, overrides), loaded.source)
-    name = loaded.mission.name
-    raise typer.Exit(report_findings(findings, name=name, strict=strict, as_json=as_json))
+    chosen = apply_overrides(loaded.mission, overrides)
+    findings = with_expectation(check_mission(chosen, loaded.source), chosen, loaded.source)
+    raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
 
 
 def report(

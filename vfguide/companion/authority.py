@@ -246,6 +246,18 @@ class ModeAuthority:
             return self._ask(self._beat, age_s, now)
         return []
 
+    def renew(self) -> None:
+        """An operator has ordered the vehicle back that was left to its autopilot by an order.
+
+        It may be engaged once more, unless a pilot has had it since: then that is for the pilot to do.
+        """
+        if not self._returned:
+            self._notice(f"ordered back into the formation: select {self._adapter.engaged_name}")
+            return
+        self._asking, self._asks, self._next_ask = None, 0, -math.inf
+        self._seen_guided = False
+        self._set(replace(self._consent, spent=""))
+
     def rebooted(self) -> None:
         """The autopilot says that it has started anew: in flight that ends the right to engage it."""
         stands = self._phase.is_over

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.announcer import Announcer, mode_sentence
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
@@ -28,6 +29,7 @@ from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, ob
 from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error
+from vfguide.formation.arrangement import Arrangement, Point
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
@@ -136,7 +138,8 @@ class Companion:
         self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
         self._own = OwnVehicle(plan)
         self._clock = clock
-        self._role = role_of(plan, clock)
+        self._arrangements = Arrangements(plan, clock)
+        self._role = role_of(plan, clock, self._arrangements)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
         self._awake_since = self._idle_since = self._return_since = math.inf
@@ -149,6 +152,7 @@ class Companion:
         self._altitude_time = self._failure_time = -math.inf
         self._altitude = plan.altitude_amsl
         self._setpoint: Setpoint[float] | None = None
+        self._slot: Point | None = None
         self._lyapunov = math.nan
         self._ready = False
         self._stopped = self._leaving = False
@@ -174,13 +178,21 @@ class Companion:
     @property
     def snapshot(self) -> Snapshot:
         """What it did last."""
-        return Snapshot(mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov)
+        return Snapshot(
+            mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov, slot=self._slot
+        )
 
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
         own = self._own.counters + Counter({"old when it was read": self._old_datagrams})
+        own += self._arrangements.counters
         return self._codec.counters + self._role.counters + self._guard.counters + own
+
+    @property
+    def arrangement(self) -> Arrangement | None:
+        """What it flies by; None for the slots of the mission."""
+        return self._arrangements.flown
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link, or a datagram of a leader without a companion."""
@@ -193,6 +205,14 @@ class Companion:
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
         self._role.receive_neighbour(vehicle, data, now)
+
+    def receive_order(self, data: bytes, signed: bytes, now: float) -> None:
+        """Take an operator's order, and how it is to be repeated for others."""
+        self._arrangements.receive_order(data, signed, now)
+
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        self._arrangements.receive_reply(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
@@ -278,6 +298,7 @@ class Companion:
     def _finish(self, messages: list[MAVLink_message], now: float, out: Outgoing) -> Outgoing:
         """What is due by time, and texts for the pilot; in one datagram with the rest."""
         if not self._stopped:
+            self._follow_orders(now, out)
             self._change_mode(now, out)
         messages += self._housekeeping(now, out)
         for text in self._authority.notices():
@@ -292,18 +313,34 @@ class Companion:
         out.to_leader = self._role.to_leader(now)
         return out
 
+    def _follow_orders(self, now: float, out: Outgoing) -> None:
+        """What is due of the orders, and what is to be said of them."""
+        arrangements = self._arrangements
+        arrangements.step(now)
+        out.replies, out.repeats = arrangements.to_say()
+        for text, warning in arrangements.words():
+            out.events.append(Event(time_s=now, text=text, warning=warning, tell=True))
+        if arrangements.returns_to_formation():
+            self._authority.renew()
+
     def _adopt(self, plan: FlightPlan) -> None:
         """Fly by another plan from now on; what was known of the flight is learned anew, in a second."""
         if plan is self._plan:
             return
         self._plan = plan
         self._own = OwnVehicle(plan)
-        self._role = role_of(plan, self._clock)
+        self._arrangements.adopt(plan)
+        self._role = role_of(plan, self._clock, self._arrangements)
         self._guard = SetpointGuard(plan)
         self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
 
     def leader_age(self, now: float) -> float:
-        """Age of the newest leader state, s; 0 for the leader, infinite before the first."""
+        """Age of the newest leader state, s; 0 for the leader, infinite before the first.
+
+        Infinite, too, where there is no slot to steer by: ordered away, or the order is not known.
+        """
+        if self._arrangements.has_left or self._arrangements.waits(now):
+            return math.inf
         return self._role.leader_age(now)
 
     def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
@@ -394,7 +431,7 @@ class Companion:
             return []
         self._telemetry_time = now
         self._interval = navigated.interval
-        self._distance = step.distance
+        self._distance, self._slot = step.distance, step.slot
         self._plotted.note(step, now)
         if step.publish is not None:
             out.to_link.append(step.publish)
@@ -473,7 +510,7 @@ class Companion:
         situation = Situation(
             control=control,
             telemetry_age=now - self._telemetry_time,
-            leader_age=self._role.leader_age(now),
+            leader_age=self.leader_age(now),
             steered=self._authority.answers_for_vehicle,
             distance=self._distance,
         )
@@ -522,11 +559,12 @@ class Companion:
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._role.leader_age(now) < math.inf
+        gone = gone or self._arrangements.has_left
         if gone or self._guard.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
         ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)
-        followable = self._role.leader_age(now) <= self._timeouts.leader_s
+        followable = self.leader_age(now) <= self._timeouts.leader_s
         heard = now - self._telemetry_time <= self._timeouts.telemetry_s
         informed = followable and heard and math.isfinite(self._interval)
         waiting = self._mode in {Mode.WAITING, Mode.PILOT}

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import replace
 
 from vfguide.angles import wrap_angle
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
 from vfguide.companion.leader_telemetry import LeaderTelemetry
@@ -24,7 +25,7 @@ from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.formation import extrapolate_by_rates, formation_error, slot_motion
+from vfguide.guidance.formation import Slot, extrapolate_by_rates, formation_error, slot_motion
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     intended_at_first,
@@ -36,7 +37,7 @@ from vfguide.guidance.observed_motion import carried_on
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
-from vfguide.guidance.virtual_leader import extrapolate_along_path
+from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.state import LeaderState, Setpoint, VehicleState
 
@@ -75,14 +76,18 @@ IN_SLOT_M = 2.0
 class FollowerRole:
     """Holds a slot."""
 
-    def __init__(self, plan: FlightPlan, task: FollowerTask, clock: SharedClock) -> None:
+    def __init__(
+        self, plan: FlightPlan, task: FollowerTask, clock: SharedClock, arrangements: Arrangements
+    ) -> None:
         """Make a follower that has heard nothing yet.
 
         Args:
             plan: its part of the mission.
             task: its slot.
             clock: that the formation shares.
+            arrangements: what was ordered of the formation.
         """
+        self._arrangements = arrangements
         self._plan = plan
         self._task = task
         self._clock = clock
@@ -101,9 +106,11 @@ class FollowerRole:
         self._distance = math.inf
         self._avoiding = False
         self._law = follower_law(plan)
-        self._keeper = SlotKeeper(self._law, task.slot)
+        self._keeper = SlotKeeper(self._law, task.slot, slot_at=self.slot_at)
         # One for each of the two delays with which an autopilot answers, if it does.
-        self._late_keepers = tuple(SlotKeeper(law, task.slot) for law in late_laws(plan))
+        self._late_keepers = tuple(
+            SlotKeeper(law, task.slot, slot_at=self.slot_at) for law in late_laws(plan)
+        )
         self._carried: LeaderState[float] | None = None
         self._intended: IntendedMotion | None = None
         self._wind = (0.0, 0.0)
@@ -123,7 +130,7 @@ class FollowerRole:
 
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
-        heard, before, known = self._leader.newest, self._intended, self._task.leader
+        heard, before, known = self._leader.newest, self._intended, self._known_leader()
         if heard is None or isinstance(known, ForeignLeader):
             return
         planned = planned_motion(heard, known, self._wind)
@@ -141,11 +148,12 @@ class FollowerRole:
         if self._leader.take(data, now):
             self._carried = self._breakaway_course = None
             self._intend()
+            self._arrangements.hear(self._leader_name, self._leader.newest, now)
         self._traffic.note(self._leader_name, self._leader)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
-        self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
@@ -164,10 +172,27 @@ class FollowerRole:
         """Age of the newest leader state, s; infinite before the first."""
         return math.inf if self.leader is None else now - self.leader.time_s
 
+    def slot_at(self, time_s: float) -> Slot[float]:
+        """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
+        return self._arrangements.slot(self._plan.name, time_s) or self._task.slot
+
+    def _climb(self, time_s: float) -> float:
+        """What was ordered to be added to the mission's height, m."""
+        height = self._arrangements.height(self._plan.name, time_s)
+        return 0.0 if height is None else height[0] - self._plan.up
+
+    def _known_leader(self) -> KnownLeader | ForeignLeader:
+        """What is known of the leader: on the mission's path, or on the circle of a hold."""
+        known, circle = self._task.leader, self._arrangements.circle
+        if circle is None or isinstance(known, ForeignLeader):
+            return known
+        return replace(known, path=circle)
+
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
         self._note_wind(navigated)
+        self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
         publish = self._own_state(navigated, motion, mode)
         leader = self._leader_at(navigated)
         if leader is None:
@@ -204,9 +229,10 @@ class FollowerRole:
             distance=self._distance,
             lyapunov=guidance.lyapunov,
             publish=publish,
-            climb_m=avoidance.climb_m,
+            climb_m=avoidance.climb_m + self._climb(navigated.state.time_s),
             along_track=error.along_track,
             cross_track=error.cross_track,
+            slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
         )
 
     def _note_wind(self, navigated: NavigatedState) -> None:
@@ -248,7 +274,7 @@ class FollowerRole:
             return WantedMotion(
                 velocity=velocity, base_velocity=velocity, turn_rate=0.0, settle_s=HORIZON_S
             )
-        slot = slot_motion(leader, self._task.slot)
+        slot = slot_motion(leader, self.slot_at(state.time_s))
         error = formation_error(slot, state)
         course, speed = self._law.expected_motion(slot, error)
         velocity = cmath.rect(speed, course)
@@ -277,11 +303,17 @@ class FollowerRole:
         if not (due and math.isfinite(time_s)):
             return None
         self._published_time = now
-        return self._report.message(motion, navigated, time_s, steered=mode.steers)
+        return self._report.message(
+            motion,
+            navigated,
+            time_s,
+            steered=mode.steers,
+            arrangement=self._arrangements.number,
+        )
 
     def _leader_at(self, navigated: NavigatedState) -> LeaderState[float] | None:
         """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
-        heard, known = self.leader, self._task.leader
+        heard, known = self.leader, self._known_leader()
         now = navigated.state.time_s
         if isinstance(known, ForeignLeader):
             return None if heard is None else carried_on(heard, now - heard.time_s, GAP_S)
@@ -303,7 +335,9 @@ class FollowerRole:
     def _away(self, navigated: NavigatedState, leader: LeaderState[float]) -> Setpoint[float]:
         """Setpoint of the breakaway: a fixed course to the side of the slot."""
         if self._breakaway_course is None:
-            self._breakaway_course = breakaway_course(leader.course, self._task.slot)
+            self._breakaway_course = breakaway_course(
+                leader.course, self.slot_at(navigated.state.time_s)
+            )
         plan = self._plan
         sliding = plan.settings.sliding
         course_rate = sliding_course_rate(

@@ -3,8 +3,10 @@
 import cmath
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
@@ -26,16 +28,20 @@ ASTRAY_S = 1.0
 class LeaderRole:
     """Follows the path and publishes its state."""
 
-    def __init__(self, plan: FlightPlan, task: LeaderTask, clock: SharedClock) -> None:
+    def __init__(
+        self, plan: FlightPlan, task: LeaderTask, clock: SharedClock, arrangements: Arrangements
+    ) -> None:
         """Make a leader that has heard no follower yet.
 
         Args:
             plan: its part of the mission.
             task: its path.
             clock: that the formation shares: the leader's own.
+            arrangements: what was ordered of the formation.
         """
         self._plan = plan
-        self._task = task
+        self._mission_task = self._task = task
+        self._arrangements = arrangements
         self._report = StatePublisher(plan)
         self._law = task.law(task.gains, plan.settings, plan.airframe)
         self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
@@ -52,6 +58,8 @@ class LeaderRole:
         """One step along the path; the leader's own state goes out with it."""
         if navigated.moved:
             self._memory = FIRST
+        self._task = self._ordered_task(navigated.state.time_s)
+        self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:
@@ -72,11 +80,31 @@ class LeaderRole:
             distance=distance,
             lyapunov=math.nan,
             publish=self._report.message(
-                motion, navigated, navigated.state.time_s, steered=mode.steers
+                motion,
+                navigated,
+                navigated.state.time_s,
+                steered=mode.steers,
+                arrangement=self._arrangements.number,
             ),
             climb_m=avoidance.climb_m,
             cross_track=-guidance.cross_track_error,
             motion=motion,
+        )
+
+    def _ordered_task(self, now: float) -> LeaderTask:
+        """The mission's task, for the slots that were ordered, and on the circle of a hold."""
+        if self._arrangements.flown is None:
+            return self._mission_task
+        task, circle = self._mission_task, self._arrangements.circle
+        slots = [self._arrangements.slot(name, now) for name in self._plan.neighbours]
+        return replace(
+            task,
+            path=task.path if circle is None else circle,
+            followers=tuple(
+                replace(one, slot=slot)
+                for slot, one in zip(slots, task.followers, strict=True)
+                if slot is not None
+            ),
         )
 
     def _intent(self, state: VehicleState[float], distance: float) -> Intent:
@@ -117,7 +145,7 @@ class LeaderRole:
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of a follower."""
-        self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Point
 from vfguide.state import Setpoint
 
 
@@ -28,6 +29,10 @@ class Outgoing:
     """One datagram."""
     to_link: list[bytes] = field(default_factory=list)
     """Own states."""
+    replies: list[bytes] = field(default_factory=list)
+    """Answers to orders."""
+    repeats: list[bytes] = field(default_factory=list)
+    """Orders, as they were signed, for vehicles that have missed them."""
     to_leader: bytes = b""
     """One datagram, for a leader without a companion."""
     to_others: bytes = b""
@@ -58,3 +63,5 @@ class Snapshot:
     """The last that was sent."""
     lyapunov: float
     """W, m²; NaN for the leader."""
+    slot: Point | None = None
+    """That was ordered; None for the mission's, and for the leader."""

@@ -22,7 +22,7 @@ from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.controller import gains_of
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.model import Slot as SlotOffset
+from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.quantity import Section
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws, leader_laws
@@ -127,6 +127,8 @@ class FlightPlan:
     """What to fly: a path as the leader, or a slot as a follower."""
     height: float
     """Of the altitude above the mission's origin, m."""
+    up: float
+    """Of that what the mission's slot adds to the leader's, m."""
     rank: int
     """Its own place in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
@@ -165,12 +167,14 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
     """
     vehicle = mission.vehicles[name]
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
+    up = 0.0
     task: LeaderTask | FollowerTask
     if name == mission.leader.vehicle:
         task = leader_task(mission)
     else:
         offset = mission.followers_by_name[name].slot
-        height += offset.up_m
+        up = offset.up_m
+        height += up
         task = follower_task(mission, vehicle, offset)
         require(*laws.find(mission.controller.type).libraries)
     return FlightPlan(
@@ -190,6 +194,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
+        up=up,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
         timekeeper=mission.timekeeper,

@@ -99,8 +99,10 @@ class Seen:
     spacing: FloatArray
     slot: ComplexArray
     """Forward + j right of the leader, m."""
+    slot_rate: ComplexArray
+    """How that moves in the formation, m/s."""
     drift: FloatArray
-    """Speed relative to the formation, of those who are silent as it was when they were heard, m/s."""
+    """Speed relative to the slot, of those who are silent as it was when they were heard, m/s."""
     weight: FloatArray
     linked: BoolArray
     """Whether the link has worked all the time since they were heard."""
@@ -130,7 +132,14 @@ def possibilities_of(
         place, velocity = with_formation(seen, leader)
         left = np.abs(seen.slot - seen.offset)[along]
         settle = clip(left / (seen.drift[along] + 1e-3), 1.0, HORIZON_S)
-        tracks = formation_tracks(place[along], velocity[along], seen.slot[along], settle, leader)
+        tracks = formation_tracks(
+            place[along],
+            velocity[along],
+            seen.slot[along],
+            settle,
+            leader,
+            slot_rate=seen.slot_rate[along],
+        )
         found.append((np.flatnonzero(along), tracks, ALONG_S, keep))
         # Also one that is silent: an autopilot that hangs in a turn turns on.
         off = along & (~seen.silent | seen.linked) & (seen.drift > TURNS_OFF_M_S)

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Point
 from vfguide.state import LeaderState, Setpoint
 
 
@@ -30,6 +31,8 @@ class RoleStep:
     """How far to the right the slot is, or the path, m; NaN while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
+    slot: Point | None = None
+    """That was ordered; None for the mission's, and for the leader."""
 
 
 class Role(Protocol):

@@ -33,7 +33,13 @@ class StatePublisher:
         return self._motion.told
 
     def message(
-        self, motion: LeaderState[float], navigated: NavigatedState, time_s: float, *, steered: bool
+        self,
+        motion: LeaderState[float],
+        navigated: NavigatedState,
+        time_s: float,
+        *,
+        steered: bool,
+        arrangement: int = 0,
     ) -> bytes:
         """The motion as bytes for the link.
 
@@ -42,6 +48,7 @@ class StatePublisher:
             navigated: the same.
             time_s: of the navigated, s on the clock that the formation shares.
             steered: whether this companion steers the vehicle.
+            arrangement: number of the order that it flies by.
         """
         self._sequence = (self._sequence + 1) % 2**32
         place = navigated.place
@@ -57,6 +64,7 @@ class StatePublisher:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                arrangement=arrangement,
                 steered=steered,
             )
         )

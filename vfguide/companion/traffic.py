@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vfguide.companion.arrangements import LAYER_CLEAR_M, OtherSlot
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
@@ -75,6 +76,7 @@ class Traffic:
         self._rows = {one.name: row for row, one in enumerate(others)}
         self._receivers = {one.name: StateReceiver(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
+        self._arranged: Sequence[OtherSlot] | None = None
         self._link_lost_s = -math.inf
         self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
@@ -87,6 +89,8 @@ class Traffic:
         )
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
+        self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
+        self._above = np.full(2 * count, ABOVE_M)
         self._spacing = np.array([one.spacing for one in others] * 2)
         self._least = np.array([one.least_m for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
@@ -101,14 +105,25 @@ class Traffic:
             total += receiver.counters
         return total
 
-    def receive(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of another follower; those of strangers are passed over."""
+    def arrange(self, slots: Sequence[OtherSlot] | None) -> None:
+        """Take the slots that were ordered, in the order of the vehicles; None: the mission's."""
+        if slots is None or slots is self._arranged:
+            return
+        self._arranged = slots
+        self._slot[:] = [one.slot for one in slots] * 2
+        self._slot_rate[:] = [one.rate for one in slots] * 2
+        self._spacing[:] = [one.spacing for one in slots] * 2
+        self._above[:] = [LAYER_CLEAR_M if one.layered else ABOVE_M for one in slots] * 2
+
+    def receive(self, vehicle: str, data: bytes, now: float) -> HeardState | None:
+        """Take a state of another follower, if it is news; those of strangers are passed over."""
         receiver = self._receivers.get(vehicle)
         if receiver is None:
-            return
-        receiver.take(data, now)
+            return None
+        taken = receiver.take(data, now)
         self.note(vehicle, receiver)
         self._words += [f"{vehicle} {words}" for words in receiver.words()]
+        return receiver.newest if taken else None
 
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
@@ -173,7 +188,7 @@ class Traffic:
         silent = age > SILENT_S
         known = age <= FORGET_S
         linked = self._works_for(known & (age > self._stopped_s))
-        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > ABOVE_M)
+        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > self._above)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
         if leader is None:
@@ -189,12 +204,13 @@ class Traffic:
         keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)
-        drift = np.zeros(len(age))
+        drift = astray = np.zeros(len(age))
         if leader is not None:
             offset, relative = in_formation(place, velocity, leader)
             self._heard.offset[~silent] = offset[~silent]
             self._heard.drift[~silent] = np.abs(relative)[~silent]
             drift = self._heard.drift
+            astray = np.where(silent, drift, np.abs(relative - self._slot_rate))
             own_place, own_drift = in_formation(here.place, here.velocity, leader)
             _, wanted_drift = in_formation(here.place, here.wanted, leader)
             room = np.abs(self._heard.offset - own_place) - keep
@@ -222,7 +238,8 @@ class Traffic:
             keep=keep[rows],
             spacing=self._spacing[rows],
             slot=self._slot[rows],
-            drift=drift[rows],
+            slot_rate=self._slot_rate[rows],
+            drift=astray[rows],
             weight=self._weight[rows],
             # Where all are silent it is this vehicle that is deaf: the others fly on as they did.
             linked=linked[rows],

@@ -20,12 +20,20 @@ LEAST_SLOT_SPEED = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slot(Generic[Number]):
-    """A place in the formation, fixed in the leader's course frame."""
+    """A place in the formation, in the leader's course frame: fixed there, unless it has rates."""
 
     forward: Number
     """g_x, m ahead of the leader."""
     right: Number
     """g_y, m to the right of the leader."""
+    forward_rate: Number | float = 0.0
+    """dg_x/dt, m/s: of a slot that moves within the formation."""
+    right_rate: Number | float = 0.0
+    """dg_y/dt, m/s."""
+    forward_acceleration: Number | float = 0.0
+    """m/s²."""
+    right_acceleration: Number | float = 0.0
+    """m/s²."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,19 +106,36 @@ def slot_position(leader: LeaderState[Number], slot: Slot[Number]) -> tuple[Numb
 def slot_velocity(
     ground_speed: Number, turn_rate: Number, slot: Slot[Number]
 ) -> tuple[Number, Number]:
-    """(along, right) of a rigid slot's velocity in the leader's course frame, m/s.
+    """(along, right) of a slot's velocity in the leader's course frame, m/s.
 
-    (V_l - omega g_y, omega g_x): on a turn the outer slot is faster and the rear one slips outward.
+    (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): on a turn the outer slot is faster and the rear one
+    slips outward.
     """
-    return ground_speed - turn_rate * slot.right, turn_rate * slot.forward
+    return (
+        ground_speed - turn_rate * slot.right + slot.forward_rate,
+        turn_rate * slot.forward + slot.right_rate,
+    )
+
+
+def slot_velocity_rate(leader: LeaderState[Number], slot: Slot[Number]) -> tuple[Number, Number]:
+    """(along, right): how a slot's velocity changes in the leader's course frame, m/s²."""
+    return (
+        leader.acceleration
+        - leader.turn_acceleration * slot.right
+        - leader.turn_rate * slot.right_rate
+        + slot.forward_acceleration,
+        leader.turn_acceleration * slot.forward
+        + leader.turn_rate * slot.forward_rate
+        + slot.right_acceleration,
+    )
 
 
 def slot_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
-    """Motion of a rigid slot: chi_s, V_s and their rates, from the leader's V, omega and their rates."""
+    """Motion of a slot: chi_s, V_s and their rates, from those of the leader and of the slot in its frame."""
     north, east = slot_position(leader, slot)
     along, right = slot_velocity(leader.ground_speed, leader.turn_rate, slot)
     along = greater_of(along, LEAST_SLOT_SPEED)
-    along_rate, right_rate = slot_velocity(leader.acceleration, leader.turn_acceleration, slot)
+    along_rate, right_rate = slot_velocity_rate(leader, slot)
     speed = hypot(along, right)
     return SlotMotion(
         north=north,

@@ -54,7 +54,12 @@ def airspeed_that_gives_way(
     excess = state.airspeed * 0.0
     for follower in followers:
         still = state.airspeed * 0.0
-        slot = Slot(forward=still + follower.slot.forward, right=still + follower.slot.right)
+        slot = Slot(
+            forward=still + follower.slot.forward,
+            right=still + follower.slot.right,
+            forward_rate=follower.slot.forward_rate,
+            right_rate=follower.slot.right_rate,
+        )
         needed = slot_airspeed(state, turn_rate, slot) + (cruise - state.airspeed)
         deficit = greater_of(deficit, follower.airspeed_min + MARGIN - needed)
         excess = greater_of(excess, needed - (follower.airspeed_max - MARGIN))

@@ -137,6 +137,8 @@ def formation_tracks(
     slot: ComplexArray,
     settle_s: FloatArray,
     leader: LeaderState[float],
+    *,
+    slot_rate: ComplexArray | complex = 0j,
 ) -> ComplexArray:
     """Tracks of vehicles that go for their slots: in the formation, critically damped.
 
@@ -148,13 +150,17 @@ def formation_tracks(
         slot: of each vehicle, forward + j right of the leader, m.
         settle_s: time constant of each, s.
         leader: at the same time; it flies on along an arc.
+        slot_rate: how each slot moves in the formation, m/s.
     """
     offset, drift = in_formation(place, velocity, leader)
     away = (offset - slot)[:, None]
     settle = settle_s[:, None]
+    drift = drift - slot_rate
     relative = slot[:, None] + (away + (drift[:, None] + away / settle) * TIMES) * np.exp(
         -TIMES / settle
     )
+    if np.any(slot_rate):
+        relative = relative + np.multiply.outer(slot_rate, TIMES)
     course = np.exp(1j * (leader.course + leader.turn_rate * TIMES))
     led = arc(place_of(leader), velocity_of(leader), leader.turn_rate)
     tracks: ComplexArray = led + course * relative

@@ -206,8 +206,7 @@ class Law(ABC):
             conditions: every course and turn of its path in every declared wind.
         """
         del mission, conditions
-        message = f"no error is predicted of the law {cls.name}"
-        yield Finding("note", ("controller", "type"), message, "fly it: vfguide fly")
+        return iter(())
 
     @classmethod
     def gains_in(cls, mission: Mission) -> Any:  # noqa: ANN401

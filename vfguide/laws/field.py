@@ -202,7 +202,7 @@ class SlotField(Law):
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-        """Whether the loops fit each other, and how precise the formation will be."""
+        """Whether the loops fit each other, and the turns."""
         # Here, because a companion in the air has no use for it.
         from vfguide.laws.field_findings import field_findings
 

@@ -1,5 +1,6 @@
 """What is done around every law: from the newest leader state to a setpoint, for one follower or for many."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic
 
@@ -15,6 +16,9 @@ from vfguide.guidance.formation import (
 from vfguide.guidance.setpoint import setpoint_for
 from vfguide.laws.base import Law, View
 from vfguide.state import LeaderState, Setpoint, VehicleState
+
+SlotAt = Callable[[float], Slot[Number]]
+"""A slot by the time, s on the follower's clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,15 +40,23 @@ class FollowerGuidance(Generic[Number]):
 class SlotKeeper(Generic[Number]):
     """A law with its slot and with what it remembers: of one follower (floats), or of a batch (arrays)."""
 
-    def __init__(self, law: Law, slot: Slot[Number]) -> None:
+    def __init__(
+        self,
+        law: Law,
+        slot: Slot[Number],
+        *,
+        slot_at: SlotAt[Number] | None = None,
+    ) -> None:
         """Make one that remembers nothing.
 
         Args:
             law: of this follower alone, or of this batch.
             slot: its place in the formation.
+            slot_at: the same at a time of the follower's clock (s), where it moves within the formation.
         """
         self._law = law
         self._slot: Slot[Number] = slot
+        self._slot_at: SlotAt[Number] | None = slot_at
         self._memory: Any = None
         self._started = False
 
@@ -72,12 +84,13 @@ class SlotKeeper(Generic[Number]):
         settings = law.settings
         if settings.predict_leader:
             leader = extrapolate_by_rates(leader, state.time_s)
-        motion = law.motion(leader, self._slot)
+        slot = self._slot if self._slot_at is None else self._slot_at(state.time_s)
+        motion = law.motion(leader, slot)
         error = formation_error(motion, state)
         view = View(
             state=state,
             leader=leader,
-            slot=self._slot,
+            slot=slot,
             motion=motion,
             error=error,
             airframe=law.airframe,

@@ -104,13 +104,27 @@ def predicted_slot(
         turn_rate=turn_rate,
         turn_acceleration=still + leader.turn_acceleration,
     )
-    motion = slot_motion(ahead, Slot(forward=still + slot.forward, right=still + slot.right))
+    motion = slot_motion(ahead, carried_slot(slot, middle.astype(np.float64)))
     return Horizon(
         turned=np.concatenate(([0.0], np.cumsum(motion.turn_rate) * interval)),
         course=motion.course,
         speed=motion.speed,
         turn_rate=motion.turn_rate,
         acceleration=motion.acceleration,
+    )
+
+
+def carried_slot(slot: Slot[float], later: FloatArray) -> Slot[FloatArray]:
+    """A slot after some times (s), which goes on as it moves."""
+    forward_rate = slot.forward_rate + slot.forward_acceleration * later
+    right_rate = slot.right_rate + slot.right_acceleration * later
+    return Slot(
+        forward=slot.forward + 0.5 * (slot.forward_rate + forward_rate) * later,
+        right=slot.right + 0.5 * (slot.right_rate + right_rate) * later,
+        forward_rate=forward_rate,
+        right_rate=right_rate,
+        forward_acceleration=slot.forward_acceleration,
+        right_acceleration=slot.right_acceleration,
     )
 
 

@@ -20,6 +20,7 @@ from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
+from vfguide.mission.orders import Slot, TimedOrder
 from vfguide.mission.quantity import (
     Duration,
     MissionName,
@@ -55,9 +56,6 @@ class Timeouts(Section):
 
     breakaway_s: Annotated[NotNegative, Field(le=3600.0)] = 25.0
     """How long each follower then flies away from the others, before its autopilot takes over, s."""
-
-
-SlotOffset = Annotated[Number, Field(ge=-10e3, le=10e3)]
 
 
 class Origin(Section):
@@ -138,19 +136,6 @@ class Leader(Section):
         return self
 
 
-class Slot(Section):
-    """A place in the formation, fixed to the leader's course."""
-
-    forward_m: SlotOffset
-    """Ahead of the leader, m; negative is behind."""
-
-    right_m: SlotOffset
-    """Right of the leader, m; negative is left."""
-
-    up_m: SlotOffset = 0.0
-    """Above the leader, m; negative is below."""
-
-
 class Follower(Section):
     """A vehicle that keeps a slot."""
 
@@ -172,6 +157,9 @@ class Mission(Section):
 
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
+
+    orders: tuple[TimedOrder, ...] = ()
+    """What the formation is to do in flight, by the time of the rehearsal."""
 
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
     """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""

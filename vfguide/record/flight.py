@@ -16,6 +16,7 @@ from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
 from vfguide.record.vehicle import (
     SERIES,
+    SLOT_SERIES,
     IntegerArray,
     Role,
     VehicleRecord,
@@ -133,7 +134,7 @@ class FlightRecord:
         if self.path_north_m.ndim != 1 or self.path_north_m.shape != self.path_east_m.shape:
             raise ValueError("the drawn path has not as many norths as easts")
         for vehicle in self.vehicles:
-            for name in (*SERIES, "mode", "limited"):
+            for name in series_of(vehicle):
                 shape = getattr(vehicle, name).shape
                 if shape != self.time_s.shape:
                     wanted = self.time_s.shape
@@ -161,7 +162,7 @@ class FlightRecord:
             "path_east_m": self.path_east_m,
         }
         for number, vehicle in enumerate(self.vehicles):
-            for name in (*SERIES, "mode", "limited"):
+            for name in series_of(vehicle):
                 arrays[f"vehicle_{number}_{name}"] = getattr(vehicle, name)
         write_archive(path, _describe(self), arrays)
 
@@ -186,6 +187,12 @@ class FlightRecord:
         except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"{path}: is a damaged flight record: {reason}; {REMEDY}") from error
+
+
+def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
+    """Names of all arrays that a vehicle's record has."""
+    changed = [name for name in SLOT_SERIES if getattr(vehicle, name) is not None]
+    return (*SERIES, "mode", "limited", *changed)
 
 
 TEXTS = ("mission", "controller", "plant", "wind", "mode")

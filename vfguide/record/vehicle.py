@@ -36,6 +36,9 @@ SERIES = (
 )
 """The arrays of floats in a `VehicleRecord`."""
 
+SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
+"""Those that only a vehicle has whose slot was changed in flight."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleRecord:
@@ -89,6 +92,20 @@ class VehicleRecord:
     """The follower's Lyapunov function W, m²; NaN for the leader."""
     slot_up_m: float = 0.0
     """Slot above the leader, m; 0 for the leader. No error counts it: a formation error is horizontal."""
+    slot_forward_series_m: FloatArray | None = None
+    """Where the slot was at each sample, where it was changed in flight; None of one that was not."""
+    slot_right_series_m: FloatArray | None = None
+    """The same, m right of the leader."""
+    slot_up_series_m: FloatArray | None = None
+    """The same, m above the leader."""
+
+    @property
+    def slot_m(self) -> tuple[float | FloatArray, float | FloatArray]:
+        """(forward, right) of the slot, over time where it was changed in flight."""
+        forward, right = self.slot_forward_series_m, self.slot_right_series_m
+        if forward is None or right is None:
+            return self.slot_forward_m, self.slot_right_m
+        return forward, right
 
 
 def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
@@ -125,6 +142,7 @@ def compose_vehicle(
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},
+        **{name: floats(arrays, prefix + name) for name in SLOT_SERIES if prefix + name in arrays},
     )
 
 

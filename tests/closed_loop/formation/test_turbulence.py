@@ -1,5 +1,6 @@
 """Followers in turbulence: they keep their slots without rolling after every wobble of their leader."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -7,6 +8,8 @@ import numpy as np
 
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.studies.prediction import expected_precision
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord
@@ -56,3 +59,24 @@ def test_followers_hold_the_slots_of_the_formation_as_it_is_meant(
     off_m = [slot_error(meant, one).distance_m[late].mean() for one in record.followers]
     # 3.9 m with slots in the measured frame.
     assert float(np.mean(off_m)) < 2.6
+
+
+def test_what_check_expects_of_gusty_air_is_near_what_is_flown(mission_with: MissionWith) -> None:
+    gusty = mission_with(
+        "line-wind",
+        wind={"turbulence": "moderate"},
+        rehearsal={"duration_s": 120.0, "seed": 2},
+        acceptance={"mean_error_m": 0.3},
+    )
+    flown = summarise(fly_lockstep(gusty).record).formation.mean_error_m
+    expected = expected_precision(gusty)
+    assert expected is not None
+    assert flown is not None
+    assert (expected.severity, expected.field) == ("warning", "acceptance.mean_error_m")
+    assert "article wind, moderate turbulence, ideal sensors" in expected.message
+    (metres,) = re.findall(r"expect (\d\.\d\d) m of mean", expected.message)
+    assert 0.7 < float(metres) / flown < 1.4
+
+
+def test_a_rehearsal_that_is_stopped_promises_nothing(mission_with: MissionWith) -> None:
+    assert expected_precision(mission_with("line-calm"), stop=lambda: True) is None

@@ -94,25 +94,9 @@ def test_a_law_that_is_no_field_is_not_judged_as_one(law: str) -> None:
     """`type: pid` with k_x 5 used to be told to lower k_x."""
     content = with_law(load_mission(CIRCLE).controller.model_dump(exclude_unset=True), law)
     found = findings(**content, k_x=5.0)
-    assert not any("k_x" in one or "swings" in one or "expect" in one for one in found)
-    assert any(f"no error is predicted of the law {law}" in one for one in found)
+    assert not any("k_x" in one or "swings" in one for one in found)
 
 
 def test_two_numbers_of_a_message_differ_in_it() -> None:
     assert told_apart(2.14, 2.12) == ("2.14", "2.12")
     assert told_apart(70.0, 5.7) == ("70.0", "5.7")
-
-
-def test_what_is_predicted_says_for_which_conditions_it_holds() -> None:
-    (calm,) = [one for one in findings() if "mean formation error" in one]
-    assert (
-        "with vehicles that answer as declared; a real aircraft, its sensors and gusts add" in calm
-    )
-    content = load_mission(CIRCLE).model_dump(exclude_unset=True)
-    content["wind"]["turbulence"] = "moderate"
-    content["rehearsal"]["sensors"] = "sbas"
-    content["vehicles"]["f1"]["speed_lag_s"] = 0.5
-    rough = [str(one) for one in check_mission(Mission.model_validate(content))]
-    (found,) = [one for one in rough if "mean formation error" in one]
-    named = "no vehicles that answer late or slip, no moderate turbulence, no sensors of grade sbas"
-    assert f"if there were {named}; how much more" in found

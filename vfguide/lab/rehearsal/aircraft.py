@@ -1,5 +1,6 @@
 """One emulated autopilot with its companion, joined by MAVLink bytes."""
 
+from collections import deque
 from collections.abc import Sequence
 
 from vfguide.companion.core import Companion
@@ -8,8 +9,10 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
+from vfguide.lab.rehearsal.operator import OPERATOR, order_mail
 from vfguide.lab.rehearsal.recorder import VehicleRecorder
-from vfguide.link.memory import LinkQuality, Mail, MemoryLink
+from vfguide.link.memory import ROUNDING_S, LinkQuality, Mail, MemoryLink
+from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import TelemetryLog
 
@@ -27,6 +30,7 @@ class Aircraft:
         *,
         log: TelemetryLog | None = None,
         clock: SharedClock = SAME_CLOCK,
+        orders: Sequence[tuple[float, bytes]] | None = None,
     ) -> None:
         """Put the aircraft of this name at its start.
 
@@ -35,6 +39,7 @@ class Aircraft:
             name: of the vehicle.
             log: notes every datagram of the MAVLink connection.
             clock: the formation's, as this aircraft knows it.
+            orders: (when in s, what) an operator gives; those of the mission's time table if absent.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -60,6 +65,9 @@ class Aircraft:
         seeds.pop(name, None)
         if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
+        self._orders = deque(order_mail(mission) if orders is None else orders)
+        if self._orders:
+            seeds[OPERATOR] = f"{rehearsal.seed} {OPERATOR} {name}"
         self._link = MemoryLink(quality, seeds)
         self._replies = b""
 
@@ -74,6 +82,8 @@ class Aircraft:
             states that this aircraft publishes.
         """
         companion, emulator = self.companion, self._emulator
+        while self._orders and self._orders[0][0] <= now + ROUNDING_S:
+            self._link.send([(OPERATOR, self._orders.popleft()[1])], now)
         self._hear(now, mail)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
@@ -86,7 +96,8 @@ class Aircraft:
         if self.log is not None:
             self.log.add(now, telemetry)
             self.log.add(now, out.to_autopilot)
-        return [(self.name, data) for data in out.to_link]
+        said = [*out.to_link, *out.replies, *out.repeats]
+        return [(self.name, data) for data in said]
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
@@ -96,7 +107,11 @@ class Aircraft:
                 self.companion.receive_link(datagram, arrival_s)
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
-            if sender == self._leader:
+            if data.startswith(ORDER_MAGIC):
+                self.companion.receive_order(data, data, now)
+            elif data.startswith(REPLY_MAGIC):
+                self.companion.receive_reply(sender, data, now)
+            elif sender == self._leader:
                 self.companion.receive_link(data, now)
             else:
                 self.companion.receive_neighbour(sender, data, now)

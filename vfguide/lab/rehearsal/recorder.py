@@ -12,10 +12,11 @@ import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
+from vfguide.formation.arrangement import Point
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
-from vfguide.record.vehicle import VehicleRecord
+from vfguide.record.vehicle import SLOT_SERIES, VehicleRecord
 
 TRUTHS = (
     "altitude_amsl_m",
@@ -56,13 +57,17 @@ class VehicleRecorder:
         """Record the vehicle of this name."""
         self._mission = mission
         self._name = name
+        leads = name == mission.leader.vehicle
+        self._slot = Point(0.0, 0.0) if leads else mission.followers_by_name[name].slot.point
         self._truths = array("d")
         self._doings = array("d")
+        self._slots = array("d")
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
         """Note where the aircraft is and what its companion did."""
         self._truths.extend(truth_row(truth))
         self._doings.extend(doings_row(snapshot))
+        self._slots.extend(slot_row(snapshot, self._slot))
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
@@ -96,7 +101,23 @@ class VehicleRecorder:
             mode=doings["mode"].astype(np.int64),
             limited=doings["limited"].astype(np.bool_),
             lyapunov=doings["lyapunov"],
+            **self._slot_series(),
         )
+
+    def _slot_series(self) -> dict[str, FloatArray]:
+        """The slots over time, where another than the mission's was flown in."""
+        slots = columns(self._slots, SLOT_SERIES)
+        mission = (self._slot.forward, self._slot.right, self._slot.up)
+        fixed = all(
+            np.all(slots[name] == value) for name, value in zip(SLOT_SERIES, mission, strict=True)
+        )
+        return {} if fixed else slots
+
+
+def slot_row(snapshot: Snapshot, fixed: Point) -> tuple[float, float, float]:
+    """(forward, right, up) of the slot that is flown in, m: the one that was ordered, or the mission's."""
+    slot = snapshot.slot or fixed
+    return slot.forward, slot.right, slot.up
 
 
 def flight_record(

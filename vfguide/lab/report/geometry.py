@@ -47,7 +47,7 @@ def in_course_frame(
 
 
 def slot_track(
-    leader: VehicleRecord, forward_m: float, right_m: float
+    leader: VehicleRecord, forward_m: float | FloatArray, right_m: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(north, east) of a slot: p_l + R(chi_l) (forward, right), from the leader's true state."""
     cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
@@ -71,7 +71,7 @@ def slot_error(leader: VehicleRecord, follower: VehicleRecord) -> SlotError:
 
     The altitude plays no part: a formation error is horizontal.
     """
-    north, east = slot_track(leader, follower.slot_forward_m, follower.slot_right_m)
+    north, east = slot_track(leader, *follower.slot_m)
     north, east = north - follower.north_m, east - follower.east_m
     along, cross = in_course_frame(north, east, leader.course_rad)
     return SlotError(along_track_m=along, cross_track_m=cross, distance_m=np.hypot(north, east))

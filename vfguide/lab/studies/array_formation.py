@@ -250,10 +250,11 @@ def reported(
 
 def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:
     """Some rows of a state."""
+    # Heights are those of all: the array form flies level.
     taken: dict[str, Any] = {
-        name: getattr(state, name)[wanted]
+        name: value[wanted]
         for name in VehicleState.__dataclass_fields__
-        if name != "time_s"
+        if isinstance(value := getattr(state, name), np.ndarray)
     }
     return replace(state, **taken)
 

@@ -1,0 +1,89 @@
+"""What orders come to: one whole arrangement each, or a sentence why not."""
+
+from dataclasses import replace
+
+import pytest
+
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Point
+from vfguide.formation.orders import Formation, Order, arrangement_of
+from vfguide.formation.transition import MotionLimits, RefusedOrderError
+
+HOME = {"f1": Point(-20.0, 20.0), "f2": Point(-20.0, -20.0), "f3": Point(-40.0, 40.0)}
+FORMATION = Formation(leader="leader", home=HOME, slots=HOME)
+LIMITS = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
+CIRCLE = Circle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
+
+
+def ordered(
+    order: Order, formation: Formation = FORMATION, circle: Circle | None = None
+) -> Arrangement:
+    """The arrangement alone."""
+    found, _ = arrangement_of(order, formation, LIMITS, number=7, time_s=100.0, circle=circle)
+    return found
+
+
+def ends_of(arrangement: Arrangement) -> dict[str, tuple[float, float]]:
+    """(forward, right) of each follower afterwards."""
+    return {one.vehicle: (one.end.forward, one.end.right) for one in arrangement.places}
+
+
+def test_a_shape_gives_each_the_place_with_the_least_way() -> None:
+    found = ends_of(ordered(Order(shape="line-abreast", spacing=25.0)))
+    assert found == {"f1": (0.0, 25.0), "f2": (0.0, -25.0), "f3": (0.0, 50.0)}
+
+
+def test_a_spacing_scales_the_formation() -> None:
+    # The nearest two are 28.3 m apart: f1 and f3, or f1 and the leader.
+    found = ends_of(ordered(Order(spacing=14.142)))
+    assert found == {"f1": (-10.0, 10.0), "f2": (-10.0, -10.0), "f3": (-20.0, 20.0)}
+
+
+def test_a_swap_changes_two_and_leaves_the_rest() -> None:
+    found = ends_of(ordered(Order(swap=("f2", "f3"))))
+    assert found == {"f1": (-20.0, 20.0), "f2": (-40.0, 40.0), "f3": (-20.0, -20.0)}
+
+
+def test_who_leaves_has_no_place_and_who_joins_gets_the_missions() -> None:
+    gone = ordered(Order(leave=("f2",)))
+    assert gone.vehicles == {"f1", "f3"}
+    back = ordered(Order(join=("f2",)), FORMATION.after(gone))
+    place = back.place_of("f2")
+    assert place is not None
+    # It has no slot to move from: it comes to the one that waits for it.
+    assert place.begin == place.end == HOME["f2"]
+
+
+def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back() -> None:
+    held = ordered(Order(action="hold"), circle=CIRCLE)
+    assert held.flown is Flown.HOLD
+    assert [one.end.up for one in held.places] == [15.0, 30.0, 45.0]
+    resumed = ordered(Order(action="resume"), FORMATION.after(held))
+    assert resumed.flown is Flown.FORMATION
+    assert resumed.circle is None
+    assert {one.end.up for one in resumed.places} == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("order", "sentence"),
+    [
+        (Order(leave=("f9",)), "no follower is called 'f9': there are f1, f2, f3"),
+        (Order(swap=("leader", "f1")), "leader leads: it has no slot"),
+        (Order(join=("f1",)), "f1 is in the formation already"),
+        (Order(swap=("f1", "f1")), "f1 cannot change places with itself"),
+        (Order(shape="trail", spacing=4.0), r"would be 4\.0 m apart, less than 7\.5 m"),
+        (Order(slots={"f1": Point(-40.0, 36.0)}), r"slots of f1 and f3 would be 4\.0 m apart"),
+        (Order(action="hold"), "where to hold is not known"),
+    ],
+)
+def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(
+    order: Order, sentence: str
+) -> None:
+    with pytest.raises(RefusedOrderError, match=sentence):
+        ordered(order)
+
+
+def test_after_an_abort_nothing_but_an_abort_can_be_ordered() -> None:
+    aborted = replace(FORMATION, flown=Flown.ABORT)
+    with pytest.raises(RefusedOrderError, match="called off"):
+        ordered(Order(shape="vee", spacing=20.0), aborted)
+    assert ordered(Order(action="abort"), aborted).flown is Flown.ABORT

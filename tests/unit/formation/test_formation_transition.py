@@ -1,0 +1,184 @@
+"""Slots move straight, together and smoothly, and keep apart: in layers, or not at all."""
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from vfguide.formation.arrangement import (
+    PEAK,
+    Arrangement,
+    Place,
+    Point,
+    progress,
+    time_of,
+)
+from vfguide.formation.assignment import assigned
+from vfguide.formation.shapes import SHAPES, Shape, shape_slots
+from vfguide.formation.transition import (
+    LAYER_M,
+    LEAST_M,
+    MotionLimits,
+    RefusedOrderError,
+    Transition,
+    approach_of,
+    transition,
+)
+
+LIMITS = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
+Offset = tuple[float, float]
+
+
+def points(places: Sequence[Offset]) -> dict[str, Point]:
+    """Slots of f1, f2, ... in the plane."""
+    return {f"f{number}": Point(*place) for number, place in enumerate(places, 1)}
+
+
+def flown_distances(found: Transition, steps: int = 400) -> np.ndarray:
+    """Distance of each two, the leader among them, at many times of a transition."""
+    order = Arrangement(
+        number=1,
+        time_s=0.0,
+        climb_s=found.climb_s,
+        across_s=found.across_s,
+        places=found.places,
+    )
+    tracks = [np.zeros((steps + 1, 3))]
+    times = np.linspace(0.0, order.duration_s, steps + 1)
+    for place in found.places:
+        slots = [order.slot(place.vehicle, time_s) for time_s in times]
+        heights = [order.height(place.vehicle, time_s)[0] for time_s in times]
+        tracks.append(
+            np.array([(s.forward, s.right, h) for s, h in zip(slots, heights, strict=True)])
+        )
+    return np.array([np.linalg.norm(one - other, axis=1) for one, other in combinations(tracks, 2)])
+
+
+def test_a_motion_begins_and_ends_at_rest_and_passes_its_middle_at_half_time() -> None:
+    assert progress(0.0, 20.0) == (0.0, 0.0, 0.0)
+    assert progress(20.0, 20.0) == (1.0, 0.0, 0.0)
+    # Speed rises over 6 s: (20 s - 6 s) at the greatest speed are the whole way.
+    assert progress(10.0, 20.0) == pytest.approx((0.5, 1.0 / 14.0, 0.0))
+    # Half of the ramp's time: half of the greatest speed.
+    assert progress(3.0, 20.0)[1] == pytest.approx(0.5 / 14.0)
+
+
+@given(st.floats(0.0, 30.0))
+def test_rate_and_acceleration_of_a_motion_are_the_derivatives_of_its_share(time_s: float) -> None:
+    step = 1e-4
+    before, after = progress(time_s - step, 30.0), progress(time_s + step, 30.0)
+    _, rate, acceleration = progress(time_s, 30.0)
+    assert (after[0] - before[0]) / (2 * step) == pytest.approx(rate, abs=1e-5)
+    assert (after[1] - before[1]) / (2 * step) == pytest.approx(acceleration, abs=1e-5)
+
+
+@given(st.floats(0.0, 1.0))
+def test_the_time_of_a_share_is_when_it_is_reached(share: float) -> None:
+    assert progress(time_of(share, 12.0), 12.0)[0] == pytest.approx(share, abs=1e-9)
+
+
+def test_how_near_two_slots_come_is_exact() -> None:
+    # Head on, 10 m aside of each other: nearest in the middle of the way, at half time.
+    one = Place(vehicle="f1", begin=Point(-20.0, 0.0), end=Point(-60.0, 0.0))
+    other = Place(vehicle="f2", begin=Point(-60.0, 10.0), end=Point(-20.0, 10.0))
+    found = approach_of(one, other, 0.0, 20.0)
+    assert found.distance == pytest.approx(10.0)
+    assert found.time_s == pytest.approx(10.0)
+
+
+def test_a_transition_takes_as_long_as_the_slowest_way() -> None:
+    # 40 m ahead at 5 m/s at most, which is 1/0.7 of the mean: 11.4 s.
+    found = transition({"f1": Point(-60.0, 0.0)}, {"f1": Point(-20.0, 0.0)}, LIMITS)
+    assert found.across_s == pytest.approx(max(40.0 / 5.0 * PEAK, math.sqrt(40 * 8.929)), rel=1e-3)
+    order = Arrangement(number=1, time_s=0.0, across_s=found.across_s, places=found.places)
+    rates = [order.slot("f1", time_s).forward_rate for time_s in np.linspace(0, 20, 500)]
+    assert max(rates) <= LIMITS.forward + 1e-9
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.sampled_from(SHAPES),
+    st.sampled_from(SHAPES),
+    st.integers(1, 9),
+    st.floats(12.0, 60.0),
+    st.floats(12.0, 60.0),
+)
+def test_no_two_come_within_the_limit_between_any_two_shapes(
+    first: Shape, second: Shape, count: int, spacing: float, other_spacing: float
+) -> None:
+    begin = points(shape_slots(first, count, spacing))
+    offsets = {name: (point.forward, point.right) for name, point in begin.items()}
+    places = assigned(offsets, shape_slots(second, count, other_spacing))
+    end = {name: Point(*place) for name, place in places.items()}
+    distances = flown_distances(transition(begin, end, LIMITS))
+    assert distances.min() >= LEAST_M - 0.05
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.lists(st.tuples(st.floats(-120, 60), st.floats(-90, 90)), min_size=2, max_size=7),
+    st.randoms(use_true_random=False),
+)
+def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(
+    places: list[Offset], random: Callable[..., float]
+) -> None:
+    everybody = [(0.0, 0.0), *places]
+    assume(all(math.dist(one, other) > 9.0 for one, other in combinations(everybody, 2)))
+    begin = points(places)
+    mixed = list(places)
+    random.shuffle(mixed)  # type: ignore[attr-defined]
+    reason, found = "", None
+    try:
+        found = transition(begin, points(mixed), LIMITS)
+    except RefusedOrderError as refusal:
+        reason = str(refusal)
+    refused = "would come within" in reason
+    assert refused or (found is not None and flown_distances(found).min() >= LEAST_M - 0.05)
+
+
+@given(st.lists(st.tuples(st.floats(-90, 0), st.floats(-90, 90)), min_size=2, max_size=6))
+def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(
+    places: list[Offset],
+) -> None:
+    assume(all(math.dist(one, other) > 12.0 for one, other in combinations(places, 2)))
+    begin = points(shape_slots("trail", len(places), 12.0))
+    offsets = {name: (point.forward, point.right) for name, point in begin.items()}
+    ways = [
+        Place(vehicle=name, begin=begin[name], end=Point(*place))
+        for name, place in assigned(offsets, places).items()
+    ]
+    for one, other in combinations(ways, 2):
+        assert approach_of(one, other, 0.0, 10.0).distance >= 12.0 / math.sqrt(2.0) - 1e-6
+
+
+def test_two_that_change_places_cross_in_layers() -> None:
+    begin = points([(-20.0, -20.0), (-20.0, 20.0)])
+    end = {"f1": begin["f2"], "f2": begin["f1"]}
+    found = transition(begin, end, LIMITS)
+    assert {place.layer for place in found.places} == {None, LAYER_M}
+    # 20 m behind the leader nobody comes nearer to it; the two pass each other 12 m apart.
+    assert flown_distances(found).min() == pytest.approx(LAYER_M, abs=0.1)
+    # 12 m at 2 m/s at most.
+    assert found.climb_s == pytest.approx(12.0 / 2.0 / 0.7)
+
+
+def test_who_would_meet_the_leader_crosses_above_it() -> None:
+    found = transition({"f1": Point(-20.0, 0.0)}, {"f1": Point(20.0, 0.0)}, LIMITS)
+    assert [place.layer for place in found.places] == [LAYER_M]
+
+
+def test_slots_that_are_too_near_are_refused_with_the_pair_and_the_distance() -> None:
+    begin = points([(-20.0, 0.0), (-40.0, 0.0)])
+    with pytest.raises(RefusedOrderError, match=r"slots of f1 and f2 would be 3\.0 m apart"):
+        transition(begin, points([(-20.0, 0.0), (-23.0, 0.0)]), LIMITS)
+
+
+def test_what_no_layer_helps_against_is_refused_with_pair_time_and_distance() -> None:
+    # They stand 3 m apart before anybody has climbed.
+    begin = points([(-20.0, 0.0), (-23.0, 0.0)])
+    with pytest.raises(RefusedOrderError, match=r"f1 and f2 .* within 3\.0 m .* 0 s after"):
+        transition(begin, points([(-20.0, 20.0), (-40.0, 0.0)]), LIMITS)

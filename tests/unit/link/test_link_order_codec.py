@@ -1,0 +1,90 @@
+"""Orders and answers as bytes: what goes in comes out, and nothing else is read."""
+
+import struct
+import zlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.link.codec import LinkDataError
+from vfguide.link.order_codec import (
+    Reply,
+    Verdict,
+    decode_order,
+    decode_reply,
+    encode_order,
+    encode_reply,
+)
+
+OFFSETS = st.integers(-32000, 32000).map(lambda number: number * 0.1)
+POINTS = st.builds(Point, OFFSETS, OFFSETS, OFFSETS)
+NAMES = st.text(min_size=1, max_size=12)
+PLACES = st.builds(Place, vehicle=NAMES, begin=POINTS, end=POINTS, layer=st.none() | OFFSETS)
+SECONDS = st.floats(0.0, 3600.0, width=32)
+ORDERS = st.builds(
+    Arrangement,
+    number=st.integers(1, 2**32 - 1),
+    term=st.integers(0, 2**32 - 1),
+    time_s=st.floats(-1e9, 1e9),
+    flown=st.sampled_from([Flown.FORMATION, Flown.ABORT]),
+    climb_s=SECONDS,
+    across_s=SECONDS,
+    places=st.lists(PLACES, max_size=12, unique_by=lambda one: one.vehicle).map(tuple),
+)
+
+
+@given(ORDERS)
+def test_an_order_survives_the_link(order: Arrangement) -> None:
+    assert decode_order(encode_order(order)) == order
+
+
+def test_a_hold_carries_its_circle() -> None:
+    circle = Circle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
+    order = Arrangement(
+        number=3, time_s=5.0, flown=Flown.HOLD, across_s=10.0, places=(), circle=circle
+    )
+    assert decode_order(encode_order(order)) == order
+
+
+@given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
+                 text=st.text(max_size=40)))  # fmt: skip
+def test_an_answer_survives_the_link(reply: Reply) -> None:
+    assert decode_reply(encode_reply(reply)) == reply
+
+
+def test_a_long_text_loses_its_end_and_no_character_is_cut() -> None:
+    reply = decode_reply(encode_reply(Reply(number=1, verdict=Verdict.REFUSED, text="ü" * 150)))
+    assert reply.text == "ü" * 100
+
+
+@given(st.binary(max_size=300))
+def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data: bytes) -> None:
+    for decode in (decode_order, decode_reply):
+        for known in (b"", b"VFOR\x01\x01\x00\x01", b"VFRY\x01\x01\x04\x00"):
+            body = known + data
+            with pytest.raises(LinkDataError):
+                decode(body)
+            whole = body + struct.pack("<I", zlib.crc32(body))
+            try:
+                decode(whole)
+            except LinkDataError:
+                continue
+
+
+@given(ORDERS, st.data())
+def test_a_damaged_order_is_refused(order: Arrangement, data: st.DataObject) -> None:
+    whole = bytearray(encode_order(order))
+    place = data.draw(st.integers(0, len(whole) - 1))
+    whole[place] ^= data.draw(st.integers(1, 255))
+    with pytest.raises(LinkDataError):
+        decode_order(bytes(whole))
+
+
+def test_two_followers_of_one_name_are_no_order() -> None:
+    place = Place(vehicle="f1", begin=Point(0.0, 10.0), end=Point(0.0, 20.0))
+    with pytest.raises(LinkDataError, match="followers do not fit"):
+        decode_order(
+            encode_order(Arrangement(number=1, time_s=0.0, across_s=1.0, places=(place, place)))
+        )

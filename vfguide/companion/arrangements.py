@@ -1,0 +1,514 @@
+"""The arrangement that a companion flies by: ordered, agreed on by all, flown by all from one moment on.
+
+An order comes in two phases, as a transaction does (Gray, "Notes on data base operating systems", 1978). Each
+companion looks at it by its own limits and says yes or why not, again and again. Once all that it concerns
+have said yes the leader's states carry its number: from then on it is certain, and at its time all slots
+begin to move. Without all answers by then it is void, and everybody says so. What an operator calls off is
+flown at once, without answers.
+
+A companion that has missed an arrangement, because it was started anew, hears of it by the number that others
+fly by. It steers by no slot until one of them has repeated the order, as the operator has signed it.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SharedClock
+from vfguide.formation.arrangement import PEAK, Arrangement, Flown, Place, Point
+from vfguide.formation.transition import approaches, nearest_on
+from vfguide.guidance.formation import Slot
+from vfguide.laws.leader import LeaderTask
+from vfguide.link.codec import LinkDataError
+from vfguide.link.order_codec import (
+    Reply,
+    Verdict,
+    decode_order,
+    decode_reply,
+    encode_reply,
+)
+from vfguide.paths.circle import Circle
+from vfguide.state import HeardState
+
+REPLY_S = 0.25
+"""Between two answers to an order that is not decided yet."""
+
+SETTLE_S = 0.5
+"""The leader decides this long before an order's time at the latest: two copies of its word may be lost."""
+
+LATE_S = 30.0
+"""For so long after its time an order that this companion has agreed to may turn out to be flown."""
+
+SOONEST_S = 1.0
+LATEST_S = 120.0
+"""An order's time is from here to there ahead."""
+
+SAME_M = 1.0
+"""A slot that is nearer than this to where an order begins is the one that it means."""
+
+KEEP_M = 5.0
+"""Slots come no nearer than this, whatever an operator's program thinks of it."""
+
+LOWEST_M = 20.0
+"""Nobody is sent lower than this above the mission's origin."""
+
+HEARD_S = 5.0
+"""Who was heard by so much earlier flies by what it said then."""
+
+REPEAT_S, REPEAT_RANK_S = 1.0, 0.3
+"""Between two repetitions of an order, and how much longer each rank waits with the first."""
+
+PATIENCE_S = 3.0
+"""An order that is known to be flown and was not repeated for so long is worth a text."""
+
+AHEAD_S = 8.0
+"""How near slots come is looked at for so long ahead."""
+
+LAYERED_M = 8.0
+"""Who is meant to be this much higher or lower flies in another layer ..."""
+
+LAYER_CLEAR_M = 7.0
+"""... and is out of the way while it is so much higher or lower."""
+
+GONE_M = 1000.0
+"""In place of the spacing to a vehicle that has no slot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSlot:
+    """The slot of another vehicle, as keeping clear of it needs it."""
+
+    slot: complex
+    """Forward + j right of the leader, m."""
+    rate: complex
+    """How it moves in the formation, m/s."""
+    spacing: float
+    """How near it comes to one's own soon, level, m."""
+    layered: bool
+    """Whether it is far enough above or below for that not to count."""
+
+
+@dataclass(slots=True)
+class Order:
+    """An order on its way: what it is, and what is known of it."""
+
+    arrangement: Arrangement
+    """What it asks for."""
+    signed: bytes
+    """As it came, to be repeated."""
+    confirmed: bool = False
+    """Whether the leader has said that it is flown."""
+
+
+class Arrangements:
+    """What one companion knows of the orders of its formation."""
+
+    def __init__(self, plan: FlightPlan, clock: SharedClock) -> None:
+        """Begin with the slots of the mission.
+
+        Args:
+            plan: of this vehicle.
+            clock: that the formation shares: orders are timed by it.
+        """
+        self._plan = plan
+        self._clock = clock
+        self._names = {plan.name, *(one.name for one in plan.others)}
+        self._leader = plan.name if plan.leads else next(
+            (one.name for one in plan.others if one.leads), ""
+        )  # fmt: skip
+        self._flown: Order | None = None
+        self._next: Order | None = None
+        self._circle: Circle | None = None
+        self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
+        self._returned = False
+        self._refused = 0
+        self._refusal = ""
+        self._answers: dict[str, Reply] = {}
+        self._numbers: dict[str, tuple[int, bool, float]] = {}
+        self._older: dict[str, float] = {}
+        self._replied_s = self._repeated_s = -math.inf
+        self._waits_since = math.inf
+        self._complained = False
+        self._replies: list[bytes] = []
+        self._repeats: list[bytes] = []
+        self._words: list[tuple[str, bool]] = []
+        self.counters: Counter[str] = Counter()
+        """Orders and answers that were not used, by reason."""
+
+    @property
+    def flown(self) -> Arrangement | None:
+        """What is flown; None for the slots of the mission."""
+        return None if self._flown is None else self._flown.arrangement
+
+    @property
+    def number(self) -> int:
+        """Of what is flown or is certain to be: what the own states carry."""
+        if self._next is not None and self._next.confirmed:
+            return self._next.arrangement.number
+        return 0 if self._flown is None else self._flown.arrangement.number
+
+    @property
+    def has_left(self) -> bool:
+        """Whether this vehicle is to be left to its autopilot: it has no place, or all was called off."""
+        flown = self.flown
+        if flown is None:
+            return False
+        if flown.flown is Flown.ABORT:
+            return True
+        return not self._plan.leads and flown.place_of(self._plan.name) is None
+
+    @property
+    def circle(self) -> Circle | None:
+        """Where the leader circles by a hold; None on the mission's path."""
+        return self._circle
+
+    def waits(self, now: float) -> bool:
+        """Whether others fly by an arrangement that this companion does not know."""
+        own = self.number
+        newest = max(
+            (number for number, _, time_s in self._numbers.values() if now - time_s <= HEARD_S),
+            default=0,
+        )
+        if newest <= own:
+            self._waits_since, self._complained = math.inf, False
+            return False
+        self._waits_since = min(self._waits_since, now)
+        if now - self._waits_since > PATIENCE_S and not self._complained:
+            self._complained = True
+            self._say(
+                f"the others fly by order {newest}, which this companion has not heard:"
+                " it does not steer; give the order again",
+                warning=True,
+            )
+        return True
+
+    def slot(self, vehicle: str, now: float) -> Slot[float] | None:
+        """The slot that an order has given to a follower, at a time (s of one's own clock), and its rates.
+
+        None by the mission's own slots, and for a vehicle that has left.
+        """
+        flown = self.flown
+        if flown is None or flown.place_of(vehicle) is None:
+            return None
+        return flown.slot(vehicle, self._shared(now))
+
+    def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
+        """(height above the leader in m, its rate in m/s) of a slot that an order has given; see `slot`."""
+        flown = self.flown
+        if flown is None or flown.place_of(vehicle) is None:
+            return None
+        return flown.height(vehicle, self._shared(now))
+
+    def others(self, now: float) -> list[OtherSlot] | None:
+        """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
+        flown = self.flown
+        if flown is None:
+            return None
+        if self._settled is not None and self._settled[0] is flown:
+            return self._settled[1]
+        own, own_later = (self.point(self._plan.name, time_s) for time_s in (now, now + AHEAD_S))
+        found = []
+        for other in self._plan.others:
+            here, later = (self.point(other.name, time_s) for time_s in (now, now + AHEAD_S))
+            moving = self.slot(other.name, now)
+            rate = 0j if moving is None else complex(moving.forward_rate, moving.right_rate)
+            if here is None or later is None or own is None or own_later is None:
+                place = 0j if here is None else complex(here.forward, here.right)
+                found.append(OtherSlot(slot=place, rate=rate, spacing=GONE_M, layered=False))
+                continue
+            before, after = here.minus(own), later.minus(own_later)
+            _, spacing = nearest_on(
+                Point(before.forward, before.right), Point(after.forward, after.right)
+            )
+            found.append(
+                OtherSlot(
+                    slot=complex(here.forward, here.right),
+                    rate=rate,
+                    spacing=max(spacing, 1.0),
+                    layered=abs(before.up) >= LAYERED_M,
+                )
+            )
+        if self._shared(now) > flown.time_s + flown.duration_s:
+            self._settled = flown, found
+        return found
+
+    def adopt(self, plan: FlightPlan) -> None:
+        """Go by another plan of the same vehicle from now on."""
+        self._plan = plan
+
+    def returns_to_formation(self) -> bool:
+        """Whether an order has just brought this vehicle back; asked once."""
+        returned, self._returned = self._returned, False
+        return returned
+
+    def receive_order(self, data: bytes, signed: bytes, now: float) -> None:
+        """Take an order that an operator has given.
+
+        Args:
+            data: the order.
+            signed: how others can be told of it: as the operator has signed it.
+            now: s, on one's own clock.
+        """
+        try:
+            order = decode_order(data)
+        except LinkDataError:
+            self.counters["order: malformed"] += 1
+            return
+        if self._is_known(order):
+            return
+        if self._is_missed(order, now):
+            self._begin(Order(order, signed), now)
+            return
+        if order.number <= self.number:
+            self.counters["order: not newer"] += 1
+            return
+        if order.flown is Flown.ABORT:
+            self._begin(Order(order, signed), now)
+            return
+        objection = self._objection(order, now)
+        if objection is not None:
+            self._refuse(order.number, objection)
+            return
+        self._say(f"order {order.number} is understood")
+        self._next, self._replied_s = Order(order, signed), -math.inf
+        self._answers.clear()
+
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        try:
+            reply = decode_reply(data)
+        except LinkDataError:
+            self.counters["answer: malformed"] += 1
+            return
+        if reply.verdict is Verdict.UNKNOWN:
+            self._note_older(vehicle, reply.number, now)
+        elif self._next is not None and reply.number == self._next.arrangement.number:
+            self._answers[vehicle] = reply
+
+    def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
+        """Take the number that another vehicle flies by."""
+        if state is None or vehicle not in self._names:
+            return
+        number = state.arrangement
+        self._numbers[vehicle] = (number, state.steered, now)
+        order = self._next
+        if order is not None and vehicle == self._leader and number == order.arrangement.number:
+            order.confirmed = True
+        self._note_older(vehicle, number, now)
+
+    def step(self, now: float) -> None:
+        """What is due by time alone."""
+        order = self._next
+        if order is None:
+            return
+        time_s = self._shared(now)
+        due_s = order.arrangement.time_s
+        if self._plan.leads and not order.confirmed:
+            self._decide(order, time_s, now)
+        if order.confirmed:
+            if time_s >= due_s:
+                self._begin(order, now)
+        elif self._plan.leads:
+            if time_s >= due_s - SETTLE_S:
+                self._void(order, self._missing(order, now))
+        elif time_s >= due_s + SETTLE_S and self._leader_is_heard(now):
+            self._void(order, "the leader has not confirmed it")
+        elif time_s >= due_s + LATE_S:
+            self._void(order, "the leader was not heard")
+        if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
+            self._replied_s = now
+            self._reply(order.arrangement.number, Verdict.READY)
+
+    def to_say(self) -> tuple[list[bytes], list[bytes]]:
+        """(answers, orders to be repeated as they were signed) since this was asked last."""
+        said = self._replies, self._repeats
+        self._replies, self._repeats = [], []
+        return said
+
+    def words(self) -> list[tuple[str, bool]]:
+        """(what people should know, whether it is to worry about), each once."""
+        words, self._words = self._words, []
+        return words
+
+    def _shared(self, now: float) -> float:
+        """A time on the formation's clock, s; where it is not known, after all motions."""
+        time_s = self._clock.from_own(now)
+        return time_s if math.isfinite(time_s) else math.inf
+
+    def point(self, vehicle: str, now: float) -> Point | None:
+        """Where a slot is that was ordered; None by the mission's own, and for a vehicle that has left."""
+        if self.flown is None:
+            return None
+        if vehicle == self._leader:
+            return Point(0.0, 0.0)
+        slot, height = self.slot(vehicle, now), self.height(vehicle, now)
+        if slot is None or height is None:
+            return None
+        return Point(slot.forward, slot.right, height[0])
+
+    def _is_known(self, order: Arrangement) -> bool:
+        """Whether an order is a copy of one that was taken already; it is answered again where it was not."""
+        for known in (self._next, self._flown):
+            if known is not None and known.arrangement.number == order.number:
+                if known is self._flown:
+                    self._reply(order.number, Verdict.FLOWN)
+                return True
+        if order.number == self._refused:
+            self._reply(order.number, Verdict.REFUSED, self._refusal)
+            return True
+        return False
+
+    def _is_missed(self, order: Arrangement, now: float) -> bool:
+        """Whether an order is one that others fly by already."""
+        flying = any(
+            number == order.number and vehicle != self._plan.name and now - time_s <= HEARD_S
+            for vehicle, (number, _, time_s) in self._numbers.items()
+        )
+        due = self._shared(now) >= order.time_s
+        return flying and due and order.number > self.number
+
+    def _begin(self, order: Order, now: float) -> None:
+        """Fly by it from now on."""
+        del now
+        had_left = self.has_left
+        self._flown, self._next = order, None
+        self._returned = had_left and not self.has_left
+        self._circle = self._circle_of(order.arrangement)
+        self._older.clear()
+        self._reply(order.arrangement.number, Verdict.FLOWN)
+        number, what = order.arrangement.number, order.arrangement.flown
+        if what is Flown.ABORT:
+            self._say(f"order {number}: everybody back to the autopilot", warning=True)
+        elif self.has_left:
+            self._say(f"order {number}: out of the formation, back to the autopilot", warning=True)
+        else:
+            self._say(f"order {number} is flown from now on")
+
+    def _circle_of(self, order: Arrangement) -> Circle | None:
+        """The circle of a hold, as a path."""
+        found = order.circle
+        if found is None:
+            return None
+        north, east = self._plan.frame.to_local(found.latitude_deg, found.longitude_deg)
+        return Circle(
+            north=north,
+            east=east,
+            radius=found.radius_m,
+            direction=1 if found.clockwise else -1,
+        )
+
+    def _void(self, order: Order, reason: str) -> None:
+        self._next = None
+        number = order.arrangement.number
+        self._refused, self._refusal = number, reason
+        self._reply(number, Verdict.VOID, reason)
+        self._say(f"order {number} is void: {reason}; all fly on as before", warning=True)
+
+    def _refuse(self, number: int, reason: str) -> None:
+        self._refused, self._refusal = number, reason
+        self._reply(number, Verdict.REFUSED, reason)
+        self._say(f"order {number} is refused: {reason}", warning=True)
+
+    def _decide(self, order: Order, time_s: float, now: float) -> None:
+        """As the leader: once all have agreed in time, it is certain."""
+        in_time = time_s < order.arrangement.time_s - SETTLE_S
+        if in_time and not self._missing(order, now):
+            order.confirmed = True
+            self._say(f"order {order.arrangement.number}: all have agreed")
+
+    def _missing(self, order: Order, now: float) -> str:
+        """Who has not agreed, in words; empty if all have."""
+        concerned = set(order.arrangement.vehicles)
+        for vehicle, (_, steered, time_s) in self._numbers.items():
+            if steered and now - time_s <= HEARD_S:
+                concerned.add(vehicle)
+        missing = []
+        for vehicle in sorted(concerned - {self._plan.name}):
+            reply = self._answers.get(vehicle)
+            if reply is None:
+                missing.append(f"{vehicle} does not answer")
+            elif reply.verdict is not Verdict.READY:
+                missing.append(f"{vehicle}: {reply.text or 'no'}")
+        return ", ".join(missing)
+
+    def _leader_is_heard(self, now: float) -> bool:
+        heard = self._numbers.get(self._leader)
+        return heard is not None and now - heard[2] < SETTLE_S
+
+    def _note_older(self, vehicle: str, number: int, now: float) -> None:
+        """Repeat the order that is flown for a vehicle that does not know it, not all companions at once."""
+        flown = self._flown
+        if flown is None or number >= flown.arrangement.number:
+            self._older.pop(vehicle, None)
+            return
+        since = self._older.setdefault(vehicle, now)
+        patient = now - since >= REPEAT_RANK_S * (1 + self._plan.rank)
+        if patient and now - self._repeated_s >= REPEAT_S and flown.signed:
+            self._repeated_s = now
+            self._repeats.append(flown.signed)
+
+    def _objection(self, order: Arrangement, now: float) -> str | None:
+        """Why this companion cannot carry out an order, in words; None if it can."""
+        time_s = self._clock.from_own(now)
+        if not math.isfinite(time_s):
+            return "the formation's time is not known to this companion yet"
+        if not SOONEST_S <= order.time_s - time_s <= LATEST_S:
+            return f"its time is {order.time_s - time_s:.0f} s ahead, not {SOONEST_S:g} to {LATEST_S:g} s"
+        strangers = order.vehicles - self._names | order.vehicles & {self._leader}
+        if strangers:
+            return f"{', '.join(sorted(strangers))} is no follower of this formation"
+        if self._next is not None:
+            return f"order {self._next.arrangement.number} is not decided yet"
+        return self._motion_objection(order, now)
+
+    def _motion_objection(self, order: Arrangement, now: float) -> str | None:
+        """The same about how slots move."""
+        flown = self.flown
+        if flown is not None and order.time_s < flown.time_s + flown.duration_s:
+            left_s = flown.time_s + flown.duration_s - order.time_s
+            return f"order {flown.number} is still being carried out {left_s:.0f} s too long for it"
+        for one in approaches(order.places, order.climb_s, order.across_s, self._leader):
+            if one.distance < KEEP_M:
+                return (
+                    f"{one.first} and {one.second} would come within {one.distance:.1f} m of each other"
+                    f" {one.time_s:.0f} s after its beginning, less than {KEEP_M:g} m"
+                )
+        place = order.place_of(self._plan.name)
+        return None if place is None else self._own_objection(order, place, now)
+
+    def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
+        """The same about this vehicle's own part, by its own limits."""
+        name, airframe = self._plan.name, self._plan.airframe
+        begin = self._present_slot(now)
+        if begin is not None and place.begin.minus(begin).size > SAME_M:
+            return (
+                f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
+                f" right of the leader, but its slot is at {begin.forward:.0f} m and {begin.right:.0f} m"
+            )
+        way = place.end.minus(place.begin)
+        rate = way.forward * PEAK / max(order.across_s, 0.1)
+        fastest = airframe.cruise + rate
+        if fastest > airframe.airspeed_max or fastest < airframe.airspeed_min:
+            limit = airframe.airspeed_max if rate > 0.0 else airframe.airspeed_min
+            return f"{name} would have to fly {fastest:.1f} m/s, and its limit is {limit:g} m/s"
+        lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
+        height = self._plan.height - self._plan.up + lowest
+        if height < LOWEST_M and lowest < self._plan.up:
+            return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
+        return None
+
+    def _present_slot(self, now: float) -> Point | None:
+        """Where the own slot is now; None for a vehicle that has left."""
+        if self._flown is not None:
+            return self.point(self._plan.name, now)
+        if isinstance(self._plan.task, LeaderTask):
+            return None
+        slot = self._plan.task.slot
+        return Point(slot.forward, slot.right, self._plan.up)
+
+    def _reply(self, number: int, verdict: Verdict, text: str = "") -> None:
+        self._replies.append(encode_reply(Reply(number=number, verdict=verdict, text=text)))
+
+    def _say(self, text: str, *, warning: bool = False) -> None:
+        self._words.append((text, warning))

@@ -1,0 +1,195 @@
+"""An arrangement: who flies where from a moment on, and how everybody gets there.
+
+It says everything by itself: from where each slot moves, to where, and when. A companion that was started
+anew needs no other to know where its slot is. All slots move straight, at once and by one time law.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+
+from vfguide.guidance.formation import Slot
+
+RAMP = 0.3
+"""Share of the time in which a motion gains its greatest speed, and of that in which it loses it again.
+
+The speed rises by the minimum-jerk polynomial 10 x³ - 15 x⁴ + 6 x⁵ (Flash and Hogan, 1985), so that speed,
+acceleration and jerk have no steps. One such polynomial over the whole way would need 1.875 times the mean
+speed, this needs 1.43 times: the speed that an aircraft has beyond its cruise is what limits a motion.
+"""
+
+PEAK = 1.0 / (1.0 - RAMP)
+"""Greatest speed of a motion in parts of its mean speed."""
+
+
+class Flown(IntEnum):
+    """What is flown by an arrangement."""
+
+    FORMATION = 1
+    """The mission's path, each vehicle in its slot."""
+    HOLD = 2
+    """A circle, each vehicle in its slot and at a height of its own."""
+    ABORT = 3
+    """Nothing: each vehicle goes back to its autopilot, at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A place in the formation, m from the leader."""
+
+    forward: float
+    """Ahead."""
+    right: float
+    """To the right."""
+    up: float = 0.0
+    """Above."""
+
+    def minus(self, other: "Point") -> "Point":
+        """The way from another point to this one."""
+        return Point(self.forward - other.forward, self.right - other.right, self.up - other.up)
+
+    @property
+    def size(self) -> float:
+        """Distance from the leader, m."""
+        return math.hypot(self.forward, self.right, self.up)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """One vehicle's part of an arrangement."""
+
+    vehicle: str
+    """Its name."""
+    begin: Point
+    """Where its slot is before."""
+    end: Point
+    """Where it is after."""
+    layer: float | None = None
+    """Height above the leader in which it crosses, m; None: it climbs or descends on its way, if at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """Where the leader circles."""
+
+    latitude_deg: float
+    """Of the centre."""
+    longitude_deg: float
+    """Of the centre."""
+    radius_m: float
+    """Positive."""
+    clockwise: bool = True
+    """Seen from above."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arrangement:
+    """Who flies where from a moment on."""
+
+    number: int
+    """Rises from order to order: a newer one counts."""
+    term: int = 0
+    """Of the leader under which it was given."""
+    time_s: float
+    """When slots begin to move, s on the formation's clock."""
+    flown: Flown = Flown.FORMATION
+    """What is flown."""
+    climb_s: float = 0.0
+    """How long it takes into the layers, and out of them again, s; 0 without layers."""
+    across_s: float
+    """How long the slots move in the plane, s."""
+    places: tuple[Place, ...]
+    """Of all followers that fly in it; who has none leaves the formation."""
+    circle: Circle | None = None
+    """Of a hold."""
+    _by_name: dict[str, Place] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_by_name", {one.vehicle: one for one in self.places})
+
+    @property
+    def duration_s(self) -> float:
+        """From the first motion of a slot to the last, s."""
+        return self.across_s + 2.0 * self.climb_s
+
+    @cached_property
+    def vehicles(self) -> frozenset[str]:
+        """Names of the followers that fly in it."""
+        return frozenset(self._by_name)
+
+    def place_of(self, vehicle: str) -> Place | None:
+        """A follower's part; None for one that leaves."""
+        return self._by_name.get(vehicle)
+
+    def slot(self, vehicle: str, time_s: float) -> Slot[float]:
+        """The slot of a follower that flies in it, at a time (s on the formation's clock), and its rates.
+
+        Raises:
+            KeyError: this vehicle has no place in it.
+        """
+        place = self._by_name[vehicle]
+        share, rate, acceleration = progress(time_s - self.time_s - self.climb_s, self.across_s)
+        way = place.end.minus(place.begin)
+        return Slot(
+            forward=place.begin.forward + share * way.forward,
+            right=place.begin.right + share * way.right,
+            forward_rate=rate * way.forward,
+            right_rate=rate * way.right,
+            forward_acceleration=acceleration * way.forward,
+            right_acceleration=acceleration * way.right,
+        )
+
+    def height(self, vehicle: str, time_s: float) -> tuple[float, float]:
+        """(height of a slot above the leader in m, its rate in m/s); see `slot`."""
+        place = self._by_name[vehicle]
+        since, begin, end = time_s - self.time_s, place.begin.up, place.end.up
+        if place.layer is None:
+            share, rate, _ = progress(since - self.climb_s, self.across_s)
+            return begin + share * (end - begin), rate * (end - begin)
+        up, up_rate, _ = progress(since, self.climb_s)
+        down, down_rate, _ = progress(since - self.climb_s - self.across_s, self.climb_s)
+        height = begin + up * (place.layer - begin) + down * (end - place.layer)
+        return height, up_rate * (place.layer - begin) + down_rate * (end - place.layer)
+
+
+def progress(since_s: float, duration_s: float) -> tuple[float, float, float]:
+    """(share of the way, its rate in 1/s, its acceleration in 1/s²) some time after a motion has begun.
+
+    Args:
+        since_s: since its beginning, s; before it nothing moves, nor after its end.
+        duration_s: of the motion, s; one that takes none is a step.
+    """
+    if since_s >= duration_s:
+        return 1.0, 0.0, 0.0
+    if since_s <= 0.0:
+        return 0.0, 0.0, 0.0
+    ramp_s, fastest = RAMP * duration_s, PEAK / duration_s
+    left_s = duration_s - since_s
+    if ramp_s <= since_s <= left_s or ramp_s <= left_s <= since_s:
+        return fastest * (since_s - 0.5 * ramp_s), fastest, 0.0
+    x = min(since_s, left_s) / ramp_s
+    share = fastest * ramp_s * x**4 * (2.5 - 3.0 * x + x * x)
+    rate = fastest * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+    acceleration = fastest / ramp_s * 30.0 * x * x * (1.0 - x) ** 2
+    if since_s < left_s:
+        return share, rate, acceleration
+    return 1.0 - share, rate, -acceleration
+
+
+def time_of(share: float, duration_s: float) -> float:
+    """When a motion of some duration (s) has come to a share of its way, s after its beginning."""
+    early, late = 0.0, duration_s
+    for _ in range(50):
+        middle = 0.5 * (early + late)
+        if progress(middle, duration_s)[0] < share:
+            early = middle
+        else:
+            late = middle
+    return 0.5 * (early + late)
+
+
+def ends(places: Iterable[Place]) -> dict[str, Point]:
+    """Where each follower flies once everything is done, by name."""
+    return {one.vehicle: one.end for one in places}

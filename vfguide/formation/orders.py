@@ -1,0 +1,232 @@
+"""What an operator orders, and the one arrangement that it comes to.
+
+Every order, be it a shape, another spacing, a swap or a vehicle that leaves, comes to a whole arrangement
+here, on the operator's side. Companions know arrangements only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Literal
+
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point, ends
+from vfguide.formation.assignment import assigned
+from vfguide.formation.shapes import Shape, shape_slots
+from vfguide.formation.transition import (
+    LEADER,
+    LEAST_M,
+    MotionLimits,
+    RefusedOrderError,
+    Transition,
+    transition,
+)
+
+Action = Literal["hold", "resume", "abort"]
+
+STACK_M = 15.0
+"""Between the heights of two that hold."""
+
+FAR_BEHIND = (-300.0, 0.0)
+"""From about there a vehicle comes that joins: the others have the first choice of slots."""
+
+STEP_M = 0.1
+"""Slots are ordered to this: orders carry no more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What an operator wants; what is not said stays as it is."""
+
+    shape: Shape | None = None
+    """To be flown."""
+    spacing: float | None = None
+    """Between neighbours, m."""
+    swap: tuple[str, str] | None = None
+    """Two followers that change places."""
+    slots: Mapping[str, Point] = field(default_factory=dict)
+    """Slots by follower."""
+    leave: tuple[str, ...] = ()
+    """Followers that leave."""
+    join: tuple[str, ...] = ()
+    """Followers that come back."""
+    action: Action | None = None
+    """Hold, go on, or call everything off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Formation:
+    """A formation as an operator knows it."""
+
+    leader: str
+    """Name of the leader."""
+    home: Mapping[str, Point]
+    """Slots of the mission, by follower, in its order."""
+    slots: Mapping[str, Point]
+    """Slots of those that fly in it now, by follower."""
+    number: int = 0
+    """Of the newest order."""
+    flown: Flown = Flown.FORMATION
+    """What is flown."""
+
+    @property
+    def spacing(self) -> float | None:
+        """Least distance of two slots, m; None without followers."""
+        places = [LEADER, *self.slots.values()]
+        return min((one.minus(other).size for one, other in combinations(places, 2)), default=None)
+
+    def after(self, arrangement: Arrangement) -> "Formation":
+        """The same once an arrangement is flown."""
+        return replace(
+            self,
+            slots=ends(arrangement.places),
+            number=arrangement.number,
+            flown=arrangement.flown,
+        )
+
+
+def arrangement_of(
+    order: Order,
+    formation: Formation,
+    limits: MotionLimits,
+    *,
+    number: int,
+    time_s: float,
+    term: int = 0,
+    circle: Circle | None = None,
+) -> tuple[Arrangement, Transition]:
+    """The arrangement that an order comes to, and how everybody gets there.
+
+    Args:
+        order: what is wanted.
+        formation: as it is.
+        limits: how fast slots may move.
+        number: of the arrangement, greater than that of any before.
+        time_s: when it begins, s on the formation's clock.
+        term: of the leader.
+        circle: where to hold, for an order to hold.
+
+    Raises:
+        RefusedOrderError: it cannot be carried out; one sentence says why.
+    """
+    if formation.flown is Flown.ABORT and order.action != "abort":
+        raise RefusedOrderError(
+            "everything was called off: the formation begins anew with its companions"
+        )
+    _check_names(order, formation)
+    end = _ends(order, formation)
+    begin = {name: formation.slots.get(name, end[name]) for name in end}
+    # Companions compare slots as orders tell them.
+    begin = {name: _rounded(point) for name, point in begin.items()}
+    end = {name: _rounded(point) for name, point in end.items()}
+    flown = Flown.FORMATION
+    if order.action == "abort":
+        flown = Flown.ABORT
+        end = begin
+        found = Transition(
+            places=tuple(Place(vehicle=name, begin=begin[name], end=begin[name]) for name in begin),
+            climb_s=0.0,
+            across_s=0.0,
+            nearest=None,
+        )
+    else:
+        found = transition(begin, end, limits, leader=formation.leader)
+    if order.action == "hold" or (formation.flown is Flown.HOLD and order == Order()):
+        if circle is None:
+            raise RefusedOrderError("where to hold is not known: the leader is not heard")
+        flown = Flown.HOLD
+    arrangement = Arrangement(
+        number=number,
+        term=term,
+        time_s=time_s,
+        flown=flown,
+        climb_s=found.climb_s,
+        across_s=found.across_s,
+        places=found.places,
+        circle=circle if flown is Flown.HOLD else None,
+    )
+    return arrangement, found
+
+
+def _rounded(point: Point) -> Point:
+    return Point(
+        *(
+            round(round(value / STEP_M) * STEP_M, 1)
+            for value in (point.forward, point.right, point.up)
+        )
+    )
+
+
+def _check_names(order: Order, formation: Formation) -> None:
+    """See that an order is about followers, each in the formation or out of it as it has to be.
+
+    Raises:
+        RefusedOrderError: it is not.
+    """
+    named = [*(order.swap or ()), *order.slots, *order.leave, *order.join]
+    for name in named:
+        if name == formation.leader:
+            raise RefusedOrderError(f"{name} leads: it has no slot that could be changed")
+        if name not in formation.home:
+            known = ", ".join(formation.home) or "none"
+            raise RefusedOrderError(f"no follower is called {name!r}: there are {known}")
+    for name in (*(order.swap or ()), *order.leave):
+        if name not in formation.slots:
+            raise RefusedOrderError(f"{name} is not in the formation")
+    for name in order.join:
+        if name in formation.slots:
+            raise RefusedOrderError(f"{name} is in the formation already")
+    if order.swap is not None and order.swap[0] == order.swap[1]:
+        raise RefusedOrderError(f"{order.swap[0]} cannot change places with itself")
+
+
+def _ends(order: Order, formation: Formation) -> dict[str, Point]:
+    """Where everybody is to be."""
+    end = {name: point for name, point in formation.slots.items() if name not in order.leave}
+    for name in order.join:
+        end[name] = formation.home[name]
+    if order.shape is not None:
+        end = _shaped(order, formation, end)
+    elif order.spacing is not None:
+        end = _scaled(order.spacing, formation, end)
+    if order.swap is not None:
+        first, second = order.swap
+        end[first], end[second] = end[second], end[first]
+    end |= order.slots
+    if order.action == "hold":
+        ranked = [name for name in formation.home if name in end]
+        return {
+            name: replace(end[name], up=STACK_M * (rank + 1)) for rank, name in enumerate(ranked)
+        }
+    if formation.flown is Flown.HOLD or order.action == "resume":
+        return {name: replace(point, up=formation.home[name].up) for name, point in end.items()}
+    return end
+
+
+def _shaped(order: Order, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:
+    """The slots of a shape, each given to the follower for which the sum of all squared ways is least."""
+    shape = order.shape
+    if shape is None:
+        return dict(end)
+    # Slots are rounded: without that a formation would shrink from order to order.
+    spacing = order.spacing or max(round(2.0 * (formation.spacing or 0.0)) / 2.0, LEAST_M)
+    places = shape_slots(shape, len(end), spacing)
+    here = {
+        name: (point.forward, point.right) if name not in order.join else FAR_BEHIND
+        for name, point in end.items()
+    }
+    return {
+        name: Point(forward, right, formation.home[name].up)
+        for name, (forward, right) in assigned(here, places).items()
+    }
+
+
+def _scaled(spacing: float, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:
+    """The same formation with another least distance."""
+    present = formation.spacing
+    if not present:
+        return dict(end)
+    scale = spacing / present
+    return {
+        name: replace(point, forward=scale * point.forward, right=scale * point.right)
+        for name, point in end.items()
+    }

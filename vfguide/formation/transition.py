@@ -1,0 +1,257 @@
+"""From one formation to the next without anybody coming near another: slot motions, layers, refusals.
+
+Slots move straight, all at once and by one time law, so the way from one slot to another is a straight line,
+too, and how near the two come is exact. Where that is too near, one of the two crosses in a layer of its own
+above the others: up, across, down. What no layer helps against is refused, with the pair, the time and the
+distance.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+from vfguide.errors import InputError
+from vfguide.formation.arrangement import PEAK, RAMP, Place, Point, time_of
+
+LEAST_M = 7.5
+"""Slots come no nearer than this: the 5 m that aircraft keep, and what they lie about their slots."""
+
+LAYER_M = 12.0
+"""Between two layers: heights are held to a metre or two."""
+
+MOST_LAYERS = 4
+"""More than these would take longer than any other way."""
+
+SHORTEST_S = 6.0
+"""A motion takes at least this long."""
+
+RAMP_PEAK = 1.875
+"""Greatest slope of the polynomial by which the speed rises."""
+
+LEADER = Point(0.0, 0.0, 0.0)
+"""Where the leader is, all the time."""
+
+
+class RefusedOrderError(InputError):
+    """An order that cannot be carried out; the text says why, in one sentence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionLimits:
+    """How fast slots may move."""
+
+    forward: float
+    """m/s, ahead: what the slowest aircraft has beyond what its slot needs."""
+    back: float
+    """m/s, back."""
+    aside: float
+    """m/s, to either side."""
+    acceleration: float
+    """m/s²."""
+    climb: float = 2.0
+    """m/s, up or down."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """How near two vehicles come in a transition."""
+
+    first: str
+    """Name of one."""
+    second: str
+    """Name of the other."""
+    distance: float
+    """m."""
+    time_s: float
+    """After the transition has begun."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transition:
+    """How everybody gets to where they are to be."""
+
+    places: tuple[Place, ...]
+    """With layers where they are needed."""
+    climb_s: float
+    """Into the layers and out of them, s."""
+    across_s: float
+    """In the plane, s."""
+    nearest: Approach | None
+    """The two that come nearest; None without followers."""
+
+
+def transition(
+    begin: Mapping[str, Point],
+    end: Mapping[str, Point],
+    limits: MotionLimits,
+    *,
+    leader: str = "leader",
+    least: float = LEAST_M,
+) -> Transition:
+    """The motions from one formation to another.
+
+    Args:
+        begin: slots now, by follower.
+        end: slots of the same followers afterwards.
+        limits: how fast slots may move.
+        leader: its name; it is at (0, 0, 0).
+        least: how near slots may come, m.
+
+    Raises:
+        RefusedOrderError: two would come nearer than that, in any layers.
+    """
+    plain = [Place(vehicle=name, begin=begin[name], end=place) for name, place in end.items()]
+    _check_ends(end, leader, least)
+    across_s = across_time(plain, limits)
+    close = [one for one in approaches(plain, 0.0, across_s, leader) if one.distance < least]
+    if not close:
+        return _transition(plain, 0.0, across_s, leader)
+    # Who stands too near already moves apart as any other way would move it.
+    layered = in_layers(plain, close, leader)
+    heights = [abs(one.layer - place.up) for one in layered if one.layer is not None
+               for place in (one.begin, one.end)]  # fmt: skip
+    climb_s = max(SHORTEST_S, max(heights) * PEAK / limits.climb)
+    found = _transition(layered, climb_s, across_s, leader)
+    nearest = found.nearest
+    if nearest is not None and nearest.distance < least:
+        raise RefusedOrderError(
+            f"{nearest.first} and {nearest.second} would come within {nearest.distance:.1f} m of each"
+            f" other {nearest.time_s:.0f} s after its beginning, less than {least:g} m: choose a"
+            " greater spacing, or go by another formation"
+        )
+    return found
+
+
+def _transition(
+    places: Sequence[Place], climb_s: float, across_s: float, leader: str
+) -> Transition:
+    found = approaches(places, climb_s, across_s, leader)
+    return Transition(
+        places=tuple(places),
+        climb_s=climb_s,
+        across_s=across_s,
+        nearest=min(found, key=lambda one: one.distance, default=None),
+    )
+
+
+def _check_ends(end: Mapping[str, Point], leader: str, least: float) -> None:
+    """See that nobody's slots are too near to each other.
+
+    Raises:
+        RefusedOrderError: two are.
+    """
+    for (first, place), (second, other) in combinations([(leader, LEADER), *end.items()], 2):
+        distance = place.minus(other).size
+        if distance < least:
+            raise RefusedOrderError(
+                f"the slots of {first} and {second} would be {distance:.1f} m apart, less than"
+                f" {least:g} m: choose a greater spacing, or other slots"
+            )
+
+
+def across_time(places: Sequence[Place], limits: MotionLimits) -> float:
+    """How long the slots have to move in the plane so that no limit is passed, s."""
+    longest = SHORTEST_S
+    for one in places:
+        way = one.end.minus(one.begin)
+        ahead = way.forward / (limits.forward if way.forward > 0.0 else -limits.back)
+        fastest = max(ahead, abs(way.right) / limits.aside)
+        hardest = math.hypot(way.forward, way.right) * PEAK * RAMP_PEAK / RAMP
+        climbing = 0.0 if one.layer is not None else abs(way.up) / limits.climb
+        longest = max(
+            longest,
+            fastest * PEAK,
+            math.sqrt(hardest / limits.acceleration),
+            climbing * PEAK,
+        )
+    return longest
+
+
+def approaches(
+    places: Sequence[Place], climb_s: float, across_s: float, leader: str
+) -> list[Approach]:
+    """How near every two come, the leader among them."""
+    still = Place(vehicle=leader, begin=LEADER, end=LEADER)
+    return [
+        approach_of(one, other, climb_s, across_s)
+        for one, other in combinations([still, *places], 2)
+    ]
+
+
+def approach_of(one: Place, other: Place, climb_s: float, across_s: float) -> Approach:
+    """How near two slots come: on each straight part of the way from one to the other, exactly."""
+    found = []
+    begun_s = 0.0
+    for before, after, duration_s in parts(one, other, climb_s, across_s):
+        share, distance = nearest_on(before, after)
+        found.append((distance, begun_s + time_of(share, duration_s)))
+        begun_s += duration_s
+    distance, time_s = min(found)
+    return Approach(first=one.vehicle, second=other.vehicle, distance=distance, time_s=time_s)
+
+
+def parts(
+    one: Place, other: Place, climb_s: float, across_s: float
+) -> list[tuple[Point, Point, float]]:
+    """(way from one to the other before, after, duration in s) of each part of a transition."""
+    corners = [
+        [place.begin, _at(place.begin, place), _at(place.end, place), place.end]
+        for place in (one, other)
+    ]
+    ways = [second.minus(first) for first, second in zip(*corners, strict=True)]
+    durations = (climb_s, across_s, climb_s)
+    return list(zip(ways[:-1], ways[1:], durations, strict=True))
+
+
+def _at(point: Point, place: Place) -> Point:
+    """A point in the layer of a place."""
+    return point if place.layer is None else replace(point, up=place.layer)
+
+
+def nearest_on(before: Point, after: Point) -> tuple[float, float]:
+    """(share of the way, distance) where a straight way comes nearest to nothing."""
+    way = after.minus(before)
+    square = way.forward**2 + way.right**2 + way.up**2
+    share = 0.0
+    if square > 0.0:
+        product = before.forward * way.forward + before.right * way.right + before.up * way.up
+        share = min(max(-product / square, 0.0), 1.0)
+    return share, Point(
+        before.forward + share * way.forward,
+        before.right + share * way.right,
+        before.up + share * way.up,
+    ).size
+
+
+def in_layers(places: Sequence[Place], close: Sequence[Approach], leader: str) -> list[Place]:
+    """The same places, with layers for those that would come too near to each other.
+
+    Raises:
+        RefusedOrderError: that would take too many layers.
+    """
+    near: dict[str, set[str]] = {}
+    for one in close:
+        near.setdefault(one.first, set()).add(one.second)
+        near.setdefault(one.second, set()).add(one.first)
+    highest = max([0.0, *(point.up for one in places for point in (one.begin, one.end))])
+    # Who is in the way of many stays below: it is the others that climb.
+    order = sorted(near, key=lambda name: (name != leader, -len(near[name]), name))
+    layers: dict[str, int] = {}
+    for name in order:
+        taken = {layers[other] for other in near[name] if other in layers}
+        layers[name] = next(number for number in range(len(taken) + 1) if number not in taken)
+    most = max(layers.values())
+    if most > MOST_LAYERS:
+        worst = min(close, key=lambda one: one.distance)
+        raise RefusedOrderError(
+            f"{worst.first} and {worst.second} would come within {worst.distance:.1f} m of each other"
+            f" {worst.time_s:.0f} s after its beginning, and {most} layers to keep all apart are too"
+            " many: go there by another formation"
+        )
+    return [
+        replace(one, layer=highest + LAYER_M * number)
+        if (number := layers.get(one.vehicle, 0))
+        else one
+        for one in places
+    ]

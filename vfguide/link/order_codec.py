@@ -1,0 +1,241 @@
+"""Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
+
+An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
+1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), term (u32), time (f64, s), time
+to climb and time across (f32, s); with a circle its centre (f64, degrees) and its radius (f32, m); then for
+each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end,
+each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
+
+An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the text
+(UTF-8), and the CRC-32 of all that.
+"""
+
+import math
+import struct
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.link.codec import LinkDataError
+
+ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
+VERSION = 1
+HEADER = struct.Struct("<4sBBBBIIdff")
+CIRCLE = struct.Struct("<ddf")
+OFFSETS = struct.Struct("<7h")
+REPLY = struct.Struct("<4sBBBxI")
+CHECKSUM = struct.Struct("<I")
+
+STEP_M = 0.1
+"""Slots are told to this."""
+
+NO_LAYER = -32768
+
+HAS_CIRCLE, CLOCKWISE = 1, 2
+
+GREATEST_TIME_S = 1e10
+LONGEST_S = 3600.0
+"""Of a climb, and of a motion across."""
+
+RADII_M = (20.0, 20e3)
+"""Least and greatest of a circle."""
+
+LARGEST = 3800
+"""Bytes of an order: with its envelope it fits into another one."""
+
+LONGEST_NAME, LONGEST_TEXT = 100, 200
+"""Bytes."""
+
+
+class Verdict(IntEnum):
+    """What a vehicle says to an order."""
+
+    READY = 1
+    """It can and will, once the leader says so."""
+    REFUSED = 2
+    """It cannot; the text says why."""
+    FLOWN = 3
+    """It flies it."""
+    VOID = 4
+    """The order was not confirmed in time; the text says why, if that is known."""
+    UNKNOWN = 5
+    """Of an operator who knows no newer order than this number: the one that is flown is to be repeated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reply:
+    """What a vehicle says to an order."""
+
+    number: int
+    """Of the order."""
+    verdict: Verdict
+    """What becomes of it."""
+    text: str = ""
+    """Why, in one sentence."""
+
+
+def encode_order(order: Arrangement) -> bytes:
+    """Bytes of an arrangement.
+
+    Raises:
+        ValueError: it has too many followers, a name is too long, or a number is out of its range.
+    """
+    circle = order.circle
+    flags = 0 if circle is None else HAS_CIRCLE | (CLOCKWISE if circle.clockwise else 0)
+    try:
+        body = HEADER.pack(
+            ORDER_MAGIC,
+            VERSION,
+            order.flown,
+            flags,
+            len(order.places),
+            order.number,
+            order.term,
+            order.time_s,
+            order.climb_s,
+            order.across_s,
+        )
+        if circle is not None:
+            body += CIRCLE.pack(circle.latitude_deg, circle.longitude_deg, circle.radius_m)
+        body += b"".join(_place_bytes(place) for place in order.places)
+    except (struct.error, OverflowError) as error:
+        raise ValueError(f"the order cannot be put into bytes: {error}") from None
+    if len(body) + CHECKSUM.size > LARGEST:
+        raise ValueError(f"an order of {len(body)} bytes is too long: name vehicles shorter")
+    return body + CHECKSUM.pack(zlib.crc32(body))
+
+
+def rounded(point: Point) -> Point:
+    """A point as an order tells it."""
+    return Point(*(round(value / STEP_M) * STEP_M for value in _values(point)))
+
+
+def decode_order(data: bytes) -> Arrangement:
+    """The arrangement of these bytes.
+
+    Raises:
+        LinkDataError: they are none, are damaged, or a value is out of its range.
+    """
+    body = _checked(data, ORDER_MAGIC, HEADER.size)
+    _, version, flown, flags, count, number, term, time_s, climb_s, across_s = HEADER.unpack_from(
+        body
+    )
+    if version != VERSION:
+        raise LinkDataError(f"an order of version {version}, this companion reads {VERSION}")
+    if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE):
+        raise LinkDataError("the order's number or flags are none")
+    # Not "beyond": a comparison with NaN is false whichever way it is put.
+    if not (abs(time_s) <= GREATEST_TIME_S and 0.0 <= climb_s <= LONGEST_S):
+        raise LinkDataError("a time of the order is out of range")
+    if not 0.0 <= across_s <= LONGEST_S:
+        raise LinkDataError("a time of the order is out of range")
+    offset = HEADER.size
+    circle = None
+    try:
+        what = Flown(flown)
+        if flags & HAS_CIRCLE:
+            circle = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
+            offset += CIRCLE.size
+        places = []
+        for _ in range(count):
+            place, offset = _place(body, offset)
+            places.append(place)
+    except (struct.error, ValueError, IndexError) as error:
+        raise LinkDataError(f"no order: {error}") from None
+    if offset != len(body) or len({place.vehicle for place in places}) != count:
+        raise LinkDataError("the order's followers do not fit")
+    if (what is Flown.HOLD) is not (circle is not None):
+        raise LinkDataError("a circle belongs to a hold, and only there")
+    return Arrangement(
+        number=number,
+        term=term,
+        time_s=time_s,
+        flown=what,
+        climb_s=climb_s,
+        across_s=across_s,
+        places=tuple(places),
+        circle=circle,
+    )
+
+
+def encode_reply(reply: Reply) -> bytes:
+    """Bytes of an answer; a text that is too long loses its end."""
+    text = reply.text.encode()[:LONGEST_TEXT].decode(errors="ignore").encode()
+    body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number) + text
+    return body + CHECKSUM.pack(zlib.crc32(body))
+
+
+def decode_reply(data: bytes) -> Reply:
+    """The answer of these bytes.
+
+    Raises:
+        LinkDataError: they are none.
+    """
+    body = _checked(data, REPLY_MAGIC, REPLY.size)
+    _, version, verdict, length, number = REPLY.unpack_from(body)
+    if version != VERSION:
+        raise LinkDataError(f"an answer of version {version}, this program reads {VERSION}")
+    text = body[REPLY.size :]
+    if len(text) != length or length > LONGEST_TEXT:
+        raise LinkDataError("an answer whose text does not fit")
+    try:
+        return Reply(number=number, verdict=Verdict(verdict), text=text.decode())
+    except ValueError:
+        raise LinkDataError("an answer whose verdict or text is none") from None
+
+
+def _values(point: Point) -> tuple[float, float, float]:
+    return point.forward, point.right, point.up
+
+
+def _place_bytes(place: Place) -> bytes:
+    name = place.vehicle.encode()
+    if not 0 < len(name) <= LONGEST_NAME:
+        raise ValueError(f"the name {place.vehicle!r} is too long for an order")
+    numbers = [round(value / STEP_M) for value in (*_values(place.begin), *_values(place.end))]
+    layer = NO_LAYER if place.layer is None else round(place.layer / STEP_M)
+    return bytes([len(name)]) + name + OFFSETS.pack(*numbers, layer)
+
+
+def _place(body: bytes, offset: int) -> tuple[Place, int]:
+    length = body[offset]
+    end = offset + 1 + length
+    if not 0 < length <= LONGEST_NAME:
+        raise ValueError("a follower without a name")
+    name = body[offset + 1 : end].decode()
+    *values, layer = OFFSETS.unpack_from(body, end)
+    numbers = [value * STEP_M for value in values]
+    place = Place(
+        vehicle=name,
+        begin=Point(*numbers[:3]),
+        end=Point(*numbers[3:]),
+        layer=None if layer == NO_LAYER else layer * STEP_M,
+    )
+    return place, end + OFFSETS.size
+
+
+def _circle(body: bytes, offset: int, *, clockwise: bool) -> Circle:
+    latitude, longitude, radius = CIRCLE.unpack_from(body, offset)
+    on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
+    if not (on_earth and RADII_M[0] <= radius <= RADII_M[1]) or math.isnan(latitude + longitude):
+        raise ValueError("a circle that is nowhere on the earth")
+    return Circle(
+        latitude_deg=latitude, longitude_deg=longitude, radius_m=radius, clockwise=clockwise
+    )
+
+
+def _checked(data: bytes, magic: bytes, least: int) -> bytes:
+    """What its checksum vouches for.
+
+    Raises:
+        LinkDataError: its length, mark or checksum is wrong.
+    """
+    if not least + CHECKSUM.size <= len(data) <= LARGEST:
+        raise LinkDataError("its length is no order's")
+    if data[:4] != magic:
+        raise LinkDataError("no order")
+    body = data[: -CHECKSUM.size]
+    if zlib.crc32(body) != CHECKSUM.unpack_from(data, len(body))[0]:
+        raise LinkDataError("damaged: the checksum does not match")
+    return body

@@ -1,0 +1,197 @@
+"""What a mission says of orders: its first formation, how fast slots may move, its time table."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Point
+from vfguide.formation.orders import Formation, Order, arrangement_of
+from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
+from vfguide.frames import LocalFrame
+from vfguide.guidance.formation import Slot as GuidanceSlot
+from vfguide.mission.conditions import Conditions, conditions_of
+from vfguide.mission.finding import Finding
+from vfguide.mission.flight_path import path_of
+from vfguide.mission.model import Follower, Mission
+from vfguide.mission.orders import Slot
+from vfguide.mission.slot_limits import slots_beyond_centre, slots_out_of_airspeed
+
+RESERVE_M_S = 1.5
+"""What an aircraft keeps of its airspeed range for its law, while its slot moves."""
+
+SLOWEST_M_S, FASTEST_M_S = 0.5, 10.0
+"""Bounds of how fast slots move ahead and back."""
+
+ASIDE_SHARE = 0.35
+"""Of the cruise, how fast slots move aside: a course 20 degrees off the leader's."""
+
+ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
+"""Of what the aircraft have, for the motion of slots; and m/s²."""
+
+RADIUS_S, WIDTHS = 10.0, 5.0
+"""Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderPlace:
+    """Where a leader is, and where it flies to."""
+
+    north: float
+    """m from the mission's origin."""
+    east: float
+    """m from the mission's origin."""
+    course: float
+    """rad."""
+
+
+def formation_of_mission(mission: Mission) -> Formation:
+    """The formation that a mission begins with."""
+    home = {one.vehicle: one.slot.point for one in mission.followers}
+    return Formation(leader=mission.leader.vehicle, home=home, slots=home)
+
+
+def resolve(
+    mission: Mission,
+    order: Order,
+    formation: Formation,
+    *,
+    number: int,
+    time_s: float,
+    term: int = 0,
+    leader: LeaderPlace | None = None,
+) -> tuple[Arrangement, Transition]:
+    """The arrangement that an order comes to in a mission, with its vehicles, its path and its wind.
+
+    Args:
+        mission: the mission.
+        order: what is wanted.
+        formation: as it is.
+        number: of the arrangement.
+        time_s: when it begins, s on the formation's clock.
+        term: of the leader.
+        leader: where it will be then, for an order to hold; as planned if absent.
+
+    Raises:
+        RefusedOrderError: it cannot be carried out; one sentence says why.
+    """
+    if mission.leader.is_foreign:
+        raise RefusedOrderError("the leader has no companion that could confirm an order")
+    circle = None
+    if order.action == "hold":
+        circle = circle_at(mission, formation, leader or planned_place(mission, time_s))
+    conditions = conditions_of(mission.path, mission.wind)
+
+    def attempt(limits: MotionLimits) -> tuple[Arrangement, Transition]:
+        return arrangement_of(
+            order, formation, limits, number=number, time_s=time_s, term=term, circle=circle
+        )
+
+    slow = MotionLimits(forward=2.0, back=2.0, aside=2.0, acceleration=0.5)
+    found, way = attempt(slow)
+    if found.flown is Flown.ABORT:
+        return found, way
+    after = {place.vehicle: place.end for place in found.places}
+    for finding in _misfits(with_slots(mission, after), conditions):
+        raise RefusedOrderError(f"{finding.message}; {finding.remedy}")
+    slots = {name: [point] for name, point in after.items()}
+    for place in found.places:
+        slots[place.vehicle].append(place.begin)
+    return attempt(motion_limits(mission, slots, conditions))
+
+
+def motion_limits(
+    mission: Mission, slots: Mapping[str, Iterable[Point]], conditions: Conditions
+) -> MotionLimits:
+    """How fast slots may move: by what each aircraft has beyond what its slots need, in every wind and turn.
+
+    Args:
+        mission: the mission.
+        slots: those of each follower, before and after.
+        conditions: every course and turn of the path in every wind.
+    """
+    cruise = mission.leader.airspeed_m_s
+    forward = back = FASTEST_M_S
+    acceleration = GREATEST_ACCELERATION
+    for name, points in slots.items():
+        vehicle = mission.vehicles[name]
+        lowest, highest = vehicle.airspeed_range_m_s
+        acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.max_acceleration_m_s2)
+        for point in points:
+            needed = conditions.slot_airspeed(
+                cruise, GuidanceSlot(forward=point.forward, right=point.right)
+            )
+            forward = min(forward, highest - RESERVE_M_S - float(needed.max()))
+            back = min(back, float(needed.min()) - RESERVE_M_S - lowest)
+    return MotionLimits(
+        forward=max(forward, SLOWEST_M_S),
+        back=max(back, SLOWEST_M_S),
+        aside=ASIDE_SHARE * cruise,
+        acceleration=acceleration,
+    )
+
+
+def planned_place(mission: Mission, time_s: float) -> LeaderPlace:
+    """Where the leader of a rehearsal is by then, about: along its path at its airspeed."""
+    place = path_of(mission.path).at(mission.leader.airspeed_m_s * time_s)
+    return LeaderPlace(float(place.north), float(place.east), float(place.course))
+
+
+def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
+    """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
+    widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
+    radius = max(RADIUS_S * mission.leader.airspeed_m_s, WIDTHS * widest)
+    origin = mission.origin
+    frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+    latitude, longitude = frame.to_geodetic(
+        leader.north - radius * math.sin(leader.course),
+        leader.east + radius * math.cos(leader.course),
+    )
+    return Circle(latitude_deg=latitude, longitude_deg=longitude, radius_m=radius)
+
+
+def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
+    """The same mission with these followers in these slots, and no others in view."""
+    followers = tuple(
+        Follower(
+            vehicle=name,
+            slot=Slot(forward_m=point.forward, right_m=point.right, up_m=point.up),
+        )
+        for name, point in slots.items()
+    )
+    return mission.model_copy(update={"followers": followers})
+
+
+def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
+    """The arrangements of a mission's orders, each from where the one before leads to.
+
+    Raises:
+        RefusedOrderError: one cannot be carried out; one sentence says which and why.
+    """
+    formation = formation_of_mission(mission)
+    found = []
+    for number, timed in enumerate(mission.orders, 1):
+        try:
+            arrangement, way = resolve(
+                mission, timed.order, formation, number=number, time_s=timed.at_s
+            )
+        except RefusedOrderError as error:
+            raise RefusedOrderError(f"orders[{number - 1}], at {timed.at_s:g} s: {error}") from None
+        found.append((arrangement, way))
+        formation = formation.after(arrangement)
+    for (before, _), (after, _) in pairwise(found):
+        late_s = before.time_s + before.duration_s - after.time_s
+        if late_s > 0.0:
+            raise RefusedOrderError(
+                f"orders[{after.number - 1}], at {after.time_s:g} s: the one before takes"
+                f" {before.duration_s:.0f} s, give it {late_s:.0f} s more"
+            )
+    return tuple(found)
+
+
+def _misfits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Slots that nothing can be done about."""
+    for check in (slots_beyond_centre, slots_out_of_airspeed):
+        for finding in check(mission, conditions):
+            if finding.severity == "error":
+                yield finding
