@@ -37,13 +37,15 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
 def tell_responses(mission: Mission, record: FlightRecord) -> None:
     """Print how each autopilot answered, how sure that is, and lines for the mission file."""
     from vfguide.identification.flown import (
+        Answer,
         answer_sentence,
         flown_profile,
         flown_responses,
     )
     from vfguide.lab.debrief.logged_flight import LOGGED_MODES
 
-    output, answers = Terminal(), []
+    output = Terminal()
+    answers: list[Answer] = []
     guided = record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
     for vehicle in record.vehicles:
         airframe = flight_plan(mission, vehicle.name).airframe
