@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.identification.fit import Response, fit_response
+from vfguide.identification.fit import Model, Response, fit_response
 from vfguide.identification.models import Samples, course_response, mean_told, speed_response
 from vfguide.identification.profile import response_lines
 from vfguide.identification.recording import is_good, smoothed
@@ -33,6 +33,16 @@ FORGOTTEN_S = 5.0
 MODEL_SHARE = 0.1
 """By which a bandwidth is uncertain at least: a steady turn shows only the sum of its inverse and the dead
 time, and no autopilot is quite of the model's kind."""
+
+OTHER_SHARES = (-0.4, -0.25, -0.15, 0.15, 0.25, 0.4)
+"""Of the bandwidth's inverse: what a dead time might be longer by in its place."""
+
+AS_GOOD = 1.2
+"""What leaves up to so many times as much explains a flight nearly as well."""
+
+DOUBT = 4.0
+"""Times the share of the motion that the model leaves unexplained by which its bandwidth is uncertain: with a
+twentieth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
 
 WIND_S = 1.0
 """The wind is the mean over so long: a log knows it at each moment, and it may swing within seconds."""
@@ -124,10 +134,29 @@ def loop_answer(
         response = fit_response(
             lambda values: model(samples, values, airframe)[skipped:], seen[skipped:]
         )
-        known = response.bandwidth
-        half_width = math.hypot(known.half_width, MODEL_SHARE * known.value)
-        response = replace(response, bandwidth=replace(known, half_width=half_width))
+        response = with_doubt(
+            response, lambda values: model(samples, values, airframe)[skipped:], seen[skipped:]
+        )
     return Answer(vehicle=vehicle.name, loop=loop, response=response, why=why, mission=mission)
+
+
+def with_doubt(response: Response, model: Model, seen: FloatArray) -> Response:
+    """The same, its bandwidth no surer than a flight without steps can tell.
+
+    Slow changes show the sum of the bandwidth's inverse and the dead time, and hardly which of them it is: a
+    bandwidth with another dead time that explains the flight nearly as well is within the interval.
+    """
+    known, late, lag = response.bandwidth, response.dead_time.value, response.lag.value
+    unexplained = response.residual / max(float(np.std(seen)), response.residual, 1e-9)
+    widest = math.hypot(known.half_width, max(MODEL_SHARE, DOUBT * unexplained) * known.value)
+    for share in OTHER_SHARES:
+        other, dead_time = known.value / (1.0 - share), late + share / known.value
+        if dead_time < 0.0:
+            continue
+        rest = seen - model((other, dead_time, lag))
+        if math.sqrt(float(rest @ rest) / len(rest)) < AS_GOOD * response.residual:
+            widest = max(widest, abs(other - known.value))
+    return replace(response, bandwidth=replace(known, half_width=widest))
 
 
 def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice) -> str:
