@@ -179,7 +179,11 @@ class Companion:
     def snapshot(self) -> Snapshot:
         """What it did last."""
         return Snapshot(
-            mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov, slot=self._slot
+            mode=self._mode,
+            setpoint=self._setpoint,
+            lyapunov=self._lyapunov,
+            slot=self._slot,
+            lead=self._role.lead if self._mode.steers else None,
         )
 
     @property
@@ -201,6 +205,10 @@ class Companion:
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
         self._role.lose_link(now)
+
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which a vehicle of this name leads, from the link."""
+        self._role.receive_lead(vehicle, data, now)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
@@ -253,6 +261,8 @@ class Companion:
             out.events.append(Event(time_s=now, text="stopping: handing back"))
             self._leaving = True
             self._announcer.change("stopping, handing back to the autopilot; watch that it does")
+        if not self._stopped:
+            out.share(self._role.leave())
         self._stopped = True
         self._mode = Mode.WAITING
         return self._finish([], now, out)
@@ -355,6 +365,11 @@ class Companion:
             )
             out.warn(text, navigated.state.time_s)
 
+    @property
+    def leadership(self) -> tuple[str, int] | None:
+        """Who leads as far as is known, and its term; None where the mission names no deputies."""
+        return self._role.leadership
+
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
         return obstacle(
@@ -419,8 +434,7 @@ class Companion:
         """One guidance step, and what it sends."""
         self._wind = navigated.state.wind_north, navigated.state.wind_east
         if not navigated.steerable:
-            state = self._role.step(navigated, Mode.WAITING).publish
-            out.to_link += [] if state is None else [state]
+            out.share(self._role.step(navigated, Mode.WAITING))
             self._change_mode(now, out)
             return []
         try:
@@ -433,8 +447,7 @@ class Companion:
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
         self._plotted.note(step, now)
-        if step.publish is not None:
-            out.to_link.append(step.publish)
+        out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
