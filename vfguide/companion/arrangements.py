@@ -117,6 +117,8 @@ class Arrangements:
         self._leader = plan.name if plan.leads else next(
             (one.name for one in plan.others if one.leads), ""
         )  # fmt: skip
+        self.coordinator = self._leader
+        """Who decides whether an order is flown: the leader, or the deputy in its place."""
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None
@@ -293,7 +295,9 @@ class Arrangements:
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
         order = self._next
-        if order is not None and vehicle == self._leader and number == order.arrangement.number:
+        # A deputy may hear of a decision by another vehicle that has heard it of a leader that is lost since.
+        decides = vehicle == self.coordinator or self._plan.lead is not None
+        if order is not None and decides and number == order.arrangement.number:
             order.confirmed = True
         self._note_older(vehicle, number, now)
 
@@ -304,12 +308,13 @@ class Arrangements:
             return
         time_s = self._shared(now)
         due_s = order.arrangement.time_s
-        if self._plan.leads and not order.confirmed:
+        leads = self.coordinator == self._plan.name
+        if leads and not order.confirmed:
             self._decide(order, time_s, now)
         if order.confirmed:
             if time_s >= due_s:
                 self._begin(order, now)
-        elif self._plan.leads:
+        elif leads:
             if time_s >= due_s - SETTLE_S:
                 self._void(order, self._missing(order, now))
         elif time_s >= due_s + SETTLE_S and self._leader_is_heard(now):
@@ -433,7 +438,7 @@ class Arrangements:
         return ", ".join(missing)
 
     def _leader_is_heard(self, now: float) -> bool:
-        heard = self._numbers.get(self._leader)
+        heard = self._numbers.get(self.coordinator)
         return heard is not None and now - heard[2] < SETTLE_S
 
     def _note_older(self, vehicle: str, number: int, now: float) -> None:
