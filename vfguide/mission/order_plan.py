@@ -23,6 +23,9 @@ RESERVE_M_S = 1.5
 SLOWEST_M_S, FASTEST_M_S = 0.5, 10.0
 """Bounds of how fast slots move ahead and back."""
 
+GIVEN_WAY_M_S = 3.5
+"""So fast they may always move where the leader gives way: it flies faster or slower for those who lack it."""
+
 ASIDE_SHARE = 0.35
 """Of the cruise, how fast slots move aside: a course 20 degrees off the leader's."""
 
@@ -123,9 +126,10 @@ def motion_limits(
             )
             forward = min(forward, highest - RESERVE_M_S - float(needed.max()))
             back = min(back, float(needed.min()) - RESERVE_M_S - lowest)
+    slowest = GIVEN_WAY_M_S if mission.controller.give_way else SLOWEST_M_S
     return MotionLimits(
-        forward=max(forward, SLOWEST_M_S),
-        back=max(back, SLOWEST_M_S),
+        forward=max(forward, slowest),
+        back=max(back, slowest),
         aside=ASIDE_SHARE * cruise,
         acceleration=acceleration,
     )
