@@ -109,8 +109,11 @@ class Flight {
     }
   }
 
-  /** Where the slot of a follower is, from its leader's state. */
-  slotOf(vehicle, leader) {
+  /** Where the slot of a follower is: as recorded, where it was changed in flight, or from its leader's state. */
+  slotOf(vehicle, leader, state) {
+    if ("slot_north_m" in state) {
+      return { north_m: state.slot_north_m, east_m: state.slot_east_m, altitude_m: state.slot_altitude_m };
+    }
     const course = leader.course_deg * RADIANS;
     const { forward, right, up } = vehicle.slot;
     return {
@@ -123,11 +126,10 @@ class Flight {
   /** All vehicles at `time`, the leader first: {vehicle, state, slot}; slot is null for the leader. */
   formationAt(time) {
     const leader = this.at(this.leader, time);
-    return this.vehicles.map((vehicle) => ({
-      vehicle,
-      state: vehicle.leads ? leader : this.at(vehicle, time),
-      slot: vehicle.leads ? null : this.slotOf(vehicle, leader),
-    }));
+    return this.vehicles.map((vehicle) => {
+      const state = vehicle.leads ? leader : this.at(vehicle, time);
+      return { vehicle, state, slot: vehicle.leads ? null : this.slotOf(vehicle, leader, state) };
+    });
   }
 
   /** Times at which some vehicle's mode changes: [{time, vehicle, mode}], in order. */
