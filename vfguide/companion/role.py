@@ -33,8 +33,10 @@ class RoleStep:
     """W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
+    height: float
+    """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
     climb_m: float = 0.0
-    """To be added to the altitude of the mission, m."""
+    """To be added to that, m: it keeps clear of another vehicle."""
     along_track: float = math.nan
     """How far ahead the slot is, m; NaN for the leader and while not known."""
     cross_track: float = math.nan

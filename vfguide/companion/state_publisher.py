@@ -67,6 +67,7 @@ class StatePublisher:
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
                 term=self.term,
+                climb_rate=motion.climb_rate,
                 arrangement=arrangement,
                 steered=steered,
             )

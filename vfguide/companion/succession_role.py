@@ -120,7 +120,7 @@ class SuccessionRole(Role):
         if not math.isfinite(time_s):
             return None
         latitude, longitude = self._frame.to_geodetic(motion.north, motion.east)
-        altitude = self._plan.altitude_amsl
+        altitude = self._frame.altitude_m + float(motion.height)
         if self._flies_path:
             altitude = navigated.altitude_amsl
         self._sequence = (self._sequence + 1) % 2**32
@@ -136,6 +136,7 @@ class SuccessionRole(Role):
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                climb_rate=float(motion.climb_rate),
                 term=self._succession.term,
                 arrangement=self._arrangements.number,
                 steered=steered,
@@ -158,6 +159,7 @@ class SuccessionRole(Role):
             setpoint=None,
             distance=math.inf,
             lyapunov=math.nan,
+            height=float(navigated.state.height),
             publish=self._report.message(
                 own, navigated, time_s, steered=False, arrangement=self._arrangements.number
             ),

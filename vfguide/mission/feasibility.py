@@ -22,6 +22,7 @@ from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnM
 from vfguide.guidance.separation import escape_distance
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
+from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
 from vfguide.mission.finding import Finding, Report, worst_first
 from vfguide.mission.flight_path import MissionSource, path_of
 from vfguide.mission.loop_limits import (
@@ -229,11 +230,13 @@ OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     crowded_starts,
     distant_starts,
     settling_after_the_end,
+    left_out_of_the_plan,
 )
 """Checks that need no wind."""
 
 OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], ...] = (
     slots_beyond_centre,
+    beyond_the_fence,
     turns_beyond_bank,
     slots_out_of_airspeed,
     distance_kept_from_strays,
