@@ -335,7 +335,7 @@ def arrows_of(
     arrows = [arrow]
     if vehicle.role == "follower":
         leader, here = record.reference, slice(sample, sample + 1)
-        north, east = slot_track(leader, vehicle.slot_forward_m, vehicle.slot_right_m)
+        north, east = slot_track(leader, *vehicle.slot_m)
         slot = arrow_at(
             float(east[here][0]),
             float(north[here][0]),

@@ -129,3 +129,14 @@ def test_heights_of_slots_are_told(circle_flight: FlightRecord) -> None:
     vehicles = describe_flight(record)["vehicles"]
     assert isinstance(vehicles, list)
     assert vehicles[1]["slot"] == [-20.0, -20.0, 5.0]
+
+
+def test_a_slot_that_was_changed_in_flight_is_told_over_time(circle_flight: FlightRecord) -> None:
+    leader, changed, *others = circle_flight.vehicles
+    forward = np.linspace(-20.0, -40.0, circle_flight.time_s.size)
+    changed = replace(changed, slot_forward_series_m=forward)
+    flight = describe_flight(replace(circle_flight, vehicles=(leader, changed, *others)))
+    _, told, *rest = flight["vehicles"]  # type: ignore[misc]
+    assert numbers(told["series"]["slot_forward_m"], "<i4")[0] == -2000
+    assert numbers(told["series"]["slot_forward_m"], "<i4")[-1] == pytest.approx(-4000, abs=100)
+    assert all("slot_forward_m" not in one["series"] for one in rest)

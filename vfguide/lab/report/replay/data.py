@@ -67,6 +67,9 @@ KINDS = {
 }
 """All series of a vehicle."""
 
+SLOT_KINDS = dict.fromkeys(("slot_forward_m", "slot_right_m", "slot_up_m"), CENTIMETRES)
+"""Those of a follower whose slot was changed in flight."""
+
 TYPES = {8: "<u1", 16: "<i2", 32: "<i4"}
 
 
@@ -104,7 +107,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
                 "slot": [vehicle.slot_forward_m, vehicle.slot_right_m, vehicle.slot_up_m],
                 "colours": [day[vehicle.name], night[vehicle.name]],
                 "series": {
-                    name: encode(values[::stride], KINDS[name])
+                    name: encode(values[::stride], (KINDS | SLOT_KINDS)[name])
                     for name, values in series_of(record, vehicle).items()
                 },
             }
@@ -149,6 +152,16 @@ def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatAr
     if vehicle.role == "follower":
         error = slot_error(record.reference, vehicle)
         series |= {"along_m": error.along_track_m, "across_m": error.cross_track_m}
+        changed = (
+            vehicle.slot_forward_series_m,
+            vehicle.slot_right_series_m,
+            vehicle.slot_up_series_m,
+        )
+        series |= {
+            name: values
+            for name, values in zip(SLOT_KINDS, changed, strict=True)
+            if values is not None
+        }
     return series
 
 
