@@ -115,7 +115,9 @@ class Flight {
       return { north_m: state.slot_north_m, east_m: state.slot_east_m, altitude_m: state.slot_altitude_m };
     }
     const course = leader.course_deg * RADIANS;
-    const { forward, right, up } = vehicle.slot;
+    const forward = state.slot_forward_m ?? vehicle.slot.forward;
+    const right = state.slot_right_m ?? vehicle.slot.right;
+    const up = state.slot_up_m ?? vehicle.slot.up;
     return {
       north_m: leader.north_m + forward * Math.cos(course) - right * Math.sin(course),
       east_m: leader.east_m + forward * Math.sin(course) + right * Math.cos(course),
