@@ -20,6 +20,7 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
@@ -70,6 +71,12 @@ FAILURE_S = 10.0
 
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
+
+ALTITUDE_STEP_M = 0.02
+"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
+
+ALTITUDE_DIGITS = 2
+"""Decimals of an altitude: autopilots keep centimetres."""
 
 CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
 """In the place of a step in height."""
@@ -129,6 +136,7 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
+        self._plotted = PlottedValues(plan)
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0
@@ -160,7 +168,7 @@ class Companion:
         self._parameter_check = (
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
         )
-        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe)
         self._wind: tuple[float, float] | None = None
 
     @property
@@ -177,7 +185,11 @@ class Companion:
     def snapshot(self) -> Snapshot:
         """What it did last."""
         return Snapshot(
-            mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov, slot=self._slot
+            mode=self._mode,
+            setpoint=self._setpoint,
+            lyapunov=self._lyapunov,
+            slot=self._slot,
+            lead=self._role.lead if self._mode.steers else None,
         )
 
     @property
@@ -200,6 +212,10 @@ class Companion:
         """Note that there is no connection to the link now."""
         self._role.lose_link(now)
 
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which a vehicle of this name leads, from the link."""
+        self._role.receive_lead(vehicle, data, now)
+
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
         self._role.receive_neighbour(vehicle, data, now)
@@ -208,9 +224,9 @@ class Companion:
         """Take an operator's order, and how it is to be repeated for others."""
         self._arrangements.receive_order(data, signed, now)
 
-    def receive_reply(self, vehicle: str, data: bytes) -> None:
-        """Take another vehicle's answer to an order."""
-        self._arrangements.receive_reply(vehicle, data)
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        self._arrangements.receive_reply(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
@@ -251,6 +267,8 @@ class Companion:
             out.events.append(Event(time_s=now, text="stopping: handing back"))
             self._leaving = True
             self._announcer.change("stopping, handing back to the autopilot; watch that it does")
+        if not self._stopped:
+            out.share(self._role.leave())
         self._stopped = True
         self._mode = Mode.WAITING
         return self._finish([], now, out)
@@ -305,6 +323,8 @@ class Companion:
             if event.tell:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
+        if self._authority.connected and not self._stopped:
+            messages += self._plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
         out.to_leader = self._role.to_leader(now)
         return out
@@ -328,7 +348,7 @@ class Companion:
         self._arrangements.adopt(plan)
         self._role = role_of(plan, self._clock, self._arrangements)
         self._guard = SetpointGuard(plan)
-        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first.
@@ -350,6 +370,11 @@ class Companion:
                 f"FOLLOW_TARGET cannot be sent ({error}): aircraft that follow it are on their own"
             )
             out.warn(text, navigated.state.time_s)
+
+    @property
+    def leadership(self) -> tuple[str, int] | None:
+        """Who leads as far as is known, and its term; None where the mission names no deputies."""
+        return self._role.leadership
 
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
@@ -415,8 +440,7 @@ class Companion:
         """One guidance step, and what it sends."""
         self._wind = navigated.state.wind_north, navigated.state.wind_east
         if not navigated.steerable:
-            state = self._role.step(navigated, Mode.WAITING).publish
-            out.to_link += [] if state is None else [state]
+            out.share(self._role.step(navigated, Mode.WAITING))
             self._change_mode(now, out)
             return []
         try:
@@ -428,8 +452,8 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
-        if step.publish is not None:
-            out.to_link.append(step.publish)
+        self._plotted.note(step, now)
+        out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
@@ -437,23 +461,23 @@ class Companion:
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return []
+        wanted = self._plan.frame.altitude_m + step.height
         self._ready = True
         messages: list[MAVLink_message] = []
         if self._mode.steers and self._authority.is_current(now):
             self._authority.note_steering()
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
-            altitude = self._plan.altitude_amsl + step.climb_m
+            altitude = wanted + step.climb_m
             if step.climb_m != 0.0 and not self._adapter.holds_altitude:
                 out.warn(CANNOT_CLIMB, now)
             messages += self._steer(self._asked(setpoint, altitude, navigated), now)
             out.steered = True
             out.warn(self._tracking.watch(navigated.state, setpoint), now)
             if not self._adapter.holds_altitude:
-                out.warn(self._tracking.watch_altitude(navigated.place.altitude_amsl), now)
+                off = navigated.place.altitude_amsl - wanted
+                out.warn(self._tracking.watch_altitude(off), now)
         elif self._mode is not Mode.LOST and self._authority.recognised:
-            ready = self._adapter.stay_ready(
-                self._asked(setpoint, self._plan.altitude_amsl, navigated)
-            )
+            ready = self._adapter.stay_ready(self._asked(setpoint, wanted, navigated))
             messages += self._stream.due(ready, now)
         return messages
 
@@ -474,7 +498,7 @@ class Companion:
         return AutopilotSetpoint(
             course=setpoint.course + self._own.course_offset,
             speed=self._reported(setpoint.speed),
-            altitude_amsl=altitude,
+            altitude_amsl=round(altitude, ALTITUDE_DIGITS),
             latitude_deg=navigated.place.latitude_deg,
             longitude_deg=navigated.place.longitude_deg,
         )
@@ -483,7 +507,8 @@ class Companion:
         """Messages that carry a setpoint, and the altitude when it is new and now and then."""
         messages = self._stream.due(self._adapter.fly(setpoint), now)
         altitude = setpoint.altitude_amsl
-        if altitude != self._altitude or now - self._altitude_time >= ALTITUDE_S:
+        moved = abs(altitude - self._altitude) >= ALTITUDE_STEP_M
+        if moved or now - self._altitude_time >= ALTITUDE_S:
             self._altitude_time, self._altitude = now, altitude
             messages += self._adapter.hold_altitude(altitude)
         return messages

@@ -8,13 +8,15 @@ from typing import Any
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
+from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
-from vfguide.companion.role import RoleStep
+from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
+from vfguide.guidance.height import held_height, path_height
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -25,11 +27,16 @@ ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
 
 
-class LeaderRole:
+class LeaderRole(Role):
     """Follows the path and publishes its state."""
 
     def __init__(
-        self, plan: FlightPlan, task: LeaderTask, clock: SharedClock, arrangements: Arrangements
+        self,
+        plan: FlightPlan,
+        task: LeaderTask,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        report: StatePublisher | None = None,
     ) -> None:
         """Make a leader that has heard no follower yet.
 
@@ -38,16 +45,19 @@ class LeaderRole:
             task: its path.
             clock: that the formation shares: the leader's own.
             arrangements: what was ordered of the formation.
+            report: says how the vehicle moves; a new one if absent.
         """
         self._plan = plan
         self._mission_task = self._task = task
         self._arrangements = arrangements
-        self._report = StatePublisher(plan)
+        self._report = report or StatePublisher(plan)
         self._law = task.law(task.gains, plan.settings, plan.airframe)
         self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
+        self._height = HeightKeeper(plan)
+        self._planned_height = plan.height
 
     @property
     def counters(self) -> Counter[str]:
@@ -75,8 +85,22 @@ class LeaderRole:
             lambda: self._intent(navigated.state, distance),
             steered=mode.steers,
         )
+        setpoint = avoidance.setpoint or setpoint
+        if self._arrangements.circle is None:
+            target = path_height(
+                self._task.path,
+                guidance.point,
+                motion,
+                flying=self._task.height,
+                ahead_s=self._height.delay_s(navigated),
+            )
+            self._planned_height = target.height
+        else:
+            # Where the hold began.
+            target = held_height(self._planned_height)
         return RoleStep(
-            setpoint=avoidance.setpoint or setpoint,
+            setpoint=setpoint,
+            height=self._height.step(navigated, target, setpoint, steered=mode.steers),
             distance=distance,
             lyapunov=math.nan,
             publish=self._report.message(
@@ -87,6 +111,7 @@ class LeaderRole:
                 arrangement=self._arrangements.number,
             ),
             climb_m=avoidance.climb_m,
+            cross_track=-guidance.cross_track_error,
             motion=motion,
         )
 
@@ -118,7 +143,9 @@ class LeaderRole:
 
     def _wanted(self, state: VehicleState[float]) -> WantedMotion:
         """Along the field around the path, turning with it."""
-        point = self._task.path.nearest(state.north, state.east, state.course)
+        point = self._task.path.nearest_in_space(
+            state.north, state.east, state.course, state.height - self._task.height
+        )
         gains = self._task.path_gains
         course = desired_course(point, gains.gain, gains.approach_angle)
         speed = ground_speed_on_course(

@@ -1,5 +1,6 @@
 """A part in the formation: what a companion hands to it, and what it hands back."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import Protocol
@@ -8,6 +9,16 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import Point
 from vfguide.state import LeaderState, Setpoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lead:
+    """By what a vehicle leads."""
+
+    term: int
+    """In which term."""
+    motion: LeaderState[float]
+    """Of the leader: itself, or one that it carries on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,12 +33,20 @@ class RoleStep:
     """W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
+    height: float
+    """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
     climb_m: float = 0.0
-    """To be added to the altitude of the mission, m."""
+    """To be added to that, m: it keeps clear of another vehicle."""
+    along_track: float = math.nan
+    """How far ahead the slot is, m; NaN for the leader and while not known."""
+    cross_track: float = math.nan
+    """How far to the right the slot is, or the path, m; NaN while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
+    lead: bytes | None = None
+    """State of the leader by which this vehicle leads, for the link; None where it does not."""
 
 
 class Role(Protocol):
@@ -42,6 +61,24 @@ class Role(Protocol):
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""
+
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which another vehicle leads; of use only where there are deputies."""
+        del vehicle, data, now
+
+    def leave(self) -> RoleStep | None:
+        """Last states for the link, before this companion ends; of use only where there are deputies."""
+        return None
+
+    @property
+    def lead(self) -> Lead | None:
+        """By what this vehicle leads and its companion steers it; None where there are no deputies."""
+        return None
+
+    @property
+    def leadership(self) -> tuple[str, int] | None:
+        """Who leads as far as is known, and its term; None where there are no deputies."""
+        return None
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""

@@ -17,6 +17,8 @@ class StatePublisher:
         self._plan = plan
         self._motion: MotionEstimate[float] | None = None
         self._sequence = 0
+        self.term = 0
+        """Of the leader that the vehicle obeys, or is."""
 
     def note(self, navigated: NavigatedState) -> LeaderState[float]:
         """Take a navigated state; the motion as it is now known."""
@@ -64,6 +66,8 @@ class StatePublisher:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                term=self.term,
+                climb_rate=motion.climb_rate,
                 arrangement=arrangement,
                 steered=steered,
             )

@@ -89,6 +89,20 @@ class Path(ABC):
             course: of the vehicle, rad. Where the path crosses itself it tells which branch is meant.
         """
 
+    def nearest_in_space(
+        self, north: Number, east: Number, course: Number, height: Number | float
+    ) -> PathPoint[Number]:
+        """The path at its point nearest to a place, where the height tells its branches apart.
+
+        Args:
+            north: m.
+            east: m.
+            course: of the vehicle, rad.
+            height: of the vehicle, m above the mission's flying height.
+        """
+        del height
+        return self.nearest(north, east, course)
+
     @abstractmethod
     def at(self, progress: Number) -> PathPlace[Number]:
         """The path at a progress (m), of any number of rounds."""

@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
+from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.fence import Fence
 from vfguide.mission.flight_path import PathShape, chosen_path
@@ -160,6 +160,11 @@ class Mission(Section):
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
+    height: Literal["leader", "path"] | None = None
+    """What slots' `up_m` counts from. `leader`: the leader's own height, as it means to fly and lastingly
+    does. `path`: the height that the mission plans for it, wherever it is. If absent `path` for a leader that
+    is heard by ADS-B, `leader` for every other."""
+
     orders: tuple[TimedOrder, ...] = ()
     """What the formation is to do in flight, by the time of the rehearsal."""
 
@@ -171,6 +176,10 @@ class Mission(Section):
 
     followers: Annotated[tuple[Follower, ...], Field(max_length=MAX_FOLLOWERS)] = ()
     """Who follows, and where; a leader alone is a mission too."""
+
+    deputies: Annotated[tuple[VehicleName, ...], Field(max_length=MAX_DEPUTIES)] = ()
+    """Followers who lead on, in this order, when the leader is lost, leaves or is taken by its pilot. Without
+    any the formation breaks up then."""
 
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
     """Every vehicle of the mission by name; `defaults` holds what all have that do not say otherwise."""
@@ -196,6 +205,11 @@ class Mission(Section):
 
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""
+
+    @property
+    def follows_height(self) -> bool:
+        """Whether slots count from the leader's own height."""
+        return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
 
     @property
     def leader_vehicle(self) -> Vehicle:

@@ -14,7 +14,9 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
+from vfguide.record.lead import slot_reference
 from vfguide.record.vehicle import (
+    LEAD_SERIES,
     SERIES,
     SLOT_SERIES,
     IntegerArray,
@@ -52,6 +54,8 @@ class Acceptance:
     """Highest mean formation error in the window, m."""
     max_error_m: float | None = None
     """Highest formation error in the window, m."""
+    mean_error_3d_m: float | None = None
+    """Highest mean formation error in space in the window, m."""
     settle_10m_s: float | None = None
     """Time from which every follower has to be within 10 m of its slot, s."""
     settle_1m_s: float | None = None
@@ -150,6 +154,11 @@ class FlightRecord:
         """All but the leader, in the order of the mission file."""
         return self.vehicles[1:]
 
+    @property
+    def reference(self) -> VehicleRecord:
+        """What the slots were fixed to: the leader, or the one that a deputy carried on in its place."""
+        return slot_reference(self.time_s, self.vehicles)
+
     def save(self, path: Path) -> None:
         """Write the record to one `.npz` file, whole or not at all.
 
@@ -191,7 +200,7 @@ class FlightRecord:
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     """Names of all arrays that a vehicle's record has."""
-    changed = [name for name in SLOT_SERIES if getattr(vehicle, name) is not None]
+    changed = [name for name in (*SLOT_SERIES, *LEAD_SERIES) if getattr(vehicle, name) is not None]
     return (*SERIES, "mode", "limited", *changed)
 
 
@@ -262,7 +271,7 @@ def _compose_origin(entry: dict[str, Any]) -> Origin:
 def _compose_acceptance(entry: dict[str, Any]) -> Acceptance:
     """The acceptance, every limit a number or, where it may be, nothing."""
     limits = {
-        field.name: None if entry[field.name] is None else float(entry[field.name])
+        field.name: None if (limit := entry.get(field.name)) is None else float(limit)
         for field in fields(Acceptance)
     }
     separation = limits.pop("min_separation_m")

@@ -14,6 +14,8 @@ from vfguide.guidance.wind_triangle import resolve
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
 from vfguide.paths.circle import Circle
+from vfguide.paths.climb import Climb
+from vfguide.paths.helix import Helix
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 
@@ -45,6 +47,11 @@ CORNERS = [
 ]
 PATHS: dict[str, Path] = {
     "line": Line(north=10.0, east=20.0, course=2.0),
+    "climbing line": Line(north=10.0, east=20.0, course=2.0, climb=Climb(slope=0.1, end=60.0)),
+    "helix": Helix(
+        circle=Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
+        climb=Climb(slope=0.1, end=600.0),
+    ),
     "circle": Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
     "circle about the origin": Circle(north=0.0, east=0.0, radius=150.0, direction=1),
     "racetrack": Racetrack(
@@ -71,7 +78,7 @@ def test_a_place_beside_the_path_is_found_again_where_it_is(
     place = path.at(progress)
     north = place.north - right * math.sin(place.course)
     east = place.east + right * math.cos(place.course)
-    point = path.nearest(north, east, place.course)
+    point = path.nearest_in_space(north, east, place.course, place.height)
     # on an easement the distance is measured across the plain figure: 1 - cos(easement / 8 R), 0.22 %
     within = 1e-3 + (2.3e-3 * abs(right) if name == "racetrack" else 0.0)
     assert point.cross_track_error == pytest.approx(right, abs=within)
@@ -97,6 +104,7 @@ def test_a_path_runs_along_its_course_and_turns_by_its_curvature(
     # an easement is some per cent longer or shorter than the plain figure that gives the progress
     assert along == pytest.approx(step, rel=0.15 if name == "racetrack" else 1e-3)
     assert abs(right) < 1e-4
+    assert there.height - here.height == pytest.approx(here.slope * step, abs=1e-6)
     turn = math.remainder(there.course - here.course, 2.0 * math.pi)
     mean = 0.5 * (here.curvature + there.curvature)
     if "racetrack" not in name:
