@@ -12,6 +12,7 @@ from vfguide.commands.bench_options import bench
 from vfguide.commands.flight_options import emulate, fly, judge
 from vfguide.commands.inspection_options import analyse, check, console, export, report, status
 from vfguide.commands.keys_options import keys
+from vfguide.commands.order_options import order
 from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.commands.vehicle_options import companion, identify
@@ -67,6 +68,7 @@ COMMANDS = (
     identify,
     judge,
     emulate,
+    order,
     status,
     console,
     check,

@@ -117,6 +117,8 @@ class Arrangements:
         self._leader = plan.name if plan.leads else next(
             (one.name for one in plan.others if one.leads), ""
         )  # fmt: skip
+        self.coordinator = self._leader
+        """Who decides whether an order is flown: the leader, or the deputy in its place."""
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None
@@ -274,14 +276,16 @@ class Arrangements:
         self._next, self._replied_s = Order(order, signed), -math.inf
         self._answers.clear()
 
-    def receive_reply(self, vehicle: str, data: bytes) -> None:
-        """Take another vehicle's answer to an order."""
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
         try:
             reply = decode_reply(data)
         except LinkDataError:
             self.counters["answer: malformed"] += 1
             return
-        if self._next is not None and reply.number == self._next.arrangement.number:
+        if reply.verdict is Verdict.UNKNOWN:
+            self._note_older(vehicle, reply.number, now)
+        elif self._next is not None and reply.number == self._next.arrangement.number:
             self._answers[vehicle] = reply
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
@@ -291,7 +295,9 @@ class Arrangements:
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
         order = self._next
-        if order is not None and vehicle == self._leader and number == order.arrangement.number:
+        # A deputy may hear of a decision by another vehicle that has heard it of a leader that is lost since.
+        decides = vehicle == self.coordinator or self._plan.lead is not None
+        if order is not None and decides and number == order.arrangement.number:
             order.confirmed = True
         self._note_older(vehicle, number, now)
 
@@ -302,12 +308,13 @@ class Arrangements:
             return
         time_s = self._shared(now)
         due_s = order.arrangement.time_s
-        if self._plan.leads and not order.confirmed:
+        leads = self.coordinator == self._plan.name
+        if leads and not order.confirmed:
             self._decide(order, time_s, now)
         if order.confirmed:
             if time_s >= due_s:
                 self._begin(order, now)
-        elif self._plan.leads:
+        elif leads:
             if time_s >= due_s - SETTLE_S:
                 self._void(order, self._missing(order, now))
         elif time_s >= due_s + SETTLE_S and self._leader_is_heard(now):
@@ -431,7 +438,7 @@ class Arrangements:
         return ", ".join(missing)
 
     def _leader_is_heard(self, now: float) -> bool:
-        heard = self._numbers.get(self._leader)
+        heard = self._numbers.get(self.coordinator)
         return heard is not None and now - heard[2] < SETTLE_S
 
     def _note_older(self, vehicle: str, number: int, now: float) -> None:

@@ -183,7 +183,11 @@ class Companion:
     def snapshot(self) -> Snapshot:
         """What it did last."""
         return Snapshot(
-            mode=self._mode, setpoint=self._setpoint, lyapunov=self._lyapunov, slot=self._slot
+            mode=self._mode,
+            setpoint=self._setpoint,
+            lyapunov=self._lyapunov,
+            slot=self._slot,
+            lead=self._role.lead if self._mode.steers else None,
         )
 
     @property
@@ -206,6 +210,10 @@ class Companion:
         """Note that there is no connection to the link now."""
         self._role.lose_link(now)
 
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which a vehicle of this name leads, from the link."""
+        self._role.receive_lead(vehicle, data, now)
+
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
         self._role.receive_neighbour(vehicle, data, now)
@@ -214,9 +222,9 @@ class Companion:
         """Take an operator's order, and how it is to be repeated for others."""
         self._arrangements.receive_order(data, signed, now)
 
-    def receive_reply(self, vehicle: str, data: bytes) -> None:
-        """Take another vehicle's answer to an order."""
-        self._arrangements.receive_reply(vehicle, data)
+    def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        self._arrangements.receive_reply(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
@@ -257,6 +265,8 @@ class Companion:
             out.events.append(Event(time_s=now, text="stopping: handing back"))
             self._leaving = True
             self._announcer.change("stopping, handing back to the autopilot; watch that it does")
+        if not self._stopped:
+            out.share(self._role.leave())
         self._stopped = True
         self._mode = Mode.WAITING
         return self._finish([], now, out)
@@ -357,6 +367,11 @@ class Companion:
             )
             out.warn(text, navigated.state.time_s)
 
+    @property
+    def leadership(self) -> tuple[str, int] | None:
+        """Who leads as far as is known, and its term; None where the mission names no deputies."""
+        return self._role.leadership
+
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
         return obstacle(
@@ -421,8 +436,7 @@ class Companion:
         """One guidance step, and what it sends."""
         self._wind = navigated.state.wind_north, navigated.state.wind_east
         if not navigated.steerable:
-            state = self._role.step(navigated, Mode.WAITING).publish
-            out.to_link += [] if state is None else [state]
+            out.share(self._role.step(navigated, Mode.WAITING))
             self._change_mode(now, out)
             return []
         try:
@@ -434,8 +448,7 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
-        if step.publish is not None:
-            out.to_link.append(step.publish)
+        out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)

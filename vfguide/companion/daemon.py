@@ -25,6 +25,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
+from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
@@ -243,6 +244,8 @@ class Daemon:
             receive=ignore if self._peer_clock is None else receive,
             neighbours=neighbours,
             receive_neighbour=self._take_neighbour,
+            receive_order=self._take_order,
+            receive_reply=self._take_reply,
             peer_clock=self._peer_clock,
         )
 
@@ -294,6 +297,12 @@ class Daemon:
     def _take_neighbour(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_neighbour(vehicle, data, self._clock.now())
 
+    def _take_order(self, data: bytes, sealed: bytes) -> None:
+        self._companion.receive_order(data, sealed, self._clock.now())
+
+    def _take_reply(self, vehicle: str, data: bytes) -> None:
+        self._companion.receive_reply(vehicle, data, self._clock.now())
+
     def _dispatch(self, out: Outgoing) -> None:
         """Send what the companion wants sent, and log what it has to say."""
         if out.to_leader and self._leader_connection is not None:
@@ -309,6 +318,10 @@ class Daemon:
         if self._link is not None:
             for data in out.to_link:
                 self._link.publish(data)
+            for data in out.replies:
+                self._link.say(Kind.REPLY, data)
+            for data in out.repeats:
+                self._link.say(Kind.REPEAT, data)
         self._note(out.events)
 
     def _note(self, events: Sequence[Event]) -> None:

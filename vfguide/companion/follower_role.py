@@ -19,7 +19,7 @@ from vfguide.companion.plan import (
     follower_law,
     late_laws,
 )
-from vfguide.companion.role import RoleStep
+from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
 from vfguide.companion.state_receiver import StateReceiver
@@ -85,11 +85,16 @@ IN_SLOT_M = 2.0
 """From the slot: nearer a follower is in it."""
 
 
-class FollowerRole:
+class FollowerRole(Role):
     """Holds a slot."""
 
     def __init__(
-        self, plan: FlightPlan, task: FollowerTask, clock: SharedClock, arrangements: Arrangements
+        self,
+        plan: FlightPlan,
+        task: FollowerTask,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        report: StatePublisher | None = None,
     ) -> None:
         """Make a follower that has heard nothing yet.
 
@@ -98,22 +103,29 @@ class FollowerRole:
             task: its slot.
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
+            report: says how the vehicle moves; a new one if absent.
         """
         self._arrangements = arrangements
         self._plan = plan
         self._task = task
         self._clock = clock
         # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
-        broken_up_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
+        self._moved_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
         self._leader: StateReceiver | LeaderTelemetry = (
-            LeaderTelemetry(task.leader, plan.frame, moved_s=broken_up_s, system_id=plan.system_id)
+            LeaderTelemetry(
+                task.leader, plan.frame, moved_s=self._moved_s, system_id=plan.system_id
+            )
             if isinstance(task.leader, ForeignLeader)
-            else StateReceiver(plan.frame, clock, moved_s=broken_up_s)
+            else StateReceiver(plan.frame, clock, moved_s=self._moved_s)
         )
+        self._followed = self._leader
+        self._deputy: str | None = None
+        self.leads = False
+        """Whether this vehicle stands in for a leader that is lost, and carries its motion on for all."""
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
-        self._leader_name = next(one.name for one in plan.others if one.leads)
-        self._report = StatePublisher(plan)
+        self._leader_name = next((one.name for one in plan.others if one.leads), "")
+        self._report = report or StatePublisher(plan)
         self._published_time = -math.inf
         self._distance = math.inf
         self._avoiding = False
@@ -146,7 +158,7 @@ class FollowerRole:
 
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
-        heard, before, known = self._leader.newest, self._intended, self._known_leader()
+        heard, before, known = self._followed.newest, self._intended, self._known_leader()
         if heard is None:
             return
         if isinstance(known, ForeignLeader):
@@ -194,7 +206,7 @@ class FollowerRole:
             point = known.point_beside(leader) if intended is None else intended.planned.point
             planned = self._planned_height(leader, point, now - leader.time_s + ahead_s)
         deviation = self._deviation or HeightDeviation(time_s=now)
-        if self.leader_age(now) > self._plan.timeouts.leader_s:
+        if now - deviation.time_s > self._plan.timeouts.leader_s:
             # Nothing is heard of how it goes on beside its plan.
             deviation = replace(deviation, climb_rate=0.0)
         target = followed_height(
@@ -213,11 +225,45 @@ class FollowerRole:
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
-        if self._leader.take(data, now):
-            self._carried = self._breakaway_course = None
-            self._intend()
+        if self.note_leader(data, now):
+            self._follow(self._leader)
+
+    def note_leader(self, data: bytes, now: float) -> bool:
+        """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
+        newer = self._leader.take(data, now)
+        if newer:
             self._arrangements.hear(self._leader_name, self._leader.newest, now)
         self._traffic.note(self._leader_name, self._leader)
+        return newer
+
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which a deputy leads."""
+        if vehicle != self._deputy:
+            self._deputy = vehicle
+            self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
+        if self._carried_on.take(data, now):
+            self._follow(self._carried_on)
+
+    def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
+        """Fly by the newest state of a receiver."""
+        self.leads, self._followed = False, receiver
+        if receiver is self._leader:
+            self._deputy = None
+        self._carried = self._breakaway_course = None
+        self._intend()
+
+    def take_lead(self) -> None:
+        """Carry the leader on along its path from now on, for as long as it takes."""
+        self.leads, self._deputy, self._breakaway_course = True, None, None
+
+    @property
+    def carried(self) -> LeaderState[float] | None:
+        """The leader as it is carried on while it is not heard; None while it is."""
+        return self._carried
+
+    def note_wind(self, navigated: NavigatedState) -> None:
+        """Get to know the wind while another part is flown."""
+        self._note_wind(navigated)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
@@ -237,7 +283,10 @@ class FollowerRole:
         return heard + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
-        """Age of the newest leader state, s; infinite before the first."""
+        """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""
+        return 0.0 if self.leads else self._heard_age(now)
+
+    def _heard_age(self, now: float) -> float:
         return math.inf if self.leader is None else now - self.leader.time_s
 
     def slot_at(self, time_s: float) -> Slot[float]:
@@ -389,7 +438,8 @@ class FollowerRole:
         now = navigated.state.time_s
         if isinstance(known, ForeignLeader):
             return None if heard is None else carried_on(heard, now - heard.time_s, GAP_S)
-        if heard is None or self.leader_age(now) <= self._plan.timeouts.leader_s:
+        fresh = self._heard_age(now) <= self._plan.timeouts.leader_s and not self.leads
+        if heard is None or fresh:
             return heard
         carried = self._carried
         if carried is None:

@@ -11,7 +11,7 @@ from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
-from vfguide.companion.role import RoleStep
+from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
@@ -27,11 +27,16 @@ ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
 
 
-class LeaderRole:
+class LeaderRole(Role):
     """Follows the path and publishes its state."""
 
     def __init__(
-        self, plan: FlightPlan, task: LeaderTask, clock: SharedClock, arrangements: Arrangements
+        self,
+        plan: FlightPlan,
+        task: LeaderTask,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        report: StatePublisher | None = None,
     ) -> None:
         """Make a leader that has heard no follower yet.
 
@@ -40,11 +45,12 @@ class LeaderRole:
             task: its path.
             clock: that the formation shares: the leader's own.
             arrangements: what was ordered of the formation.
+            report: says how the vehicle moves; a new one if absent.
         """
         self._plan = plan
         self._mission_task = self._task = task
         self._arrangements = arrangements
-        self._report = StatePublisher(plan)
+        self._report = report or StatePublisher(plan)
         self._law = task.law(task.gains, plan.settings, plan.airframe)
         self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
         self._memory: Any = FIRST

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from vfguide.companion.role import Lead, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import Point
 from vfguide.state import Setpoint
@@ -29,6 +30,8 @@ class Outgoing:
     """One datagram."""
     to_link: list[bytes] = field(default_factory=list)
     """Own states."""
+    to_followers: list[bytes] = field(default_factory=list)
+    """States of the leader by which this vehicle leads, in a term above 0."""
     replies: list[bytes] = field(default_factory=list)
     """Answers to orders."""
     repeats: list[bytes] = field(default_factory=list)
@@ -41,6 +44,13 @@ class Outgoing:
     """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
     events: list[Event] = field(default_factory=list)
     """In the order in which they happened."""
+
+    def share(self, step: RoleStep | None) -> None:
+        """Send over the link what a step of the vehicle's part has to say, if there was one."""
+        if step is not None and step.publish is not None:
+            self.to_link.append(step.publish)
+        if step is not None and step.lead is not None:
+            self.to_followers.append(step.lead)
 
     def tell(self, text: str | None, now: float) -> None:
         """Add an event, if there is one."""
@@ -65,3 +75,5 @@ class Snapshot:
     """W, m²; NaN for the leader."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
+    lead: Lead | None = None
+    """By which it leads; None where it does not, or where there are no deputies."""

@@ -74,6 +74,18 @@ class FollowerTask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LeadPlan:
+    """Who may lead, where the mission names deputies."""
+
+    order: tuple[str, ...]
+    """The leader of the mission, then its deputies."""
+    task: FollowerTask
+    """What this vehicle flies while another leads; for the leader of the mission a slot at its own place."""
+    altitude_amsl: float
+    """The leader's, m above mean sea level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OtherVehicle:
     """Another vehicle of the formation, as far as keeping clear of it needs it."""
 
@@ -139,6 +151,8 @@ class FlightPlan:
     """All other vehicles of the formation."""
     timekeeper: str = ""
     """The vehicle whose clock the formation shares; the leader where it is not said."""
+    lead: LeadPlan | None = None
+    """Who may lead; None where the mission names no deputies."""
 
     @property
     def keeps_time(self) -> bool:
@@ -202,6 +216,20 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
         timekeeper=mission.timekeeper,
+        lead=lead_plan(mission, name) if mission.deputies else None,
+    )
+
+
+def lead_plan(mission: Mission, name: str) -> LeadPlan:
+    """Who may lead, and what the vehicle of this name flies while another does."""
+    slot = SlotOffset(forward_m=0.0, right_m=0.0)
+    if name != mission.leader.vehicle:
+        slot = mission.followers_by_name[name].slot
+    require(*laws.find(mission.controller.type).libraries)
+    return LeadPlan(
+        order=(mission.leader.vehicle, *mission.deputies),
+        task=follower_task(mission, mission.vehicles[name], slot),
+        altitude_amsl=mission.origin.altitude_amsl_m + mission.height_above_origin_m,
     )
 
 

@@ -11,6 +11,16 @@ from vfguide.state import LeaderState, Setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Lead:
+    """By what a vehicle leads."""
+
+    term: int
+    """In which term."""
+    motion: LeaderState[float]
+    """Of the leader: itself, or one that it carries on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RoleStep:
     """What a part makes of one state."""
 
@@ -30,6 +40,8 @@ class RoleStep:
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
+    lead: bytes | None = None
+    """State of the leader by which this vehicle leads, for the link; None where it does not."""
 
 
 class Role(Protocol):
@@ -44,6 +56,24 @@ class Role(Protocol):
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""
+
+    def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
+        """Take a state of the leader by which another vehicle leads; of use only where there are deputies."""
+        del vehicle, data, now
+
+    def leave(self) -> RoleStep | None:
+        """Last states for the link, before this companion ends; of use only where there are deputies."""
+        return None
+
+    @property
+    def lead(self) -> Lead | None:
+        """By what this vehicle leads and its companion steers it; None where there are no deputies."""
+        return None
+
+    @property
+    def leadership(self) -> tuple[str, int] | None:
+        """Who leads as far as is known, and its term; None where there are no deputies."""
+        return None
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""

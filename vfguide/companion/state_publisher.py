@@ -17,6 +17,8 @@ class StatePublisher:
         self._plan = plan
         self._motion: MotionEstimate[float] | None = None
         self._sequence = 0
+        self.term = 0
+        """Of the leader that the vehicle obeys, or is."""
 
     def note(self, navigated: NavigatedState) -> LeaderState[float]:
         """Take a navigated state; the motion as it is now known."""
@@ -65,6 +67,7 @@ class StatePublisher:
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
                 climb_rate=motion.climb_rate,
+                term=self.term,
                 arrangement=arrangement,
                 steered=steered,
             )

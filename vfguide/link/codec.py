@@ -8,6 +8,7 @@ geodetic, so that no two vehicles have to agree on an origin.
 
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
+The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
 """
 
 import math
@@ -22,6 +23,10 @@ CHECKSUM = struct.Struct("<I")
 NOT_STEERED = 0x01
 """Flag: a pilot or the autopilot itself flies the sender."""
 
+LEADS = 0x02
+"""Flag: the state is that of the leader by which the sender leads, in a term above 0."""
+
+FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
@@ -64,6 +69,8 @@ class LeaderMessage:
     """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
     """Whether the sender's companion steers it, and with that keeps it clear of the others."""
+    leads: bool = False
+    """Whether this is the leader by which the sender leads, and not the sender itself."""
 
 
 def encode(message: LeaderMessage) -> bytes:
@@ -71,7 +78,7 @@ def encode(message: LeaderMessage) -> bytes:
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
-        0 if message.steered else NOT_STEERED,
+        (0 if message.steered else NOT_STEERED) | (LEADS if message.leads else 0),
         message.sequence,
         message.time_s,
         message.latitude_deg,
@@ -125,4 +132,10 @@ def decode(data: bytes) -> LeaderMessage:
         term=term,
         arrangement=arrangement,
         steered=not flags & NOT_STEERED,
+        leads=bool(flags & LEADS),
     )
+
+
+def is_leaders(data: bytes) -> bool:
+    """Whether these bytes say of themselves that they are the state by which their sender leads."""
+    return len(data) == SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)

@@ -54,6 +54,10 @@ class Kind(IntEnum):
     """That the sender is gone, to be said by a broker that has lost it."""
     ORDER = 6
     """What an operator wants."""
+    REPLY = 8
+    """What a vehicle says to an order, or an operator who asks for the one that is flown."""
+    REPEAT = 9
+    """An operator's order in its own envelope, for members that have missed it."""
 
 
 TAG_SIZES = {Scheme.UNSIGNED: CHECKSUM.size, Scheme.ED25519: SIGNATURE_SIZE}

@@ -73,6 +73,8 @@ class Member:
         neighbours: Collection[str] = (),
         receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
         receive_presence: Callable[[str, Presence], None] | None = None,
+        receive_order: Callable[[bytes, bytes], None] | None = None,
+        receive_reply: Callable[[str, bytes], None] | None = None,
         peer_clock: PeerClock | None = None,
     ) -> None:
         """Make one that is on no link yet.
@@ -84,6 +86,8 @@ class Member:
             neighbours: other vehicles whose states are wanted.
             receive_neighbour: called with the name of one of them and its new state.
             receive_presence: called with a vehicle and what it says about itself; None if that is of no use.
+            receive_order: called with an operator's order and its envelope; None if orders are of no use.
+            receive_reply: called with a member and what it says to an order; None if that is of no use.
             peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
         """
         self.trust = trust
@@ -102,6 +106,21 @@ class Member:
         self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
         self._receive_presence = receive_presence or ignore_presence
+        self._receive_order, self._receive_reply = receive_order, receive_reply
+        self._useful = frozenset(
+            kind
+            for kind, useful in (
+                (Kind.QUESTION, trust.leads),
+                (Kind.PRESENCE, self.watches),
+                (Kind.WILL, self.watches),
+                (Kind.ORDER, receive_order is not None),
+                (Kind.REPEAT, receive_order is not None),
+                (Kind.REPLY, receive_reply is not None),
+            )
+            if useful
+        )
+        self.heeds_orders = receive_order is not None or receive_reply is not None
+        """Whether orders and what is said to them are wanted."""
 
     @property
     def name(self) -> str:
@@ -116,6 +135,10 @@ class Member:
     def publish(self, body: bytes) -> Parcel:
         """Seal the own state, and send it."""
         return self._send(Kind.STATE, EVERYBODY, body)
+
+    def say(self, kind: Kind, body: bytes) -> Parcel:
+        """Seal an order, what is said to one or a repeated one, and send it to all."""
+        return self._send(kind, EVERYBODY, body)
 
     def ask(self) -> None:
         """Ask for the leader's clock."""
@@ -202,17 +225,13 @@ class Member:
         match kind:
             case Kind.STATE:
                 return (leads and self.listens) or sender in self.neighbours or sender == self.name
-            case Kind.QUESTION:
-                return self.trust.leads
             case Kind.ANSWER:
                 # On a wire that all share, others' answers are no news: they are not worth a look at the
                 # signature.
                 clock = self.peer_clock
                 return clock is not None and clock.awaits(body)
-            case Kind.PRESENCE | Kind.WILL:
-                return self.watches
             case _:
-                return False
+                return kind in self._useful
 
     def _use(self, message: Message) -> None:
         match message.kind:
@@ -224,6 +243,11 @@ class Member:
                 self._answer(message)
             case Kind.ANSWER:
                 self._learn(message)
+            case Kind.ORDER | Kind.REPEAT if self._receive_order is not None:
+                order = message if message.kind is Kind.ORDER else self.trust.vouch(message.body)
+                self._receive_order(order.body, order.sealed)
+            case Kind.REPLY if self._receive_reply is not None:
+                self._receive_reply(message.sender, message.body)
             case _:
                 self._note_presence(message)
 

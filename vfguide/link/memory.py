@@ -63,6 +63,10 @@ class MemoryLink:
             arrived += heapq.heappop(self._in_flight)[2]
         return arrived
 
+    def clear(self) -> None:
+        """Forget what is in flight, as for a receiver that is not there."""
+        self._in_flight.clear()
+
     def _launch(self, mail: Sequence[Mail], arrival: float) -> None:
         self._sent += 1
         heapq.heappush(self._in_flight, (arrival, self._sent, mail))

@@ -10,6 +10,7 @@ from random import Random
 from vfguide.errors import described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.carrier import Carrier
+from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 from vfguide.registry import links
@@ -95,6 +96,10 @@ class Link:
     def publish(self, data: bytes) -> None:
         """Publish this vehicle's state. Never waits: one that is not sent yet gives way to it."""
         self._member.publish(data)
+
+    def say(self, kind: Kind, body: bytes) -> None:
+        """Tell all an order, what is said to one, or a repeated one."""
+        self._member.say(kind, body)
 
     def announce(self, presence: Presence) -> None:
         """Say how this vehicle is, again and again until something else is to be said."""

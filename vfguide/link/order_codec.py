@@ -59,6 +59,8 @@ class Verdict(IntEnum):
     """It flies it."""
     VOID = 4
     """The order was not confirmed in time; the text says why, if that is known."""
+    UNKNOWN = 5
+    """Of an operator who knows no newer order than this number: the one that is flown is to be repeated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,7 +177,7 @@ def decode_reply(data: bytes) -> Reply:
     if version != VERSION:
         raise LinkDataError(f"an answer of version {version}, this program reads {VERSION}")
     text = body[REPLY.size :]
-    if len(text) != length or length > LONGEST_TEXT or number == 0:
+    if len(text) != length or length > LONGEST_TEXT:
         raise LinkDataError("an answer whose text does not fit")
     try:
         return Reply(number=number, verdict=Verdict(verdict), text=text.decode())

@@ -58,8 +58,8 @@ class Parts:
                 return topics.ask(parcel.to)
             case Kind.ANSWER:
                 return topics.answer(parcel.to)
-            case Kind.ORDER:
-                return topics.order(parcel.to)
+            case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
+                return topics.about_orders(parcel.kind)
             case Kind.STATE:
                 return topics.state(topics.vehicle)
             case Kind.PRESENCE | Kind.WILL:
@@ -77,6 +77,8 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
         wanted.append(topics.every_ask())
     if member.watches:
         wanted.append(topics.every_presence())
+    if member.heeds_orders:
+        wanted += topics.every_order()
     return wanted
 
 

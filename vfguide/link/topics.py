@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 from urllib.parse import quote
 
+from vfguide.link.envelope import Kind
+
+ORDERING = {Kind.ORDER: "order", Kind.REPEAT: "repeat", Kind.REPLY: "reply"}
+"""Last level of the topics of orders."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
@@ -43,9 +48,14 @@ class Topics:
         """Where this vehicle answers to another."""
         return f"{self._of(self.vehicle)}/clock/tell/{level(asker)}"
 
-    def order(self, vehicle: str) -> str:
-        """Where this operator orders something of a vehicle."""
-        return f"{self._of(vehicle)}/order/{level(self.vehicle)}"
+    def about_orders(self, kind: Kind) -> str:
+        """Where this member gives orders, repeats them, or says what becomes of them."""
+        return f"{self._of(self.vehicle)}/{ORDERING[kind]}"
+
+    def every_order(self) -> tuple[str, ...]:
+        """Filters for all of that, of everybody."""
+        every = f"{self.prefix}/{level(self.formation)}/+"
+        return tuple(f"{every}/{name}" for name in ORDERING.values())
 
     def _of(self, vehicle: str) -> str:
         return f"{self.prefix}/{level(self.formation)}/{level(vehicle)}"

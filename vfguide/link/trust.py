@@ -30,9 +30,10 @@ GRACE_S = 3.0
 learn of
 the new one one after the other."""
 
-LEADER_MAY = frozenset({Kind.STATE, Kind.ANSWER, Kind.PRESENCE, Kind.WILL})
-FOLLOWER_MAY = frozenset({Kind.STATE, Kind.QUESTION, Kind.PRESENCE, Kind.WILL})
-OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER})
+VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
+LEADER_MAY = VEHICLES_MAY | {Kind.ANSWER}
+FOLLOWER_MAY = VEHICLES_MAY | {Kind.QUESTION}
+OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER, Kind.REPLY})
 """Kinds of messages that a part in the formation may send."""
 
 RIVAL_S = 1.0
@@ -74,6 +75,8 @@ class Message:
     """In which run."""
     body: bytes
     """What is said."""
+    sealed: bytes = b""
+    """The whole envelope, of an order: others may have to be shown it."""
 
 
 @dataclass(slots=True)
@@ -250,6 +253,38 @@ class Trust:
             sender=envelope.sender,
             session=envelope.session,
             body=envelope.body,
+            sealed=envelope.signed + envelope.tag if envelope.kind is Kind.ORDER else b"",
+        )
+
+    def vouch(self, sealed: bytes) -> Message:
+        """An operator's order that another member repeats: who gave it is proven, not when.
+
+        That it is the one that is flown now is for its number to say, which fresh states carry.
+
+        Raises:
+            RefusedError: it is none, or no operator's of this formation.
+        """
+        envelope = self.read(sealed)
+        if envelope.kind is not Kind.ORDER or Kind.ORDER not in self._may(envelope.sender):
+            raise RefusedError("not an operator's order")
+        expected = Scheme.ED25519 if self.signs else Scheme.UNSIGNED
+        key = self._keys.get(envelope.sender)
+        if envelope.scheme is not expected or (self.signs and key is None):
+            raise RefusedError("not an operator's order")
+        if key is None:
+            if checksum(envelope.signed) != envelope.tag:
+                raise RefusedError("damaged")
+        else:
+            try:
+                key.verify(envelope.tag, envelope.signed)
+            except InvalidSignature:
+                raise RefusedError("a forged order") from None
+        return Message(
+            kind=envelope.kind,
+            sender=envelope.sender,
+            session=envelope.session,
+            body=envelope.body,
+            sealed=sealed,
         )
 
     def _check_flood(self, now: float) -> None:

@@ -21,6 +21,9 @@ DEFAULT_AIRSPEED_RANGE_M_S = (12.0, 32.0)
 MAX_FOLLOWERS = 253
 """MAVLink has 255 system ids; the leader has one of them, ground stations another."""
 
+MAX_DEPUTIES = 7
+"""The last of them leads 2.7 s after a leader has fallen silent, at the earliest."""
+
 GROUND_STATION = 255
 """System id that ground stations have, and no vehicle."""
 
@@ -60,6 +63,8 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
         _unknown_vehicles,
         _vehicles_with_two_roles,
         _ambiguous_leader_name,
+        _deputies_who_cannot_lead,
+        _lost_strangers,
         _unused_vehicles,
         _shared_system_ids,
         _crowded_slots,
@@ -149,6 +154,54 @@ def _ambiguous_leader_name(data: Mapping[str, object]) -> Iterator[Inconsistency
                 role.location,
                 "a follower cannot be called 'leader'",
                 "rename this vehicle, here and under vehicles",
+            )
+
+
+def _deputies_who_cannot_lead(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Deputies that do not follow, are named twice, or have no leader with a companion to stand in for."""
+    deputies = data.get("deputies")
+    if not isinstance(deputies, list | tuple) or not deputies:
+        return
+    follows = _group(data, "leader").get("follows", OWN_COMPANION)
+    if follows != OWN_COMPANION:
+        yield Inconsistency(
+            ("deputies",),
+            f"a leader with `follows: {follows}` has no companion that deputies could hear",
+            "remove them, or let the leader have a companion",
+        )
+    if _group(data, "controller").get("leader_speed_source") == "observer":
+        yield Inconsistency(
+            ("deputies",),
+            "a leader that does not measure its ground speed cannot come back as a follower",
+            "write controller.leader_speed_source: measured, or remove the deputies",
+        )
+    followers = [role.vehicle for role in _roles(data) if role.location[0] == "followers"]
+    for index, deputy in enumerate(deputies[:MAX_DEPUTIES]):
+        if deputy not in followers:
+            yield Inconsistency(
+                ("deputies", index),
+                f"'{deputy}' is no follower",
+                f"name one of: {', '.join(followers)}" if followers else "remove it",
+            )
+        elif deputy in deputies[:index]:
+            yield Inconsistency(("deputies", index), f"'{deputy}' is named twice", "remove one")
+
+
+def _lost_strangers(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Companions that are lost in the rehearsal and that no vehicle has."""
+    losses = _group(data, "rehearsal").get("losses")
+    if not isinstance(losses, list | tuple):
+        return
+    names = [role.vehicle for role in _roles(data)]
+    if _group(data, "leader").get("follows", OWN_COMPANION) != OWN_COMPANION:
+        names = names[1:]
+    for index, loss in enumerate(losses):
+        name = _group(loss).get("vehicle")
+        if isinstance(name, str) and names and name not in names:
+            yield Inconsistency(
+                ("rehearsal", "losses", index, "vehicle"),
+                f"'{name}' has no companion to lose",
+                f"name one of: {', '.join(names)}",
             )
 
 

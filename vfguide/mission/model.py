@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from vfguide.mission.consistency import MAX_FOLLOWERS, inconsistencies
+from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
@@ -174,6 +174,10 @@ class Mission(Section):
 
     followers: Annotated[tuple[Follower, ...], Field(max_length=MAX_FOLLOWERS)] = ()
     """Who follows, and where; a leader alone is a mission too."""
+
+    deputies: Annotated[tuple[VehicleName, ...], Field(max_length=MAX_DEPUTIES)] = ()
+    """Followers who lead on, in this order, when the leader is lost, leaves or is taken by its pilot. Without
+    any the formation breaks up then."""
 
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
     """Every vehicle of the mission by name; `defaults` holds what all have that do not say otherwise."""

@@ -1,6 +1,8 @@
 """What a mission says of orders: its first formation, how fast slots may move, its time table."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 
 from vfguide.formation.arrangement import Arrangement, Circle, Flown, Point
@@ -10,6 +12,7 @@ from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot as GuidanceSlot
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.orders import Slot
 from vfguide.mission.slot_limits import slots_beyond_centre, slots_out_of_airspeed
@@ -26,6 +29,21 @@ ASIDE_SHARE = 0.35
 ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
 """Of what the aircraft have, for the motion of slots; and m/s²."""
 
+RADIUS_S, WIDTHS = 10.0, 5.0
+"""Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderPlace:
+    """Where a leader is, and where it flies to."""
+
+    north: float
+    """m from the mission's origin."""
+    east: float
+    """m from the mission's origin."""
+    course: float
+    """rad."""
+
 
 def formation_of_mission(mission: Mission) -> Formation:
     """The formation that a mission begins with."""
@@ -41,7 +59,7 @@ def resolve(
     number: int,
     time_s: float,
     term: int = 0,
-    circle: Circle | None = None,
+    leader: LeaderPlace | None = None,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to in a mission, with its vehicles, its path and its wind.
 
@@ -52,15 +70,16 @@ def resolve(
         number: of the arrangement.
         time_s: when it begins, s on the formation's clock.
         term: of the leader.
-        circle: where to hold; around the beginning of the path if absent.
+        leader: where it will be then, for an order to hold; as planned if absent.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
     """
     if mission.leader.is_foreign:
         raise RefusedOrderError("the leader has no companion that could confirm an order")
-    if order.action == "hold" and circle is None:
-        circle = circle_around(mission, formation)
+    circle = None
+    if order.action == "hold":
+        circle = circle_at(mission, formation, leader or planned_place(mission, time_s))
     conditions = conditions_of(mission.path, mission.wind)
 
     def attempt(limits: MotionLimits) -> tuple[Arrangement, Transition]:
@@ -112,19 +131,23 @@ def motion_limits(
     )
 
 
-def circle_around(mission: Mission, formation: Formation) -> Circle:
-    """Where to hold: a circle that touches the origin, wide enough for every slot."""
+def planned_place(mission: Mission, time_s: float) -> LeaderPlace:
+    """Where the leader of a rehearsal is by then, about: along its path at its airspeed."""
+    place = path_of(mission.path).at(mission.leader.airspeed_m_s * time_s)
+    return LeaderPlace(float(place.north), float(place.east), float(place.course))
+
+
+def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
+    """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
-    radius = hold_radius(mission, widest)
+    radius = max(RADIUS_S * mission.leader.airspeed_m_s, WIDTHS * widest)
     origin = mission.origin
     frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
-    latitude, longitude = frame.to_geodetic(0.0, radius)
+    latitude, longitude = frame.to_geodetic(
+        leader.north - radius * math.sin(leader.course),
+        leader.east + radius * math.cos(leader.course),
+    )
     return Circle(latitude_deg=latitude, longitude_deg=longitude, radius_m=radius)
-
-
-def hold_radius(mission: Mission, widest: float) -> float:
-    """Radius (m) of a circle that a formation of a half-width (m) can hold on."""
-    return max(8.0 * mission.leader.airspeed_m_s, 5.0 * widest)
 
 
 def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:

@@ -1,5 +1,6 @@
 """How a mission is flown on the computer, and what counts as a good flight."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field
@@ -12,6 +13,7 @@ from vfguide.mission.quantity import (
     Number,
     Positive,
     Section,
+    VehicleName,
     WholeNumber,
     known_in,
 )
@@ -185,6 +187,27 @@ class LeaderTelemetry(Section):
     """Share of messages that never arrive, 0 to below 1."""
 
 
+class Loss(Section):
+    """What a vehicle loses in the rehearsal, for a while or for good."""
+
+    vehicle: VehicleName
+    """Whose it is."""
+
+    at_s: NotNegative
+    """When, s from the start of the rehearsal."""
+
+    for_s: Positive | None = None
+    """For how long, s; for good if absent."""
+
+    what: Literal["companion", "link"] = "companion"
+    """`companion`: the program ends without a word, and one that knows nothing takes its place; `link`: the
+    vehicle hears no other and is heard by none."""
+
+    def lasts(self, now: float) -> bool:
+        """Whether it is lost at a time, s from the start of the rehearsal."""
+        return self.at_s <= now < self.at_s + (math.inf if self.for_s is None else self.for_s)
+
+
 class Rehearsal(Section):
     """The flight on the computer."""
 
@@ -202,6 +225,9 @@ class Rehearsal(Section):
 
     leader_telemetry: LeaderTelemetry = LeaderTelemetry()
     """How a leader without a companion is heard (`leader.follows`)."""
+
+    losses: tuple[Loss, ...] = ()
+    """What vehicles lose on the way."""
 
     link_delay_s: Duration = 0.1
     """Time a leader state takes to arrive, s."""

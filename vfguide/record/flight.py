@@ -14,7 +14,9 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
+from vfguide.record.lead import slot_reference
 from vfguide.record.vehicle import (
+    LEAD_SERIES,
     SERIES,
     SLOT_SERIES,
     IntegerArray,
@@ -152,6 +154,11 @@ class FlightRecord:
         """All but the leader, in the order of the mission file."""
         return self.vehicles[1:]
 
+    @property
+    def reference(self) -> VehicleRecord:
+        """What the slots were fixed to: the leader, or the one that a deputy carried on in its place."""
+        return slot_reference(self.time_s, self.vehicles)
+
     def save(self, path: Path) -> None:
         """Write the record to one `.npz` file, whole or not at all.
 
@@ -193,7 +200,7 @@ class FlightRecord:
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     """Names of all arrays that a vehicle's record has."""
-    changed = [name for name in SLOT_SERIES if getattr(vehicle, name) is not None]
+    changed = [name for name in (*SLOT_SERIES, *LEAD_SERIES) if getattr(vehicle, name) is not None]
     return (*SERIES, "mode", "limited", *changed)
 
 

@@ -38,6 +38,8 @@ SERIES = (
 
 SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
 """Those that only a vehicle has whose slot was changed in flight."""
+LEAD_SERIES = ("lead_term", "lead_north_m", "lead_east_m", "lead_course_rad")
+"""More of them, of a mission with deputies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,6 +100,14 @@ class VehicleRecord:
     """The same, m right of the leader."""
     slot_up_series_m: FloatArray | None = None
     """The same, m above the leader."""
+    lead_term: FloatArray | None = None
+    """Term in which the vehicle led, NaN where it did not; None where the mission names no deputies."""
+    lead_north_m: FloatArray | None = None
+    """The leader by which it led, itself or one that it carried on; with `lead_term`."""
+    lead_east_m: FloatArray | None = None
+    """The same."""
+    lead_course_rad: FloatArray | None = None
+    """The same."""
 
     @property
     def slot_m(self) -> tuple[float | FloatArray, float | FloatArray]:
@@ -147,7 +157,11 @@ def compose_vehicle(
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},
-        **{name: floats(arrays, prefix + name) for name in SLOT_SERIES if prefix + name in arrays},
+        **{
+            name: floats(arrays, prefix + name)
+            for name in (*SLOT_SERIES, *LEAD_SERIES)
+            if prefix + name in arrays
+        },
     )
 
 

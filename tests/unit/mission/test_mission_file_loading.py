@@ -56,7 +56,7 @@ def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
     assert load_mission(file).name == file.stem
 
 
-def test_ten_missions_are_shipped() -> None:
+def test_these_missions_are_shipped() -> None:
     assert [file.stem for file in MISSIONS] == [
         "aerosonde-gusts",
         "ardupilot-sitl",
@@ -66,6 +66,7 @@ def test_ten_missions_are_shipped() -> None:
         "line-calm",
         "line-wind",
         "px4-sitl",
+        "shapes",
         "survey-racetrack",
         "transit-abreast",
     ]

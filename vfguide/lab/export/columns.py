@@ -106,7 +106,7 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
         InputError: the record does not say where on the earth it was flown.
     """
     origin = origin_of(record)
-    errors = {one.name: slot_error(record.leader, one) for one in record.followers}
+    errors = {one.name: slot_error(record.reference, one) for one in record.followers}
     for begin in range(0, record.time_s.size, PART):
         some = slice(begin, begin + PART)
         for vehicle in record.vehicles:

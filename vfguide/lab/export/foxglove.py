@@ -334,7 +334,7 @@ def arrows_of(
     }
     arrows = [arrow]
     if vehicle.role == "follower":
-        leader, here = record.leader, slice(sample, sample + 1)
+        leader, here = record.reference, slice(sample, sample + 1)
         north, east = slot_track(leader, vehicle.slot_forward_m, vehicle.slot_right_m)
         slot = arrow_at(
             float(east[here][0]),

@@ -1,8 +1,9 @@
 """One emulated autopilot with its companion, joined by MAVLink bytes."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
@@ -10,7 +11,8 @@ from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
 from vfguide.lab.rehearsal.operator import OPERATOR, order_mail
-from vfguide.lab.rehearsal.recorder import VehicleRecorder
+from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder
+from vfguide.link.codec import is_leaders
 from vfguide.link.memory import ROUNDING_S, LinkQuality, Mail, MemoryLink
 from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC
 from vfguide.mission.model import Mission
@@ -30,6 +32,7 @@ class Aircraft:
         *,
         log: TelemetryLog | None = None,
         clock: SharedClock = SAME_CLOCK,
+        orders: Sequence[tuple[float, bytes]] | None = None,
     ) -> None:
         """Put the aircraft of this name at its start.
 
@@ -38,6 +41,7 @@ class Aircraft:
             name: of the vehicle.
             log: notes every datagram of the MAVLink connection.
             clock: the formation's, as this aircraft knows it.
+            orders: (when in s, what) an operator gives; those of the mission's time table if absent.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -53,7 +57,13 @@ class Aircraft:
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
         self._emulator = emulator_of(mission, name)
-        self.companion = Companion(plan, adapter_of(vehicle), engage=True, clock=clock)
+        self._consent = MemoryStore()
+        self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
+        self._lost = False
+        self._make: Callable[[], Companion] = lambda: Companion(
+            plan, adapter_of(vehicle), engage=True, clock=clock, consent=self._consent
+        )
+        self.companion = self._make()
         """May be replaced by one that knows nothing, as when the process is restarted."""
         self.leads = plan.leads
         """Whether it is the leader."""
@@ -63,7 +73,7 @@ class Aircraft:
         seeds.pop(name, None)
         if not (plan.leads or self._answers):
             seeds[self._leader] = f"{rehearsal.seed} {name}"
-        self._orders = deque(order_mail(mission))
+        self._orders = deque(order_mail(mission) if orders is None else orders)
         if self._orders:
             seeds[OPERATOR] = f"{rehearsal.seed} {OPERATOR} {name}"
         self._link = MemoryLink(quality, seeds)
@@ -79,10 +89,15 @@ class Aircraft:
         Returns:
             states that this aircraft publishes.
         """
+        if self._loses("companion", now):
+            self._fly_alone(now)
+            return []
+        alone = self._loses("link", now)
         companion, emulator = self.companion, self._emulator
         while self._orders and self._orders[0][0] <= now + ROUNDING_S:
-            self._link.send([(OPERATOR, self._orders.popleft()[1])], now)
-        self._hear(now, mail)
+            order = self._orders.popleft()[1]
+            self._link.send([] if alone else [(OPERATOR, order)], now)
+        self._hear(now, [] if alone else mail)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
@@ -94,8 +109,23 @@ class Aircraft:
         if self.log is not None:
             self.log.add(now, telemetry)
             self.log.add(now, out.to_autopilot)
-        said = [*out.to_link, *out.replies, *out.repeats]
-        return [(self.name, data) for data in said]
+        said = [*out.to_link, *out.to_followers, *out.replies, *out.repeats]
+        return [] if alone else [(self.name, data) for data in said]
+
+    def _loses(self, what: str, now: float) -> bool:
+        """Whether the vehicle is without its companion or its link now."""
+        return any(loss.what == what and loss.lasts(now) for loss in self._losses)
+
+    def _fly_alone(self, now: float) -> None:
+        """Fly on to this time without a companion; the next one knows nothing."""
+        if not self._lost:
+            self._lost, self.companion = True, self._make()
+        self._replies = b""
+        telemetry = self._emulator.advance(now)
+        self._link.clear()
+        self.recorder.sample(self._emulator.truth(), UNSEEN)
+        if self.log is not None:
+            self.log.add(now, telemetry)
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
@@ -108,7 +138,9 @@ class Aircraft:
             if data.startswith(ORDER_MAGIC):
                 self.companion.receive_order(data, data, now)
             elif data.startswith(REPLY_MAGIC):
-                self.companion.receive_reply(sender, data)
+                self.companion.receive_reply(sender, data, now)
+            elif is_leaders(data):
+                self.companion.receive_lead(sender, data, now)
             elif sender == self._leader:
                 self.companion.receive_link(data, now)
             else:
@@ -144,6 +176,37 @@ def step_all(
             heard += sent
         published += sent
     return published
+
+
+class Candidates:
+    """Those who may lead, the mission's leader first: what they say as leaders is heard at once by all."""
+
+    def __init__(self, aircraft: Sequence[Aircraft | ForeignLeader]) -> None:
+        """Put them in order."""
+        self._aircraft = aircraft
+        self._said: list[tuple[int, Mail]] = []
+
+    def step(self, now: float, mail: Sequence[Mail]) -> tuple[list[Mail], list[Mail]]:
+        """One turn of each, in order; who comes before another hears it as a leader an instant later.
+
+        Args:
+            now: virtual time, s.
+            mail: states from elsewhere that the link is handed at this time.
+
+        Returns:
+            what all others hear at this time; and what deputies say as followers, heard as of any other.
+        """
+        before, self._said = self._said, []
+        at_once: list[Mail] = []
+        later: list[Mail] = []
+        for number, one in enumerate(self._aircraft):
+            missed = [said for sender, said in before if sender > number]
+            for sent in one.step(now, [*mail, *missed, *at_once]):
+                leads = is_leaders(sent[1])
+                (at_once if leads or one.leads else later).append(sent)
+                if leads:
+                    self._said.append((number, sent))
+        return at_once, later
 
 
 def fly_window(

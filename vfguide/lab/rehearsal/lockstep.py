@@ -15,7 +15,7 @@ from itertools import islice
 
 from vfguide.companion.follower_role import PUBLISH_S
 from vfguide.companion.outgoing import Event
-from vfguide.lab.rehearsal.aircraft import Instant, fly_window
+from vfguide.lab.rehearsal.aircraft import Candidates, Instant, fly_window
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.rehearsal.worker_process import WorkerProcess, launch, outcome_of
 from vfguide.link.memory import Mail
@@ -105,15 +105,21 @@ def fly_lockstep(
     """
     began = time.perf_counter()
     names = [mission.leader.vehicle, *mission.followers_by_name]
-    processes = min(processes, len(names))
+    # Those who may lead are heard at once: they fly in one process, each window ahead of all others.
+    first = [mission.leader.vehicle, *mission.deputies]
+    rest = [name for name in names if name not in first]
+    processes = min(processes, len(rest) + 1)
     times: list[float] = []
     interrupted = False
     with ExitStack() as stack:
         workers = [
-            stack.enter_context(closing(WorkerProcess(mission, names[number::processes], epoch_s)))
+            stack.enter_context(
+                closing(WorkerProcess(mission, rest[number - 1 :: processes], epoch_s))
+            )
             for number in range(1, processes)
         ]
-        leader, *followers = launch(mission, names[::processes], epoch_s)
+        here = launch(mission, [*first, *rest[processes - 1 :: processes]], epoch_s)
+        candidates, followers = Candidates(here[: len(first)]), here[len(first) :]
         exchange = Exchange()
         for window, due in enumerate(windows(mission)):
             if window >= WINDOWS:
@@ -121,21 +127,23 @@ def fly_lockstep(
                     exchange.post(window - WINDOWS, worker.published())
             mail = exchange.collect(window)
             flown: list[Instant] = []
+            published: list[Mail] = []
             for now in due:
                 if interrupted := stop() and bool(times):
                     break
-                # The leader is heard at once: it flies the window ahead of all others.
-                flown.append((now, [*mail, *leader.step(now, mail)]))
+                at_once, later = candidates.step(now, mail)
+                flown.append((now, [*mail, *at_once]))
+                published += later
                 mail = []
                 times.append(now)
                 if progress is not None:
                     progress(now)
             for worker in workers:
                 worker.pass_on(flown)
-            exchange.post(window, fly_window(followers, flown))
+            exchange.post(window, [*published, *fly_window(followers, flown)])
             if interrupted:
                 break
-        outcomes = [outcome_of(aircraft) for aircraft in (leader, *followers)]
+        outcomes = [outcome_of(aircraft) for aircraft in here]
         for worker in workers:
             outcomes += worker.land()
     records = {outcome.name: outcome.record for outcome in outcomes}

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from vfguide.formation.arrangement import Flown
 from vfguide.link.order_codec import encode_order
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable
@@ -35,5 +36,7 @@ def order_mail(mission: Mission) -> tuple[tuple[float, bytes], ...]:
 def _mail(mission: Mission) -> Iterator[tuple[float, bytes]]:
     for arrangement, _ in timetable(mission):
         data = encode_order(arrangement)
+        # What is called off is flown as soon as it is heard.
+        lead_s = 0.0 if arrangement.flown is Flown.ABORT else LEAD_S
         for number in range(TIMES):
-            yield arrangement.time_s - LEAD_S + REPEAT_S * number, data
+            yield arrangement.time_s - lead_s + REPEAT_S * number, data

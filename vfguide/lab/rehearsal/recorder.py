@@ -16,7 +16,7 @@ from vfguide.formation.arrangement import Point
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
-from vfguide.record.vehicle import SLOT_SERIES, VehicleRecord
+from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, VehicleRecord
 
 TRUTHS = (
     "altitude_amsl_m",
@@ -35,6 +35,9 @@ POSITION = ("latitude_deg", "longitude_deg")
 
 DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
 """What it takes from the companion's snapshot, as numbers."""
+
+LEADS = ("term", "north", "east", "course")
+"""What it takes of the leader by which a vehicle leads, where the mission names deputies."""
 
 MODES = tuple(Mode)
 
@@ -61,6 +64,7 @@ class VehicleRecorder:
         self._slot = Point(0.0, 0.0) if leads else mission.followers_by_name[name].slot.point
         self._truths = array("d")
         self._doings = array("d")
+        self._leads = array("d") if mission.deputies else None
         self._slots = array("d")
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
@@ -68,6 +72,8 @@ class VehicleRecorder:
         self._truths.extend(truth_row(truth))
         self._doings.extend(doings_row(snapshot))
         self._slots.extend(slot_row(snapshot, self._slot))
+        if self._leads is not None:
+            self._leads.extend(lead_row(snapshot))
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
@@ -102,7 +108,14 @@ class VehicleRecorder:
             limited=doings["limited"].astype(np.bool_),
             lyapunov=doings["lyapunov"],
             **self._slot_series(),
+            **self._lead_series(),
         )
+
+    def _lead_series(self) -> dict[str, FloatArray]:
+        """By what the vehicle led."""
+        if self._leads is None:
+            return {}
+        return dict(zip(LEAD_SERIES, columns(self._leads, LEADS).values(), strict=True))
 
     def _slot_series(self) -> dict[str, FloatArray]:
         """The slots over time, where another than the mission's was flown in."""
@@ -159,6 +172,14 @@ def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
         else (setpoint.course, setpoint.speed, bool(setpoint.limited))
     )
     return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov
+
+
+def lead_row(snapshot: Snapshot) -> tuple[float, ...]:
+    """By what a companion led, in the order of `LEADS`; NaN where it did not."""
+    lead = snapshot.lead
+    if lead is None:
+        return (math.nan,) * len(LEADS)
+    return lead.term, lead.motion.north, lead.motion.east, lead.motion.course
 
 
 def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray]:

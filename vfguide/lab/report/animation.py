@@ -83,7 +83,7 @@ def choose_span(record: FlightRecord, begin_s: float | None, end_s: float | None
     first, last = float(record.time_s[0]), float(record.time_s[-1])
     begin = first if begin_s is None else max(begin_s, first)
     if end_s is None:
-        errors = np.array([slot_error(record.leader, f).distance_m for f in record.followers])
+        errors = np.array([slot_error(record.reference, f).distance_m for f in record.followers])
         settled = settling_time(record.time_s, errors_that_count(record, errors), 1.0)
         usual = LONGEST_S if settled is None else settled - begin + AFTER_SETTLING_S
         end_s = begin + min(max(usual, SHORTEST_S), LONGEST_S)
@@ -186,7 +186,7 @@ def formation_places(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
     norths = [vehicle.north_m for vehicle in record.vehicles]
     easts = [vehicle.east_m for vehicle in record.vehicles]
     for follower in record.followers:
-        north, east = slot_track(record.leader, follower.slot_forward_m, follower.slot_right_m)
+        north, east = slot_track(record.reference, follower.slot_forward_m, follower.slot_right_m)
         norths.append(north)
         easts.append(east)
     return np.stack(easts), np.stack(norths)
@@ -232,7 +232,7 @@ class Artist:
         self._small = ImageFont.truetype(file, 12 * FINER)
         self._bold = ImageFont.truetype(file.with_name("DejaVuSans-Bold.ttf"), 13 * FINER)
         self._errors = {
-            one.name: slot_error(record.leader, one).distance_m for one in record.followers
+            one.name: slot_error(record.reference, one).distance_m for one in record.followers
         }
         shown = (record.time_s >= span.begin_s) & (record.time_s <= span.end_s)
         low, high = extent([error[shown] for error in self._errors.values()] or [np.ones(1)])
@@ -291,7 +291,7 @@ class Artist:
             pen.line(places, fill=colour, width=2 * FINER, joint="curve")
 
     def _draw_slot(self, picture: Image.Image, frame: Frame, vehicle: VehicleRecord) -> None:
-        leader, sample = self._record.leader, frame.sample
+        leader, sample = self._record.reference, frame.sample
         north, east = slot_track(leader, vehicle.slot_forward_m, vehicle.slot_right_m)
         here = slice(sample, sample + 1)
         slot = frame.place(east[here], north[here])

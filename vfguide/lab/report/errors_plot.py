@@ -42,7 +42,7 @@ def errors_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
         distance = figure.add_subplot(grid[0, :])
         places = ((grid[1, 0], grid[1, 1]), (grid[2, 0], grid[2, 1]))
     draw_distance(distance, record)
-    errors = {f.name: slot_error(record.leader, f) for f in record.followers}
+    errors = {f.name: slot_error(record.reference, f) for f in record.followers}
     along = {name: error.along_track_m for name, error in errors.items()}
     cross = {name: error.cross_track_m for name, error in errors.items()}
     components = (
@@ -65,7 +65,7 @@ def errors_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 def draw_distance(axes: Axes, record: FlightRecord) -> None:
     """Formation error of each follower, what it is held against, and when all had settled."""
     colours = vehicle_colours(record)
-    errors = np.array([slot_error(record.leader, f).distance_m for f in record.followers])
+    errors = np.array([slot_error(record.reference, f).distance_m for f in record.followers])
     for follower, error in zip(record.followers, errors, strict=True):
         axes.plot(
             record.time_s,

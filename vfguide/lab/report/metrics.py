@@ -160,9 +160,9 @@ def measured_separations(record: FlightRecord) -> FloatArray:
 
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
     """All followers together."""
-    errors = slot_distances(record, record.leader)
+    errors = slot_distances(record, record.reference)
     sizes = spread(measured(record, errors[:, window]))
-    meant = slot_distances(record, intended_leader(record.leader))
+    meant = slot_distances(record, intended_leader(record.reference))
     meant_sizes = spread(measured(record, meant[:, window]))
     settling = errors_that_count(record, errors)
     in_space = spread(measured(record, slot_distances_3d(record)[:, window]))
@@ -210,7 +210,7 @@ def _summarise_follower(
     record: FlightRecord, follower: VehicleRecord, window: BoolArray
 ) -> FollowerSummary:
     """A follower against its slot."""
-    error = slot_error(record.leader, follower)
+    error = slot_error(record.reference, follower)
     time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
     return FollowerSummary(
         role="follower",

@@ -29,7 +29,10 @@ from vfguide.lab.report.style import (
     new_figure,
     plain_text,
 )
-from vfguide.record.flight import FlightRecord
+from vfguide.record.flight import FlightRecord, VehicleRecord
+
+LOST_M = 10.0
+"""A leader farther than this from where its deputy carries it on is not in the formation."""
 
 
 def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
@@ -39,7 +42,7 @@ def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
     slots: list[Point] = [(0.0, 0.0)]
     drawn: list[tuple[FloatArray, FloatArray]] = []
     for follower in record.followers:
-        forward, right = seen_from_leader(record.leader, follower)
+        forward, right = seen_from_leader(record.reference, follower)
         drawn.append((forward, right))
         colour = colours[follower.name]
         axes.plot(right, forward, color=colour, linewidth=1.0, alpha=0.6)
@@ -177,15 +180,17 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
 
 def choose_view(record: FlightRecord) -> View:
     """The square that holds all tracks and the path, with a margin."""
-    west, east = extent([record.path_east_m, *(v.east_m for v in record.vehicles)])
-    south, north = extent([record.path_north_m, *(v.north_m for v in record.vehicles)])
+    # A leader that was lost may be far away.
+    shown = (record.reference, *record.followers)
+    west, east = extent([record.path_east_m, *(v.east_m for v in shown)])
+    south, north = extent([record.path_north_m, *(v.north_m for v in shown)])
     side = max(east - west, north - south, 50.0)
     return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
 
 
 def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
     """Samples at which to draw the formation: back from the end, each leader clear of those drawn before."""
-    leader = record.leader
+    leader = record.reference
     step = max(1, record.time_s.size // 2000)
     chosen: list[int] = []
     for sample in range(record.time_s.size - 1, -1, -step):
@@ -211,24 +216,34 @@ def choose_magnification(record: FlightRecord, view: View) -> float:
 
 def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification: float) -> None:
     """All vehicles at one sample, spread about the leader by the magnification."""
-    leader = record.leader
+    leader = record.reference
     colours = vehicle_colours(record)
     origin = np.array([leader.east_m[sample], leader.north_m[sample]])
     places: list[Point] = []
-    for vehicle in record.vehicles:
+    drawn = [one for one in record.vehicles if is_near(one, leader, sample)]
+    for vehicle in drawn:
         place = np.array([vehicle.east_m[sample], vehicle.north_m[sample]])
         east, north = origin + magnification * (place - origin)
         places.append((float(east), float(north)))
     draw_links(axes, places, formation_links(places))
-    for vehicle, (east, north) in zip(record.vehicles, places, strict=True):
+    for vehicle, (east, north) in zip(drawn, places, strict=True):
         draw_aircraft(
             axes, east, north, float(vehicle.course_rad[sample]), colour=colours[vehicle.name]
         )
 
 
+def is_near(vehicle: VehicleRecord, reference: VehicleRecord, sample: int) -> bool:
+    """Whether a vehicle is drawn with its formation: all but a leader that was lost and flew away."""
+    away_m = math.hypot(
+        vehicle.north_m[sample] - reference.north_m[sample],
+        vehicle.east_m[sample] - reference.east_m[sample],
+    )
+    return vehicle.role == "follower" or away_m <= LOST_M
+
+
 def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> None:
     """The time beside the leader: to its right for a side of 1, to its left for -1."""
-    leader = record.leader
+    leader = record.reference
     course = float(leader.course_rad[sample])
     axes.annotate(
         f"{record.time_s[sample]:.0f} s",
@@ -248,7 +263,7 @@ def draw_wind(
     axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, right_m: float
 ) -> None:
     """Beside each formation, unless there is one already, an arrow: where the air moves to, how fast."""
-    leader = record.leader
+    leader = record.reference
     strongest = extent([np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)])[1]
     if strongest < STILL_AIR_M_S or not samples:
         return
@@ -290,7 +305,7 @@ def draw_wind(
 
 def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
     """(east, north) of a place to the right of the leader."""
-    leader = record.leader
+    leader = record.reference
     course = float(leader.course_rad[sample])
     return (
         float(leader.east_m[sample]) + right_m * math.cos(course),

@@ -138,6 +138,7 @@ def tracks_of(record: FlightRecord) -> Tracks:
         north_m={one.name: one.north_m[::every] for one in record.vehicles},
         east_m={one.name: one.east_m[::every] for one in record.vehicles},
         error_m={
-            one.name: slot_error(record.leader, one).distance_m[::every] for one in record.followers
+            one.name: slot_error(record.reference, one).distance_m[::every]
+            for one in record.followers
         },
     )

@@ -147,7 +147,7 @@ def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatAr
         "limited": vehicle.limited.astype(np.float64),
     }
     if vehicle.role == "follower":
-        error = slot_error(record.leader, vehicle)
+        error = slot_error(record.reference, vehicle)
         series |= {"along_m": error.along_track_m, "across_m": error.cross_track_m}
     return series
 

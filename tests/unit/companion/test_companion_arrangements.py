@@ -1,0 +1,313 @@
+"""Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.shared_clock import SAME_CLOCK
+from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
+from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_order, encode_reply
+from vfguide.state import HeardState
+
+MakePlan = Callable[..., FlightPlan]
+NAMES = ("leader", "f1", "f2", "f3")
+STEP_S = 0.05
+
+Lost = Callable[[str, str, str, float], bool]
+"""Whether something of a kind is lost from a sender to a receiver at a time."""
+
+
+def nothing(kind: str, sender: str, receiver: str, now: float) -> bool:
+    """A link that loses nothing."""
+    del kind, sender, receiver, now
+    return False
+
+
+@dataclass
+class Formation:
+    """Four companions' knowledge of orders, on a link in memory."""
+
+    plan: MakePlan
+    lost: Lost = nothing
+    now: float = 0.0
+    members: dict[str, Arrangements] = field(default_factory=dict)
+    said: list[tuple[str, Reply]] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    silent: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        """A companion that knows nothing yet."""
+        self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK)
+
+    def give(self, order: Arrangement) -> None:
+        """An operator's order, on its way to everybody."""
+        data = encode_order(order)
+        for name, member in self.members.items():
+            if not self.lost("order", "operator", name, self.now):
+                member.receive_order(data, data, self.now)
+
+    def run(self, until_s: float) -> None:
+        """Go on until then: states 20 times a second of the leader, 4 times of the others."""
+        while self.now < until_s:
+            self.now = round(self.now + STEP_S, 3)
+            for name, member in self.members.items():
+                member.step(self.now)
+                self.words += [text for text, _ in member.words()]
+                replies, repeats = member.to_say()
+                for other, receiver in self.members.items():
+                    if other == name or name in self.silent:
+                        continue
+                    self._carry(name, other, receiver, replies, repeats)
+                self.said += [(name, decode_reply(data)) for data in replies]
+
+    def _carry(
+        self,
+        name: str,
+        other: str,
+        receiver: Arrangements,
+        replies: list[bytes],
+        repeats: list[bytes],
+    ) -> None:
+        for data in replies:
+            if not self.lost("reply", name, other, self.now):
+                receiver.receive_reply(name, data, self.now)
+        for data in repeats:
+            if not self.lost("repeat", name, other, self.now):
+                receiver.receive_order(data, data, self.now)
+        due = name == "leader" or round(self.now / STEP_S) % 5 == 0
+        if due and not self.lost("state", name, other, self.now):
+            state = heard(self.now, self.members[name].number)
+            receiver.hear(name, state, self.now)
+
+    @property
+    def flown(self) -> dict[str, int]:
+        """Number of what each flies."""
+        return {
+            name: 0 if member.flown is None else member.flown.number
+            for name, member in self.members.items()
+        }
+
+
+def heard(time_s: float, number: int) -> HeardState:
+    """A state that carries this number; nothing else of it counts here."""
+    return HeardState(
+        time_s=time_s,
+        north=0.0,
+        east=0.0,
+        course=0.0,
+        ground_speed=20.0,
+        acceleration=0.0,
+        turn_rate=0.0,
+        turn_acceleration=0.0,
+        altitude_amsl=588.0,
+        steered=True,
+        arrangement=number,
+    )
+
+
+@pytest.fixture
+def slots(plan: MakePlan) -> dict[str, Point]:
+    """The mission's."""
+    return slots_of(plan)
+
+
+def slots_of(plan: MakePlan) -> dict[str, Point]:
+    """Those of the three followers."""
+    found = {}
+    for name in NAMES[1:]:
+        task = plan(vehicle=name).task
+        found[name] = Point(task.slot.forward, task.slot.right)  # type: ignore[union-attr]
+    return found
+
+
+def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:
+    """Everybody half as far again from the leader, within 10 s."""
+    places = tuple(
+        Place(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
+        for name, slot in slots.items()
+    )
+    return Arrangement(number=number, time_s=time_s, across_s=10.0, places=places)
+
+
+def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(9.9)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    formation.run(10.05)
+    assert formation.flown == dict.fromkeys(NAMES, 1)
+    # Half of the way at half of the time.
+    slot = formation.members["leader"].slot("f1", 15.0)
+    assert slot is not None
+    assert slot.forward == pytest.approx(1.25 * slots["f1"].forward)
+    assert {name for name, reply in formation.said if reply.verdict is Verdict.FLOWN} == set(NAMES)
+
+
+@pytest.mark.parametrize("deaf", NAMES)
+def test_an_order_that_one_has_not_received_changes_nobody(
+    plan: MakePlan, slots: dict[str, Point], deaf: str
+) -> None:
+    formation = Formation(plan, lost=lambda kind, _, to, __: kind == "order" and to == deaf)
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    void = [reply.text for _, reply in formation.said if reply.verdict is Verdict.VOID]
+    assert len(void) >= len(NAMES) - 1
+    if deaf != "leader":
+        assert f"{deaf} does not answer" in void
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32), st.floats(0.0, 0.95))
+def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_answers(
+    plan: MakePlan, seed: int, loss: float
+) -> None:
+    random = Random(seed)
+    formation = Formation(plan, lost=lambda *_: formation.now < 15.0 and random.random() < loss)
+    slots = slots_of(plan)
+    formation.run(5.0)
+    for _ in range(4):
+        formation.give(further(slots))
+        formation.run(formation.now + 0.5)
+    formation.run(60.0)
+    assert len(set(formation.flown.values())) == 1
+    if formation.flown["leader"]:
+        ready = {name for name, reply in formation.said if reply.verdict is Verdict.READY}
+        assert ready >= set(NAMES[1:])
+
+
+def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    places = tuple(
+        Place(vehicle=name, begin=slot, end=Point(slot.forward + 200.0, slot.right + 300.0))
+        for name, slot in slots.items()
+    )
+    formation.run(5.0)
+    formation.give(Arrangement(number=1, time_s=10.0, across_s=10.0, places=places))
+    formation.run(30.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    # 200 m in 10 s at 1/0.7 of the mean beside 20 m/s: 48.6 m/s.
+    assert "order 1 is refused: f1 would have to fly 48.6 m/s, and its limit is 32 m/s" in (
+        formation.words
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"time_s": 5.5}, "its time is 0 s ahead"),
+        ({"time_s": 500.0}, "its time is 495 s ahead"),
+        (
+            {"places": (Place(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)},
+            "f9 is no follower",
+        ),
+        (
+            {"places": (Place(vehicle="f1", begin=Point(-90, 0), end=Point(-50, 0)),)},
+            "f1 is to begin -90 m ahead of",
+        ),
+        (
+            {
+                "places": (
+                    Place(vehicle="f2", begin=Point(-20, 10), end=Point(-20, -10)),
+                    Place(vehicle="f3", begin=Point(-20, -10), end=Point(-20, 10)),
+                )
+            },
+            "f2 and f3 would come within 0.0 m of each other 5 s after its beginning",
+        ),
+    ],
+)
+def test_a_wrong_order_is_refused_with_its_reason(
+    plan: MakePlan, slots: dict[str, Point], change: dict[str, object], sentence: str
+) -> None:
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member.receive_order(encode_order(replace(further(slots), **change)), b"", 5.0)  # type: ignore[arg-type]
+    (data,), _ = member.to_say()
+    reply = decode_reply(data)
+    assert reply.verdict is Verdict.REFUSED
+    assert sentence in reply.text
+
+
+def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(Arrangement(number=4, time_s=0.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    assert formation.flown == dict.fromkeys(NAMES, 4)
+    assert all(member.has_left for member in formation.members.values())
+
+
+@pytest.mark.parametrize("restarted", NAMES)
+def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(
+    plan: MakePlan, slots: dict[str, Point], restarted: str
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(30.0)
+    formation.start(restarted)
+    formation.run(30.3)
+    assert formation.members[restarted].waits(30.3)
+    formation.run(34.0)
+    assert not formation.members[restarted].waits(34.0)
+    assert formation.flown == dict.fromkeys(NAMES, 1)
+
+
+def test_an_old_order_is_not_flown_again(plan: MakePlan, slots: dict[str, Point]) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(further(slots, number=7))
+    formation.run(30.0)
+    back = tuple(
+        Place(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
+        for name, slot in slots.items()
+    )
+    formation.give(Arrangement(number=5, time_s=40.0, across_s=10.0, places=back))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 7)
+
+
+def test_who_has_no_place_leaves_and_comes_back_by_another_order(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    stay = tuple(Place(vehicle=name, begin=slots[name], end=slots[name]) for name in ("f1", "f3"))
+    formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
+    formation.run(20.0)
+    assert [name for name in NAMES if formation.members[name].has_left] == ["f2"]
+    everybody = tuple(Place(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
+    formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
+    formation.run(30.1)
+    assert not formation.members["f2"].has_left
+    assert formation.members["f2"].returns_to_formation()
+    assert not formation.members["f2"].returns_to_formation()
+
+
+def test_an_operator_that_asks_hears_the_order_that_is_flown(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+    formation = Formation(plan)
+    formation.members["leader"] = member
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(30.0)
+    asks = encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN))
+    for time_s in (30.0, 30.5):
+        member.receive_reply("operator", asks, time_s)
+    assert member.to_say()[1] == [encode_order(further(slots))]

@@ -1,0 +1,305 @@
+"""Who leads: terms, turns of the deputies, and many vehicles that hear each other now and then."""
+
+import math
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from vfguide.companion.succession import (
+    DEAF_S,
+    LISTEN_S,
+    STAGGER_S,
+    UNSTEERED_S,
+    VACANT_S,
+    Succession,
+    holder_of,
+    term_above,
+)
+
+ORDER = ("leader", "f1", "f2")
+SILENCE_S = 0.6
+STEP_S = 0.05
+
+
+def deputy(name: str = "f1") -> Succession:
+    return Succession(name, ORDER, silence_s=SILENCE_S)
+
+
+def lead_time(one: Succession, *, from_s: float, until_s: float, others: bool) -> float:
+    """When it leads, s, if it hears a follower five times a second, or nobody; infinite if never."""
+    steps = round((until_s - from_s) / STEP_S)
+    for step in range(1, steps + 1):
+        now = from_s + step * STEP_S
+        if others and step % 4 == 0:
+            one.hear_other(0, now)
+        if one.step(now, eligible=True):
+            return now
+    return math.inf
+
+
+def hear_until(one: Succession, until_s: float, *, steered: bool = True) -> None:
+    """Hear the leader of the mission, 20 times a second, and a follower."""
+    for step in range(round(until_s / STEP_S) + 1):
+        one.hear_leader("leader", 0, step * STEP_S, steered=steered)
+        one.hear_other(0, step * STEP_S)
+        one.step(step * STEP_S, eligible=True)
+
+
+def test_every_term_is_one_vehicles() -> None:
+    # Of three terms each of the three has one, the last in the order the lowest.
+    assert [holder_of(term, ORDER) for term in range(7)] == [
+        "leader",
+        "f2",
+        "f1",
+        "leader",
+        "f2",
+        "f1",
+        "leader",
+    ]
+
+
+def test_the_next_term_is_in_the_next_round() -> None:
+    assert [term_above(0, name, ORDER) for name in ORDER] == [3, 2, 1]
+    # After term 2, which is of the first three, the next three are 4 to 6.
+    assert [term_above(2, name, ORDER) for name in ORDER] == [6, 5, 4]
+    assert [term_above(3, name, ORDER) for name in ORDER] == [6, 5, 4]
+    assert [term_above(4, name, ORDER) for name in ORDER] == [9, 8, 7]
+
+
+def test_the_first_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
+    # Its turn comes at once, since nobody but the silent leader comes before it.
+    assert led_s == pytest.approx(10.0 + SILENCE_S, abs=2.0 * STEP_S)
+    assert (one.term, one.holder, one.leads) == (2, "f1", True)
+
+
+def test_the_second_deputy_leaves_the_first_its_turn() -> None:
+    one = deputy("f2")
+    hear_until(one, 10.0)
+    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
+    assert led_s == pytest.approx(10.0 + SILENCE_S + STAGGER_S, abs=2.0 * STEP_S)
+    assert one.term == 1
+
+
+def test_a_deputy_that_hears_nobody_takes_itself_for_deaf_at_first() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=False)
+    assert led_s == pytest.approx(10.0 + DEAF_S + SILENCE_S, abs=2.0 * STEP_S)
+
+
+def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    assert lead_time(one, from_s=10.0, until_s=14.0, others=False) == math.inf
+    # The first of the others is heard 0.2 s later.
+    led_s = lead_time(one, from_s=14.0, until_s=20.0, others=True)
+    assert led_s == pytest.approx(14.2 + SILENCE_S, abs=2.0 * STEP_S)
+
+
+def test_a_follower_never_leads() -> None:
+    one = deputy("f3")
+    hear_until(one, 10.0)
+    assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
+
+
+def test_a_leader_that_was_never_steered_is_not_succeeded() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0, steered=False)
+    assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
+
+
+def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    now, led_s = 10.0, math.inf
+    while led_s == math.inf and now < 15.0:
+        now += STEP_S
+        one.hear_leader("leader", 0, now, steered=False)
+        assert one.is_leaving(now)
+        if one.step(now, eligible=True):
+            led_s = now
+    assert led_s == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
+
+
+def test_a_deputy_that_is_not_steered_does_not_lead() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    for step in range(1, 200):
+        one.hear_other(0, 10.0 + step * STEP_S)
+        assert not one.step(10.0 + step * STEP_S, eligible=False)
+
+
+def test_a_higher_term_ends_ones_own() -> None:
+    one = deputy("f2")
+    hear_until(one, 10.0)
+    lead_time(one, from_s=10.0, until_s=20.0, others=True)
+    assert one.leads
+    assert one.hear_leader("f1", 2, 20.0, steered=True)
+    assert (one.leads, one.holder, one.term) == (False, "f1", 2)
+    # The leader of the mission says that it leads in term 0: that is over.
+    assert not one.hear_leader("leader", 0, 20.1, steered=True)
+    assert one.term == 2
+
+
+def test_nobody_leads_in_a_term_of_another() -> None:
+    one = deputy("f3")
+    assert not one.hear_leader("f2", 2, 1.0, steered=True)
+    assert one.term == 0
+
+
+def test_a_leader_that_has_just_started_listens_before_it_leads() -> None:
+    one = deputy("leader")
+    assert not one.leads
+    one.step(5.0, eligible=False)
+    one.step(5.0 + LISTEN_S - STEP_S, eligible=False)
+    assert not one.leads
+    assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    assert (one.leads, one.term) == (True, 0)
+
+
+def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    assert one.hear_leader("f1", 2, 5.1, steered=True)
+    one.step(20.0, eligible=False)
+    assert (one.leads, one.holder) == (False, "f1")
+
+
+def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    # A follower still says which term it obeyed last.
+    one.hear_other(2, 5.1)
+    one.step(5.0 + VACANT_S - STEP_S, eligible=False)
+    assert not one.leads
+    assert one.step(5.0 + VACANT_S + STEP_S, eligible=False)
+    assert (one.leads, one.term) == (True, 6)
+
+
+NAMES = ("leader", "f1", "f2", "f3")
+SETTLED_S = DEAF_S + SILENCE_S + 4.0
+"""A part of the formation that stays as it is has one leader after this."""
+
+
+class Formation(RuleBasedStateMachine):
+    """Four vehicles, of which three may lead; a link that comes and goes, programs that start anew."""
+
+    @initialize()
+    def begin(self) -> None:
+        self.now = 0.0
+        self.changed_s = 0.0
+        self.delay_s = 0.05
+        self.groups = dict.fromkeys(NAMES, 0)
+        self.down: set[str] = set()
+        self.vehicles = {name: self.made(name) for name in NAMES}
+        self.mail: list[tuple[float, str, str, int, bool]] = []
+        self.terms: dict[int, str] = {}
+        self.pass_time(3.0)
+
+    def made(self, name: str) -> Succession:
+        return Succession(name, ORDER, silence_s=SILENCE_S)
+
+    @rule(seconds=st.floats(0.1, 12.0))
+    def pass_time(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.now < end:
+            self.now += STEP_S
+            self.deliver()
+            for name, one in self.vehicles.items():
+                if name in self.down:
+                    continue
+                # A vehicle is steered while it knows a leader.
+                one.step(self.now, eligible=one.term > 0 or not one.listens)
+                self.say(name, one)
+
+    def say(self, name: str, one: Succession) -> None:
+        for to in NAMES:
+            if to == name or self.groups[to] != self.groups[name]:
+                continue
+            arrival = self.now + self.delay_s
+            if one.leads:
+                self.mail.append((arrival, name, to, one.term, True))
+            if round(self.now / STEP_S) % 4 == 0:
+                self.mail.append((arrival, name, to, one.term, False))
+
+    def deliver(self) -> None:
+        due = [one for one in self.mail if one[0] <= self.now]
+        self.mail = [one for one in self.mail if one[0] > self.now]
+        for _, sender, to, term, leads in due:
+            if to in self.down or self.groups[to] != self.groups[sender]:
+                continue
+            if leads:
+                self.vehicles[to].hear_leader(sender, term, self.now, steered=True)
+            else:
+                self.vehicles[to].hear_other(term, self.now)
+
+    @rule(data=st.data())
+    def split(self, data: st.DataObject) -> None:
+        """The link splits the formation into parts that do not hear each other, or joins them."""
+        for name in NAMES:
+            self.groups[name] = data.draw(st.integers(0, 2))
+        self.changed_s = self.now
+
+    @rule()
+    def join(self) -> None:
+        self.groups = dict.fromkeys(NAMES, 0)
+        self.changed_s = self.now
+
+    @rule(name=st.sampled_from(NAMES))
+    def kill(self, name: str) -> None:
+        self.down.add(name)
+        self.changed_s = self.now
+
+    @precondition(lambda self: self.down)
+    @rule(data=st.data())
+    def restart(self, data: st.DataObject) -> None:
+        name = data.draw(st.sampled_from(sorted(self.down)))
+        self.down.discard(name)
+        self.vehicles[name] = self.made(name)
+        self.changed_s = self.now
+
+    @rule(delay_s=st.floats(0.0, 0.4))
+    def delay(self, delay_s: float) -> None:
+        self.delay_s = delay_s
+        self.changed_s = self.now
+
+    @invariant()
+    def never_two_leaders_of_one_term(self) -> None:
+        leaders = [
+            one.term
+            for name, one in getattr(self, "vehicles", {}).items()
+            if one.leads and name not in self.down
+        ]
+        assert len(leaders) == len(set(leaders))
+
+    @invariant()
+    def one_leader_in_each_part_in_time(self) -> None:
+        if not hasattr(self, "vehicles") or self.now - self.changed_s < SETTLED_S:
+            return
+        for group in set(self.groups.values()):
+            part = [
+                one
+                for name, one in self.vehicles.items()
+                if self.groups[name] == group and name not in self.down
+            ]
+            # A deputy that was made anew knows of no leader, and cannot carry one on.
+            able = [
+                one
+                for name, one in self.vehicles.items()
+                if one in part and (one.was_steered or name == "leader") and name in ORDER
+            ]
+            leaders = [one for one in part if one.leads]
+            assert len(leaders) <= 1
+            if able:
+                assert len(leaders) == 1
+            if leaders:
+                assert {one.term for one in part} == {leaders[0].term}
+
+
+Formation.TestCase.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
+TestFormation = Formation.TestCase

@@ -1,0 +1,349 @@
+"""An operator's program on the link of a formation: listens, rehearses, orders, and hears the answers."""
+
+import asyncio
+import math
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from random import Random
+
+from vfguide.companion.state_receiver import motion_of
+from vfguide.errors import InputError, VfguideError
+from vfguide.formation.arrangement import Arrangement, Flown, ends
+from vfguide.formation.orders import Formation, Order
+from vfguide.frames import LocalFrame
+from vfguide.lab.rehearsal.order import Prediction, rehearsed
+from vfguide.link.codec import LinkDataError
+from vfguide.link.envelope import Kind
+from vfguide.link.member import Member, ignore_presence
+from vfguide.link.opening import Link, open_link
+from vfguide.link.order_codec import (
+    Reply,
+    Verdict,
+    decode_order,
+    decode_reply,
+    encode_order,
+    encode_reply,
+)
+from vfguide.link.peer_clock import PeerClock
+from vfguide.link.trust import Trust, new_session
+from vfguide.link.watch import Watched, check_connected, operator_of
+from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
+from vfguide.state import HeardState
+
+LISTEN_S = 6.0
+"""So long an operator's program waits until the leader and the formation's time are known."""
+
+KNOWS_S = 8.0
+"""So long it asks for the order that is flown, if one is."""
+
+LEAD_S = 6.0
+"""An order's time is so far ahead when it is given."""
+
+REPEAT_S = 0.5
+"""Between two copies of an order, until it is flown or refused."""
+
+LAST_S = 6.0
+"""After an order's time answers are awaited for so long."""
+
+EPOCH_S = 1_577_836_800.0
+"""The year 2020, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever."""
+
+DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of an order."""
+
+    number: int
+    """Of the order; 0 of one that was not given."""
+    arrangement: Arrangement
+    """What was ordered."""
+    prediction: Prediction | None
+    """Of its rehearsal; None of an order to call everything off, for which none is awaited."""
+    replies: dict[str, Reply] = field(default_factory=dict)
+    """The newest answer of each vehicle."""
+    silent: tuple[str, ...] = ()
+    """Vehicles that have not answered."""
+
+    @property
+    def flown(self) -> bool:
+        """Whether it is flown by all who have answered, and all have."""
+        verdicts = {reply.verdict for reply in self.replies.values()}
+        return verdicts == {Verdict.FLOWN} and not self.silent
+
+
+Tell = Callable[[str], None]
+"""Takes a line for people."""
+
+
+class OrderDesk:
+    """What an operator's program hears and says."""
+
+    member: Member
+    """As which it speaks."""
+
+    def __init__(self, mission: Mission) -> None:
+        """Begin with nothing heard of the formation of a mission."""
+        self._mission = mission
+        origin = mission.origin
+        self._frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+        self.states = dict[str, HeardState]()
+        """Newest state of each vehicle, times on the formation's clock."""
+        self.flown: Arrangement | None = None
+        """The newest order that was repeated."""
+        self.replies: dict[str, Reply] = {}
+        """Newest answers to the order that is given."""
+        self.awaited = 0
+        """Its number."""
+
+    def heard_state(self, vehicle: str, data: bytes) -> None:
+        """Take a vehicle's state."""
+        try:
+            self.states[vehicle] = motion_of(data, self._frame)
+        except LinkDataError:
+            return
+
+    def heard_order(self, data: bytes, sealed: bytes) -> None:
+        """Take an order that another gives, or a vehicle repeats."""
+        del sealed
+        try:
+            order = decode_order(data)
+        except LinkDataError:
+            return
+        flying = {state.arrangement for state in self.states.values()}
+        if order.number in flying and (self.flown is None or order.number > self.flown.number):
+            self.flown = order
+
+    def heard_reply(self, vehicle: str, data: bytes) -> None:
+        """Take a vehicle's answer."""
+        try:
+            reply = decode_reply(data)
+        except LinkDataError:
+            return
+        if reply.number == self.awaited and reply.verdict is not Verdict.UNKNOWN:
+            self.replies[vehicle] = reply
+
+    @property
+    def newest_number(self) -> int:
+        """Of the order that is flown, as states say."""
+        return max((state.arrangement for state in self.states.values()), default=0)
+
+    def formation(self) -> Formation:
+        """As it is.
+
+        Raises:
+            VfguideError: the order that is flown is not known.
+        """
+        first = formation_of_mission(self._mission)
+        number = self.newest_number
+        if number == 0:
+            return first
+        if self.flown is None or self.flown.number != number:
+            raise VfguideError(
+                f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
+            )
+        return replace(first, slots=ends(self.flown.places), number=number, flown=self.flown.flown)
+
+    def leader_place(self, time_s: float) -> LeaderPlace | None:
+        """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
+        state = self.states.get(self._mission.leader.vehicle)
+        if state is None:
+            return None
+        run = state.ground_speed * (time_s - state.time_s)
+        return LeaderPlace(
+            state.north + run * math.cos(state.course),
+            state.east + run * math.sin(state.course),
+            state.course,
+        )
+
+
+async def give_order(
+    mission: Mission,
+    order: Order,
+    watched: Watched,
+    *,
+    tell: Tell,
+    dry_run: bool = False,
+    random: Random | None = None,
+) -> Outcome:
+    """Rehearse an order from the formation as it is, give it, and wait for what becomes of it.
+
+    Args:
+        mission: of the formation.
+        order: what is wanted.
+        watched: its links, and the operator's key.
+        tell: takes a line for each thing that happens.
+        dry_run: whether to rehearse it only.
+        random: keeps those who lost the same broker from coming back in step.
+
+    Raises:
+        RefusedOrderError: it cannot be carried out; one sentence says why.
+        VfguideError: no link stands, or the formation is not heard.
+    """
+    if watched.roster is not None and watched.key is None:
+        raise InputError(
+            "an order is signed by an operator: give a private key with --key, or make keys with"
+            " `vfguide keys make MISSION`"
+        )
+    async with at_desk(mission, watched, random or Random()) as (desk, link):
+        await _listen(desk, link)
+        formation = desk.formation()
+        number = max(int(time.time() - EPOCH_S), desk.newest_number + 1)
+        arrangement = _resolved(mission, order, desk, formation, number)
+        prediction = None
+        if arrangement.flown is not Flown.ABORT:
+            prediction = await asyncio.to_thread(
+                rehearsed, mission, formation, arrangement, leader=desk.leader_place(_now(desk))
+            )
+            tell(predicted(prediction))
+            # The leader has flown on meanwhile.
+            arrangement = _resolved(mission, order, desk, formation, number)
+        if dry_run:
+            return Outcome(number=0, arrangement=arrangement, prediction=prediction)
+        tell(f"order {number}: given, to begin in {LEAD_S:g} s")
+        await _give(desk, link, arrangement, formation, tell)
+        waited = {formation.leader, *formation.slots, *arrangement.vehicles}
+        return Outcome(
+            number=number,
+            arrangement=arrangement,
+            prediction=prediction,
+            replies=dict(desk.replies),
+            silent=tuple(sorted(waited - set(desk.replies))),
+        )
+
+
+def predicted(prediction: Prediction) -> str:
+    """A rehearsal in one line."""
+    first, second = prediction.pair
+    settled = prediction.settled_s
+    rest = (
+        "not all within 1 m in time" if settled is None else f"all within 1 m after {settled:.0f} s"
+    )
+    if not first:
+        return f"rehearsed: {rest}"
+    return (
+        f"rehearsed: nearest {first} and {second}, {prediction.least_m:.1f} m,"
+        f" {prediction.least_s:.0f} s after it begins; {rest}"
+    )
+
+
+def _now(desk: OrderDesk) -> float:
+    return desk.member.formation_time()
+
+
+def _resolved(
+    mission: Mission, order: Order, desk: OrderDesk, formation: Formation, number: int
+) -> Arrangement:
+    """The arrangement of an order that begins a while from now."""
+    time_s = _now(desk) + LEAD_S
+    leader = desk.states[mission.leader.vehicle]
+    found, _ = resolve(
+        mission,
+        order,
+        formation,
+        number=number,
+        time_s=time_s,
+        term=leader.term,
+        leader=desk.leader_place(time_s),
+    )
+    return found
+
+
+@asynccontextmanager
+async def at_desk(
+    mission: Mission, watched: Watched, random: Random
+) -> AsyncIterator[tuple[OrderDesk, Link]]:
+    """An operator's program on the links, for as long as the context lasts."""
+    name = f"operator-{random.getrandbits(32):08x}"
+    if watched.roster is not None and watched.key is not None:
+        name = operator_of(watched.roster, watched.key)
+    trust = Trust(
+        formation=watched.formation,
+        name=name,
+        leader=watched.leader,
+        session=new_session(),
+        roster=watched.roster,
+        key=watched.key,
+    )
+    desk = OrderDesk(mission)
+    desk.member = Member(
+        trust,
+        clock=asyncio.get_running_loop().time,
+        receive=partial(desk.heard_state, watched.leader),
+        neighbours=list(mission.followers_by_name),
+        receive_neighbour=desk.heard_state,
+        # Who wants presences says none about itself.
+        receive_presence=ignore_presence,
+        receive_order=desk.heard_order,
+        receive_reply=desk.heard_reply,
+        peer_clock=PeerClock(),
+    )
+    async with open_link(
+        watched.addresses, formation=watched.formation, member=desk.member, random=random
+    ) as link:
+        await link.settle()
+        check_connected(link)
+        yield desk, link
+
+
+async def _listen(desk: OrderDesk, link: Link) -> None:
+    """Wait until the leader, the formation's time and the order that is flown are known.
+
+    Raises:
+        VfguideError: they are not heard.
+    """
+    leader, loop = desk.member.trust.leader, asyncio.get_running_loop()
+    began = loop.time()
+    while not (leader in desk.states and math.isfinite(_now(desk))):
+        if loop.time() - began > LISTEN_S:
+            raise VfguideError(
+                f"the leader {leader!r} is not heard: see that its companion runs; check link and keys"
+            )
+        await asyncio.sleep(0.05)
+    # The others say where they are every half second at least.
+    await asyncio.sleep(1.0)
+    while (number := desk.newest_number) and (desk.flown is None or desk.flown.number != number):
+        if loop.time() - began > LISTEN_S + KNOWS_S:
+            return
+        known = 0 if desk.flown is None else desk.flown.number
+        link.say(Kind.REPLY, encode_reply(Reply(number=known, verdict=Verdict.UNKNOWN)))
+        await asyncio.sleep(REPEAT_S)
+
+
+async def _give(
+    desk: OrderDesk, link: Link, order: Arrangement, formation: Formation, tell: Tell
+) -> None:
+    """Give an order again and again until all have said what becomes of it, and tell what they say."""
+    data = encode_order(order)
+    waited = {formation.leader, *formation.slots, *order.vehicles}
+    desk.awaited, desk.replies = order.number, {}
+    told: dict[str, Reply] = {}
+    last_s = order.time_s + LAST_S
+    while _now(desk) < last_s:
+        link.say(Kind.ORDER, data)
+        await asyncio.sleep(REPEAT_S)
+        for vehicle, reply in sorted(desk.replies.items()):
+            if told.get(vehicle) != reply:
+                told[vehicle] = reply
+                tell(said(vehicle, reply))
+        if all(
+            vehicle in desk.replies and desk.replies[vehicle].verdict in DECIDED
+            for vehicle in waited
+        ):
+            return
+
+
+def said(vehicle: str, reply: Reply) -> str:
+    """A vehicle's answer in one line."""
+    words = {
+        Verdict.READY: "yes",
+        Verdict.REFUSED: "no",
+        Verdict.FLOWN: "flies it",
+        Verdict.VOID: "void",
+    }[reply.verdict]
+    return f"{vehicle}: {words}{f', {reply.text}' if reply.text else ''}"
