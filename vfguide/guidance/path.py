@@ -77,11 +77,6 @@ class Path(ABC):
     def length(self) -> float:
         """Once round a closed path, or to where it goes round again, m; infinite for one without end."""
 
-    @property
-    def end(self) -> float:
-        """Progress at which every companion hands its vehicle back, m; infinite for a path that goes on."""
-        return math.inf
-
     @abstractmethod
     def nearest(
         self, north: Number, east: Number, course: Number | None = None

@@ -21,6 +21,7 @@ from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance
+from vfguide.mission.climb_limits import climbs_beyond_limits, lowest_of_the_path
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
@@ -259,6 +260,8 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     beyond_the_fence,
     turns_beyond_bank,
     slots_out_of_airspeed,
+    lowest_of_the_path,
+    climbs_beyond_limits,
     distance_kept_from_strays,
     field_beyond_bank,
     findings_of_the_law,

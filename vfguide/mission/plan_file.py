@@ -124,7 +124,7 @@ class Reader:
         for number, item in enumerate(items, start=1):
             command = item.get("command")
             if command in ENDS or item.get("complexItemType") in LANDINGS:
-                self.end = "hand-back"
+                self.left_out.add("the return and the landing")
                 return
             if command in WAYPOINTS or command in LOITERS:
                 self._waypoint(item, number)

@@ -51,8 +51,8 @@ class PlanShape(RouteShape):
     """The `.plan`, relative to the mission file."""
 
     end: End | None = None
-    """After the last waypoint, as of `waypoints`; as the plan's last item has it if absent: `hand-back` for a
-    landing or a return, `repeat` for a jump to the first waypoint, else `loiter`."""
+    """After the last waypoint, as of `waypoints`; as the plan's last item has it if absent: `repeat` for
+    a jump to the first waypoint, else `loiter`."""
 
     contents: SkipJsonSchema[PlanContents | None] = None
     """What the file said, so that the mission can be taken elsewhere without it."""

@@ -36,7 +36,7 @@ MOST_WAYPOINTS = 2000
 USUAL_EASEMENT = 1.0
 """In parts of the radius."""
 
-End = Literal["repeat", "reverse", "loiter", "hand-back"]
+End = Literal["repeat", "reverse", "loiter"]
 
 
 class Waypoint(Place):
@@ -76,8 +76,8 @@ class RouteShape(PathShape):
     the radius if absent."""
 
     loiter_radius_m: Annotated[quantity.Number, Field(ge=-100e3, le=100e3)] | None = None
-    """`loiter`, `hand-back`: radius of the circle, m, negative counter-clockwise; that of the fillets,
-    clockwise, if absent."""
+    """`loiter`: radius of the circle, m, negative counter-clockwise; if absent that of the fillets,
+    clockwise."""
 
     frame: SkipJsonSchema[MissionFrame | None] = Field(default=None, exclude=True)
     """What coordinates and radii count from; the mission fills it in."""
@@ -125,8 +125,7 @@ class WaypointsShape(RouteShape):
 
     end: End = "loiter"
     """After the last waypoint. `repeat`: on to the first. `reverse`: turn, and back along the route, again
-    and again. `loiter`: circle around the last one. `hand-back`: the same, and there every companion hands
-    its vehicle back to its autopilot."""
+    and again. `loiter`: circle around the last one."""
 
     @property
     def corners(self) -> tuple[Waypoint, ...]:
@@ -168,7 +167,7 @@ class Route:
         """Place the waypoints in the plane, and turn at each."""
         self.shape = shape
         self.closed = shape.after == "repeat"
-        self.circles = shape.after in {"loiter", "hand-back"}
+        self.circles = shape.after == "loiter"
         self.places = [(*one.local(shape.frame), one.up(shape.frame)) for one in shape.corners]
         self.loiter = self._loiter_bend()
         self.entry = circle_entry(self.loiter, self._sense())
@@ -373,14 +372,8 @@ class Waypoints(ChainedPath):
         line = Route(shape).line()
         self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
         self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
-        self._end = line.again if shape.after == "hand-back" else math.inf
 
     @classmethod
     def of(cls, shape: RouteShape) -> Self:
         """The route of a mission."""
         return cls(shape)
-
-    @property
-    def end(self) -> float:
-        """Progress where companions hand back, m; infinite where they do not."""
-        return self._end

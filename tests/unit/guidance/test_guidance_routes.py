@@ -94,7 +94,7 @@ def test_a_turn_back_ends_on_its_own_line() -> None:
     assert (aside, around) == (pytest.approx(0.0, abs=1e-9), pytest.approx(math.pi))
 
 
-@pytest.mark.parametrize("end", ["repeat", "reverse", "loiter", "hand-back"])
+@pytest.mark.parametrize("end", ["repeat", "reverse", "loiter"])
 def test_course_and_curvature_are_continuous_and_within_the_radius(end: str) -> None:
     path = route(end=end, radius_m=120.0)
     course, curvature, next_course, next_curvature = ends_of_pieces(path)
@@ -146,12 +146,6 @@ def test_a_route_that_is_reversed_passes_its_waypoints_both_ways() -> None:
         sum(one.length for one in turn_back(Bend(100.0, 100.0))), abs=300.0
     )
     assert path.at(path.length).north == pytest.approx(0.0, abs=1e-6)
-
-
-def test_only_a_route_that_hands_back_has_an_end() -> None:
-    assert route(end="loiter").end == math.inf
-    path = route(end="hand-back", radius_m=100.0)
-    assert path.end == path.chain.again
 
 
 def test_before_its_beginning_a_route_runs_straight_on() -> None:
@@ -213,7 +207,7 @@ def places_of(legs: list[tuple[float, float, float]]) -> list[tuple[float, float
 @settings(max_examples=30, deadline=None)
 @given(
     legs=ROUTES,
-    end=st.sampled_from(["reverse", "loiter", "hand-back"]),
+    end=st.sampled_from(["reverse", "loiter"]),
     north=st.floats(-2000.0, 2000.0),
     east=st.floats(-2000.0, 2000.0),
 )
