@@ -24,7 +24,7 @@ SLOWEST_M_S, FASTEST_M_S = 0.5, 10.0
 """Bounds of how fast slots move ahead and back."""
 
 GIVEN_WAY_M_S = 3.5
-"""So fast they may always move where the leader gives way: it flies faster or slower for those who lack it."""
+"""So fast they may always move where the leader gives way: it flies faster or slower for who lacks it."""
 
 ASIDE_SHARE = 0.35
 """Of the cruise, how fast slots move aside: a course 20 degrees off the leader's."""
