@@ -185,6 +185,15 @@ class Arrangements:
             )
         return True
 
+    def obstacle(self, now: float) -> str | None:
+        """What of the orders keeps this companion from steering, in words; None where nothing does."""
+        if self.flown is not None and self.has_left:
+            called_off = self.flown.flown is Flown.ABORT
+            return "everything was called off" if called_off else "ordered out of the formation"
+        if self.waits(now):
+            return "the others fly by an order that is not known to it: see that all are heard"
+        return None
+
     def slot(self, vehicle: str, now: float) -> Slot[float] | None:
         """The slot that an order has given to a follower, at a time (s of one's own clock), and its rates.
 

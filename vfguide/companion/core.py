@@ -378,7 +378,7 @@ class Companion:
 
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
-        return obstacle(
+        return self._arrangements.obstacle(now) or obstacle(
             self._timeouts,
             telemetry_age=now - self._telemetry_time,
             doubts=self._own.doubts,
@@ -561,7 +561,8 @@ class Companion:
         if now - age_s < self._stalled:
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
-        if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not self._stopped:
+        told = self._stopped or self._arrangements.has_left
+        if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not told:
             out.warn(
                 "nothing to steer by: handed back to the autopilot, watch that it loiters;"
                 f" select {self._adapter.engaged_name} once position and leader are heard",

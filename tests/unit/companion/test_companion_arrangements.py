@@ -290,6 +290,8 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order(
     formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
     formation.run(20.0)
     assert [name for name in NAMES if formation.members[name].has_left] == ["f2"]
+    assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
+    assert formation.members["f1"].obstacle(20.0) is None
     everybody = tuple(Place(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
     formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
     formation.run(30.1)
