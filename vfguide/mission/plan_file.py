@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from vfguide.errors import InputError
 from vfguide.regular_file import PipeOrDeviceError, open_regular
@@ -218,7 +218,7 @@ def position(item: Mapping[str, Any], number: int) -> tuple[float, float, float]
 
 def fence_of(data: Mapping[str, Any]) -> dict[str, Any]:
     """The fence as a mission has it; empty where there is none."""
-    polygons = [
+    polygons: list[dict[str, Any]] = [
         {
             "inclusion": inclusion(one),
             "points": [place(point, "a polygon of the fence") for point in listed(one, "polygon")],
@@ -275,7 +275,7 @@ def numbers(value: object, count: int) -> list[float]:
     return [float(one) for one in value[:count]] if all(map(is_number, value[:count])) else []
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether it is a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
