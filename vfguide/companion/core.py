@@ -136,7 +136,7 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
-        self._plotted = PlottedValues(plan)
+        self._plotted = PlottedValues()
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0

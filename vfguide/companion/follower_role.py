@@ -206,7 +206,7 @@ class FollowerRole(Role):
             point = known.point_beside(leader) if intended is None else intended.planned.point
             planned = self._planned_height(leader, point, now - leader.time_s + ahead_s)
         deviation = self._deviation or HeightDeviation(time_s=now)
-        if self.leader_age(now) > self._plan.timeouts.leader_s:
+        if now - deviation.time_s > self._plan.timeouts.leader_s:
             # Nothing is heard of how it goes on beside its plan.
             deviation = replace(deviation, climb_rate=0.0)
         target = followed_height(

@@ -4,7 +4,6 @@ import math
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.role import RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.announcements import named_value
@@ -30,23 +29,18 @@ MODE_NUMBERS = {
 class PlottedValues:
     """What one companion sends to be plotted."""
 
-    def __init__(self, plan: FlightPlan) -> None:
-        """Have nothing to send but the mode.
-
-        Args:
-            plan: tells whether errors are from a slot or from the leader's path.
-        """
-        self._origin = "slot" if isinstance(plan.task, FollowerTask) else "path"
+    def __init__(self) -> None:
+        """Have nothing to send but the mode."""
         self._errors: dict[str, float] = {}
         self._noted_s = self._sent_s = -math.inf
 
     def note(self, step: RoleStep, now: float) -> None:
-        """Take the errors (m) of a step of guidance."""
+        """Take the errors (m) of a step of guidance: a leader's has none along its path."""
         self._noted_s = now
-        self._errors = {
-            f"{self._origin}_along": step.along_track,
-            f"{self._origin}_cross": step.cross_track,
-        }
+        if math.isnan(step.along_track):
+            self._errors = {"path_cross": step.cross_track}
+        else:
+            self._errors = {"slot_along": step.along_track, "slot_cross": step.cross_track}
 
     def due(self, mode: Mode, now: float) -> list[MAVLink_message]:
         """What is to be sent now; twice a second, and errors only while they are of now and finite.

@@ -66,8 +66,8 @@ class StatePublisher:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
-                term=self.term,
                 climb_rate=motion.climb_rate,
+                term=self.term,
                 arrangement=arrangement,
                 steered=steered,
             )

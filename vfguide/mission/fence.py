@@ -84,7 +84,8 @@ class Fence(Section):
     def room(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
         """How far places (m) are from what they may not cross, m; negative where they are beyond it."""
         least = np.full(north.shape, math.inf)
-        for area in (*self.polygons, *self.circles):
+        areas: list[FencePolygon | FenceCircle] = [*self.polygons, *self.circles]
+        for area in areas:
             inward = area.inward(north, east, frame)
             least = np.minimum(least, inward if area.inclusion else -inward)
         return least

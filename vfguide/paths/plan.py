@@ -118,7 +118,9 @@ class PlanShape(RouteShape):
     def misfits(self) -> Iterator[Misfit]:
         """What keeps the route from being flown; waypoints have no line in the mission."""
         for one in super().misfits():
-            yield Misfit(("file",), f"waypoint {one.location[-1] + 1}: {one.message}", one.remedy)
+            yield Misfit(
+                ("file",), f"waypoint {int(one.location[-1]) + 1}: {one.message}", one.remedy
+            )
 
 
 @paths.register("plan")

@@ -73,7 +73,7 @@ def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve(flight:
 
 def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., FlightPlan]) -> None:
     its = plan("line-calm", "leader")
-    role, plotted = role_of(its, SAME_CLOCK), PlottedValues(its)
+    role, plotted = role_of(its, SAME_CLOCK), PlottedValues()
     assert isinstance(role, LeaderRole)
     assert isinstance(its.task, LeaderTask)
     course = its.task.path.nearest(0.0, 0.0, 0.0).course
@@ -97,18 +97,18 @@ def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., Flig
     assert sent == {"form_mode": 2.0, "path_cross": pytest.approx(-3.0, abs=0.01)}
 
 
-def test_names_fit_their_field(plan: Callable[..., FlightPlan]) -> None:
-    for vehicle in ("leader", "f1"):
-        plotted = PlottedValues(plan("line-calm", vehicle))
+def test_names_fit_their_field() -> None:
+    for along, count in ((1.0, 3), (math.nan, 2)):
+        plotted = PlottedValues()
         step = RoleStep(
             setpoint=None,
             distance=1.0,
             lyapunov=1.0,
             publish=None,
-            along_track=1.0,
+            along_track=along,
             cross_track=1.0,
         )
         plotted.note(step, 0.0)
         messages = plotted.due(Mode.JOINING, 0.0)
-        assert len(messages) == 3
+        assert len(messages) == count
         assert all(len(message.name) <= 10 for message in messages)
