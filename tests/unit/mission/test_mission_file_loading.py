@@ -62,6 +62,7 @@ def test_these_missions_are_shipped() -> None:
         "ardupilot-sitl",
         "circle-calm",
         "circle-wind",
+        "climb-and-turn",
         "foreign-leader",
         "line-calm",
         "line-wind",
