@@ -20,6 +20,7 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
@@ -135,6 +136,7 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
+        self._plotted = PlottedValues()
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0
@@ -321,6 +323,8 @@ class Companion:
             if event.tell:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
+        if self._authority.connected and not self._stopped:
+            messages += self._plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
         out.to_leader = self._role.to_leader(now)
         return out
@@ -448,6 +452,7 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
+        self._plotted.note(step, now)
         out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)

@@ -355,6 +355,8 @@ class FollowerRole(Role):
             lyapunov=guidance.lyapunov,
             publish=publish,
             climb_m=avoidance.climb_m,
+            along_track=error.along_track,
+            cross_track=error.cross_track,
             slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
         )
 

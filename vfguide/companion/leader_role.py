@@ -111,6 +111,7 @@ class LeaderRole(Role):
                 arrangement=self._arrangements.number,
             ),
             climb_m=avoidance.climb_m,
+            cross_track=-guidance.cross_track_error,
             motion=motion,
         )
 

@@ -2,8 +2,8 @@
 
 One that is steered flies with the formation. One that is heard and not steered may do anything that a plane
 can: fly on along its arc, level out, turn either way at its bank limit. One that is silent flies on with
-the formation, where only the link is lost, holds its last course, where its companion has died, or turns
-on, where its autopilot hangs.
+the formation, where only the link is lost, holds its last course or heading, where its companion has died, or
+turns on, where its autopilot hangs.
 """
 
 import cmath
@@ -90,6 +90,8 @@ class Seen:
     """Whether they said last that they were steered."""
     place: ComplexArray
     velocity: ComplexArray
+    wind: ComplexArray
+    """When they were last heard, toward, m/s."""
     offset: ComplexArray
     """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
     turn_rate: FloatArray
@@ -153,6 +155,9 @@ def possibilities_of(
         place, velocity = course_held(seen)
         tracks = arc(place[holds, None], velocity[holds, None], 0.0)
         found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
+        place, velocity = heading_held(seen, here.wind)
+        tracks = arc(place[holds, None], velocity[holds, None], 0.0)
+        found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
     if seen.stopped.any():
         tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
         found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, floor))
@@ -204,3 +209,23 @@ def course_held(seen: Seen) -> tuple[ComplexArray, ComplexArray]:
     turned = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
     back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
     return back + turned * (seen.age - LAST_TURN_S), turned
+
+
+def heading_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:
+    """(places, velocities) of those who hold the heading of their last turn since they were heard; m, m/s.
+
+    In a wind that swings the nose turns at another rate than the course, and the wind carries it since.
+
+    Args:
+        seen: silent vehicles.
+        wind: now, toward, m/s.
+    """
+    change = wind - seen.wind
+    heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)
+    air = heard - seen.wind
+    rate_of_air = 1j * seen.turn_rate * heard - change / seen.age
+    turn_rate = np.imag(np.conj(air) * rate_of_air) / np.maximum(np.abs(air), 1.0) ** 2
+    turned = arc(seen.heard_at, air, turn_rate, np.asarray(LAST_TURN_S))
+    held = air * np.exp(1j * turn_rate * LAST_TURN_S)
+    carried = (seen.wind + 0.5 * change) * seen.age
+    return turned + held * (seen.age - LAST_TURN_S) + carried, held + wind

@@ -52,6 +52,9 @@ ABOVE_M = 30.0
 SAFE_M = 30.0
 """Vehicles farther away than this, and what both can fly within the horizon, are not looked at."""
 
+WIND_S = 0.6
+"""A vehicle that was heard this short a time ago flies in the wind of now."""
+
 CHORD_M = 0.5
 """How much shorter chords are than arcs, at most: 0.2 m after 2.4 s of a turn by 0.13 rad/s at 20 m/s."""
 
@@ -199,7 +202,8 @@ class Traffic:
         if not (alone if leader is None else known).any():
             return None
         age[~known] = 0.0
-        self._heard.wind[~silent] = here.wind
+        # That of then: in a wind that swings it is another one two seconds later.
+        self._heard.wind[age <= WIND_S] = here.wind
         place, velocity = self._heard.propagate(age, here.wind)
         keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
@@ -232,6 +236,7 @@ class Traffic:
             believed=believed[rows],
             place=place[rows],
             velocity=velocity[rows],
+            wind=self._heard.wind[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
             hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),
@@ -279,7 +284,7 @@ class Traffic:
         doubted_s = np.maximum.reduce(self._doubted.time, initial=-np.inf)
         if oldest_s > SILENT_S or doubted_s >= here.time_s - FORGET_S:
             return False
-        known.wind[:] = here.wind
+        known.wind[age <= WIND_S] = here.wind
         if leader is None:
             return True
         half_turn = np.exp(0.5j * known.turn_rate * age)

@@ -75,7 +75,7 @@ class Path(ABC):
     @property
     @abstractmethod
     def length(self) -> float:
-        """Once round a closed path, m; infinite for one without end."""
+        """Once round a closed path, or to where it goes round again, m; infinite for one without end."""
 
     @abstractmethod
     def nearest(

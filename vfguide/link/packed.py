@@ -30,7 +30,7 @@ from enum import IntEnum
 from typing import Any
 
 from vfguide.link.codec import LeaderMessage, LinkDataError
-from vfguide.link.presence import Presence
+from vfguide.link.presence import LINKS_LOST, Presence
 
 TAG_SIZE = 8
 KEY_SIZE = 32
@@ -57,7 +57,6 @@ ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
 """Flags of a presence."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
-LINKS_LOST = "links_lost"
 """What becomes of the last two."""
 
 LEADER = 0

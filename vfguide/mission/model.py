@@ -18,9 +18,11 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
+from vfguide.mission.fence import Fence
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
 from vfguide.mission.orders import Slot, TimedOrder
+from vfguide.mission.path_frame import with_frame
 from vfguide.mission.quantity import (
     Duration,
     MissionName,
@@ -198,6 +200,9 @@ class Mission(Section):
     rehearsal: Rehearsal = Rehearsal()
     """How the flight is rehearsed on the computer."""
 
+    fence: Fence = Fence()
+    """Where every vehicle has to stay, beside the fence of a plan; `vfguide check` looks at all slots."""
+
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""
 
@@ -235,7 +240,7 @@ class Mission(Section):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: object) -> object:
-        return completed(data)
+        return with_frame(completed(data))
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

@@ -18,6 +18,9 @@ from vfguide.mission.quantity import (
 from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 
+DEFAULT_MAX_BANK_DEG = 45.0
+"""Where a mission does not say."""
+
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
     lowest, highest = airspeed_range
@@ -78,7 +81,7 @@ class Vehicle(Section):
     airspeed_range_m_s: AirspeedRange = DEFAULT_AIRSPEED_RANGE_M_S
     """Lowest and highest airspeed it may be asked for, m/s."""
 
-    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = 45.0
+    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = DEFAULT_MAX_BANK_DEG
     """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
 
     course_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0

@@ -38,7 +38,13 @@ SERIES = (
 
 SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
 """Those that only a vehicle has whose slot was changed in flight."""
-LEAD_SERIES = ("lead_term", "lead_north_m", "lead_east_m", "lead_course_rad")
+LEAD_SERIES = (
+    "lead_term",
+    "lead_north_m",
+    "lead_east_m",
+    "lead_course_rad",
+    "lead_altitude_amsl_m",
+)
 """More of them, of a mission with deputies."""
 
 
@@ -107,6 +113,8 @@ class VehicleRecord:
     lead_east_m: FloatArray | None = None
     """The same."""
     lead_course_rad: FloatArray | None = None
+    """The same."""
+    lead_altitude_amsl_m: FloatArray | None = None
     """The same."""
 
     @property

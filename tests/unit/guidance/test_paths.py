@@ -11,6 +11,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
 from vfguide.guidance.wind_triangle import resolve
+from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
 from vfguide.paths.circle import Circle
 from vfguide.paths.climb import Climb
@@ -40,6 +41,10 @@ class Round(Curve):
 
 
 EIGHT = Eight(400.0)
+CORNERS = [
+    {"north_m": north, "east_m": east}
+    for north, east in ((0, 0), (700, 100), (600, 700), (1000, 1000), (-100, 1100))
+]
 PATHS: dict[str, Path] = {
     "line": Line(north=10.0, east=20.0, course=2.0),
     "climbing line": Line(north=10.0, east=20.0, course=2.0, climb=Climb(slope=0.1, end=60.0)),
@@ -56,6 +61,10 @@ PATHS: dict[str, Path] = {
         north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=1
     ),
     "eight": EIGHT,
+    "figure-eight": path_of(shape_of({"type": "figure-eight", "half_length_m": 500})),
+    "waypoints": path_of(
+        shape_of({"type": "waypoints", "waypoints": CORNERS, "end": "repeat", "radius_m": 90})
+    ),
 }
 
 
@@ -244,3 +253,26 @@ def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are() -> No
     track = Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1)
     turning = track.at(track.outline(97)).curvature > 0.0
     assert turning.sum() > 40
+
+
+def test_a_figure_eight_is_the_lemniscate_of_its_half_length() -> None:
+    shape = {
+        "type": "figure-eight",
+        "half_length_m": 300,
+        "centre": {"north_m": 50},
+        "course_deg": 90,
+    }
+    path = path_of(shape_of(shape))
+    # Gauss's constant: the lemniscate of half length 1 is 5.2441151085842396 long
+    assert path.length == pytest.approx(300.0 * 5.2441151085842396, rel=1e-12)
+    quarter = path.at(path.length / 4.0)
+    assert (quarter.north, quarter.east) == (pytest.approx(50.0), pytest.approx(300.0))
+    assert quarter.curvature == pytest.approx(3.0 / 300.0, rel=1e-6)
+    middle = path.at(path.length / 2.0)
+    assert (middle.north, middle.east) == (pytest.approx(50.0), pytest.approx(0.0, abs=1e-6))
+    assert middle.curvature == pytest.approx(0.0, abs=1e-9)
+    # out at 45 degrees to the left of its axis, and back at 45 to the left of the other way
+    assert math.degrees(path.at(0.0).course) == pytest.approx(45.0)
+    assert math.degrees(middle.course) == pytest.approx(90.0 + 225.0)
+    other = path_of(shape_of(shape | {"direction": "counterclockwise"}))
+    assert other.at(other.length / 4.0).curvature == pytest.approx(-3.0 / 300.0, rel=1e-6)

@@ -189,7 +189,7 @@ def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
 
 def slot_distances_3d(record: FlightRecord) -> FloatArray:
     """Distances of all followers from their slots in space, m; one row for each follower."""
-    distances = [slot_error(record.leader, one).distance_3d_m for one in record.followers]
+    distances = [slot_error(record.reference, one).distance_3d_m for one in record.followers]
     return np.array(distances).reshape(len(distances), record.time_s.size)
 
 
