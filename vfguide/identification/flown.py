@@ -219,7 +219,7 @@ def answer_sentence(answer: Answer) -> str:
     name = "alpha" if answer.loop == "course" else "beta"
     low, high = bandwidth.value - bandwidth.half_width, bandwidth.value + bandwidth.half_width
     found = (
-        f"{head}: {name} {bandwidth.value:.2f} 1/s, 19 times in 20 within {max(low, 0.0):.2f} to {high:.2f},"
+        f"{head}: {name} {bandwidth.value:.2f} 1/s, probably within {max(low, 0.0):.2f} to {high:.2f},"
         f" {dead_time.value:.2f} s late (+- {dead_time.half_width:.2f})"
     )
     if not answer.good:

@@ -83,6 +83,8 @@ def parse_plan(content: bytes) -> dict[str, Any]:
         raise InputError(f"is no plan (fileType is not Plan); {again}")
     mission = group(data.get("mission"))
     home = numbers(mission.get("plannedHomePosition"), 3)
+    if home and not -500.0 <= home[2] <= 9000.0:
+        raise InputError(f"begins at {home[2]:g} m above mean sea level; move its planned home")
     reader = Reader(home[2] if home else None)
     reader.read(list(flat(mission.get("items"))))
     if len(reader.waypoints) < 2:
@@ -122,8 +124,8 @@ class Reader:
     def read(self, items: list[Mapping[str, Any]]) -> None:
         """Take the items in their order, up to a landing or the way home."""
         for number, item in enumerate(items, start=1):
-            command = item.get("command")
-            if command in ENDS or item.get("complexItemType") in LANDINGS:
+            command = whole(item.get("command"))
+            if command in ENDS or str(item.get("complexItemType")) in LANDINGS:
                 self.left_out.add("the return and the landing")
                 return
             if command in WAYPOINTS or command in LOITERS:
@@ -134,12 +136,12 @@ class Reader:
             elif command in TAKEOFFS:
                 self.left_out.add("take-off")
             else:
-                self.left_out.add(f"command {command}" if isinstance(command, int) else "an item")
+                self.left_out.add("an item" if command is None else f"command {command}")
 
     def _waypoint(self, item: Mapping[str, Any], number: int) -> None:
         latitude, longitude, altitude = position(item, number)
         place = {"latitude_deg": latitude, "longitude_deg": longitude}
-        frame = item.get("frame")
+        frame = whole(item.get("frame"))
         if frame in RELATIVE:
             if self._home_amsl_m is None:
                 raise InputError(
@@ -163,11 +165,10 @@ class Reader:
             self._first_id = item.get("doJumpId")
         self.waypoints.append(place)
         self.loiter_radius_m = 0.0
-        command = item.get("command")
-        if command in LOITERS:
-            parameters = item.get("params")
-            radius = parameters[LOITERS[command]] if isinstance(parameters, list) else None
-            self.loiter_radius_m = radius if is_number(radius) else 0.0
+        place_of_radius = LOITERS.get(whole(item.get("command")) or 0)
+        if place_of_radius is not None:
+            parameters = listed(item, "params")[place_of_radius:]
+            self.loiter_radius_m = float(parameters[0]) if numbers(parameters, 1) else 0.0
 
     def _repeats(self, item: Mapping[str, Any]) -> bool:
         """Whether a jump leads back to the first waypoint."""
@@ -185,7 +186,7 @@ def flat(items: object, depth: int = 0) -> Iterator[Mapping[str, Any]]:
         if not isinstance(item, dict):
             raise InputError("has an item that is no group of fields; save it again")
         inner = group(item.get("TransectStyleComplexItem")).get("Items", item.get("Items"))
-        if item.get("type") == "ComplexItem" and item.get("complexItemType") not in LANDINGS:
+        if item.get("type") == "ComplexItem" and str(item.get("complexItemType")) not in LANDINGS:
             if inner is None:
                 raise InputError(
                     f"has a complex item ({str(item.get('complexItemType'))[:40]}) without its waypoints;"
@@ -266,6 +267,11 @@ def listed(data: Mapping[str, Any], *steps: str) -> list[Any]:
     for step in steps:
         value = group(value).get(step)
     return value if isinstance(value, list) else []
+
+
+def whole(value: object) -> int | None:
+    """A whole number that is not too long to be written; None for anything else."""
+    return value if isinstance(value, int) and abs(value) < 1e9 else None
 
 
 def numbers(value: object, count: int) -> list[float]:
