@@ -62,7 +62,7 @@ def main() -> int:
     for path_name, path in PATHS.items():
         for wind_name, wind in WINDS.items():
             content = {**yaml.safe_load(MISSION.read_text()), "path": path, "wind": wind}
-            content["rehearsal"]["duration_s"] = 200
+            content["rehearsal"]["duration_s"] = 150
             mission = parse_mission(json.dumps(content).encode(), file=str(MISSION)).mission
             summary = fly(mission).summary
             formation = summary.formation
