@@ -204,7 +204,9 @@ class FollowerRole(Role):
         if not isinstance(known, ForeignLeader):
             intended = None if self._carried is not None else self._intended
             point = known.point_beside(leader) if intended is None else intended.planned.point
-            planned = self._planned_height(leader, point, now - leader.time_s + ahead_s)
+            # As it was heard, gusts included: the leader looks ahead by that, too.
+            motion = leader if intended is None else self._followed.newest or leader
+            planned = self._planned_height(motion, point, now - motion.time_s + ahead_s)
         deviation = self._deviation or HeightDeviation(time_s=now)
         if now - deviation.time_s > self._plan.timeouts.leader_s:
             # Nothing is heard of how it goes on beside its plan.

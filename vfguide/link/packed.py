@@ -1,4 +1,4 @@
-"""What a formation says over a radio that all share: packets of at most 50 bytes, each with a short tag.
+"""What a formation says over a radio that all share: packets of at most 49 bytes, each with a short tag.
 
 Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
 first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower), time (u48, 0.1 ms,
@@ -7,7 +7,7 @@ on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 | body of | holds |
 |---|---|
 | a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 11 zeros, since a slot has to be longer the shorter its shortest packet is |
-| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16) |
+| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
@@ -44,7 +44,7 @@ LARGEST_TIME = 2**48 - 1
 HEADER = struct.Struct("<BHB6s")
 BEAT = struct.Struct("<BBBH")
 BEAT_ALONE = struct.Struct("<BBBH11x")
-MOTION = struct.Struct("<iiiHHhhhhBH")
+MOTION = struct.Struct("<ii3sHHhhhhBH")
 QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
 PRESENCE = struct.Struct("<QB10s8s")
@@ -187,7 +187,7 @@ def encode_motion(message: LeaderMessage) -> bytes:
     return MOTION.pack(
         limited(message.latitude_deg * 1e7, 31),
         limited(message.longitude_deg * 1e7, 31),
-        limited(message.altitude_amsl * 1e3, 31),
+        limited(message.altitude_amsl * 1e2, 23).to_bytes(3, "little", signed=True),
         round(message.course % TURN / TURN * 65536) % 65536,
         max(limited(message.ground_speed * 1e2, 16), 0),
         limited(message.acceleration * 1e3, 15),
@@ -278,7 +278,7 @@ def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
         time_s=ticks * TICK_S,
         latitude_deg=latitude * 1e-7,
         longitude_deg=longitude * 1e-7,
-        altitude_amsl=altitude * 1e-3,
+        altitude_amsl=int.from_bytes(altitude, "little", signed=True) * 1e-2,
         course=course * TURN / 65536,
         ground_speed=speed * 1e-2,
         acceleration=acceleration * 1e-3,

@@ -51,6 +51,8 @@ LEVEL = Climb(slope=0.0, end=0.0)
 
 def climb_of(climb_deg: float, end_m: float | None) -> Climb:
     """The profile of a mission's fields; without an end it climbs for ever."""
+    if climb_deg == 0.0:
+        return LEVEL
     slope = math.tan(math.radians(climb_deg))
     end = math.copysign(math.inf, slope) if end_m is None else end_m
     return Climb(slope=slope, end=end)

@@ -13,7 +13,8 @@ MissionWith = Callable[..., Mission]
 
 
 @pytest.mark.parametrize(
-    "name", ["survey-racetrack", "transit-abreast", "figure-eight", "survey-plan"]
+    "name",
+    ["survey-racetrack", "transit-abreast", "figure-eight", "survey-plan", "climb-and-turn"],
 )
 def test_mission_is_flown_within_its_acceptance(name: str, mission_with: MissionWith) -> None:
     summary = summarise(fly_lockstep(mission_with(name)).record)

@@ -52,6 +52,7 @@ SUMMARY = {
             "formation_error_m": SPREAD,
             "along_track_error_m": SPREAD,
             "cross_track_error_m": SPREAD,
+            "height_error_m": SPREAD,
             "limited_fraction": NUMBER,
         },
     },

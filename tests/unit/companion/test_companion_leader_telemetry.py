@@ -24,6 +24,7 @@ LEADER = ForeignLeader(
     least_delay_s=0.2,
     airframe=Airframe(),
     rate_filter_s=0.6,
+    height=100.0,
 )
 
 

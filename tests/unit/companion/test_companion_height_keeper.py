@@ -1,0 +1,115 @@
+"""Speed goes before height where throttle or idle leave no energy for both."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vfguide.companion.height_keeper import HeightKeeper
+from vfguide.companion.own_vehicle import NavigatedState, Place
+from vfguide.companion.plan import FlightPlan
+from vfguide.guidance.height import HeightTarget, held_height
+from vfguide.state import Setpoint, VehicleState
+
+MakePlan = Callable[..., FlightPlan]
+
+PERIOD_S = 0.05
+CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
+
+
+def navigated(time_s: float, airspeed: float) -> NavigatedState:
+    state: VehicleState[float] = VehicleState(
+        time_s=time_s,
+        north=0.0,
+        east=0.0,
+        course=0.0,
+        ground_speed=airspeed,
+        heading=0.0,
+        airspeed=airspeed,
+        wind_north=0.0,
+        wind_east=0.0,
+        wind_rate_north=0.0,
+        wind_rate_east=0.0,
+        wind_jerk_north=0.0,
+        wind_jerk_east=0.0,
+        height=150.0,
+    )
+    return NavigatedState(
+        state=state,
+        place=Place(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
+        period=PERIOD_S,
+        interval=PERIOD_S,
+        altitude_amsl=638.0,
+    )
+
+
+def asked(
+    keeper: HeightKeeper,
+    seconds: float,
+    *,
+    airspeed: Callable[[float], float],
+    wanted: float,
+    target: HeightTarget,
+    steered: bool = True,
+) -> float:
+    """The height that is asked for in the end."""
+    height = 0.0
+    for step in range(round(seconds / PERIOD_S)):
+        now = step * PERIOD_S
+        height = keeper.step(
+            navigated(now, airspeed(now)),
+            target,
+            Setpoint(course=0.0, speed=wanted, limited=False),
+            steered=steered,
+        )
+    return height
+
+
+@pytest.fixture
+def keeper(plan: MakePlan) -> HeightKeeper:
+    return HeightKeeper(plan(vehicle="f1"))
+
+
+def test_a_climb_that_leaves_energy_is_flown_as_wanted(keeper: HeightKeeper) -> None:
+    # beta 0.8: the speed closes 2 m/s by exp(-0.8 t), as declared.
+    def closing(now: float) -> float:
+        return 22.0 - 2.0 * 2.718281828 ** (-0.8 * now)
+
+    assert asked(keeper, 20.0, airspeed=closing, wanted=22.0, target=CLIMB) == 156.0
+
+
+def test_a_climb_gives_way_to_a_speed_that_does_not_come(keeper: HeightKeeper) -> None:
+    height = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
+    assert height < 156.0 - 10.0
+    assert keeper.given_up > 0.0
+
+
+def test_never_more_than_the_climb_is_given_up(keeper: HeightKeeper) -> None:
+    before = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
+    given = keeper.given_up
+    asked(keeper, 1.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
+    # 3 m/s of climb, no descent.
+    assert keeper.given_up - given <= 3.0 + 1e-9
+    assert before > 0.0
+
+
+def test_a_descent_gives_way_to_a_speed_that_does_not_fall(keeper: HeightKeeper) -> None:
+    sink = replace(CLIMB, climb_rate=-3.0, ahead=144.0)
+    assert asked(keeper, 20.0, airspeed=lambda _: 24.0, wanted=20.0, target=sink) > 144.0 + 10.0
+
+
+def test_height_that_was_given_up_is_taken_back(keeper: HeightKeeper) -> None:
+    asked(keeper, 10.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
+    assert keeper.given_up > 5.0
+    height = asked(keeper, 90.0, airspeed=lambda _: 22.0, wanted=22.0, target=held_height(200.0))
+    assert height == pytest.approx(200.0)
+
+
+def test_level_flight_gives_nothing_up(keeper: HeightKeeper) -> None:
+    level = held_height(150.0)
+    assert asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=25.0, target=level) == 150.0
+
+
+def test_nothing_is_learned_while_the_pilot_flies(keeper: HeightKeeper) -> None:
+    height = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=25.0, target=CLIMB, steered=False)
+    assert height == 156.0
