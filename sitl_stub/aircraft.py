@@ -45,10 +45,13 @@ class PlantParameters:
     """Limit of the rate of change of speed, both ways."""
 
     climb_rate_max_m_s: float = 3.0
-    """Limit of climb and of descent."""
+    """Limit of climb."""
 
-    altitude_gain_1_s: float = 0.5
-    """Height hold: climb rate asked for per metre of height error."""
+    sink_rate_max_m_s: float = 3.0
+    """Limit of descent, above zero."""
+
+    height_delay_s: float = 2.0
+    """Height hold: by how much the height lags behind a target that climbs steadily."""
 
     guided_p_cdeg_rad: float = 12_000.0
     """`bank` and `six-dof`: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
@@ -105,7 +108,8 @@ class PlantParameters:
             "airspeed_max_m_s",
             "max_acceleration_m_s2",
             "climb_rate_max_m_s",
-            "altitude_gain_1_s",
+            "sink_rate_max_m_s",
+            "height_delay_s",
             "guided_p_cdeg_rad",
             "roll_time_s",
             "turn_efficiency",

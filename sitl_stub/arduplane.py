@@ -108,7 +108,7 @@ def described(config: AutopilotConfig) -> list[Parameter]:
         real("NAVL1_PERIOD", 17.0),
         real("NAVL1_DAMPING", 0.75),
         real("TECS_CLMB_MAX", plant.climb_rate_max_m_s),
-        real("TECS_SINK_MAX", plant.climb_rate_max_m_s),
+        real("TECS_SINK_MAX", plant.sink_rate_max_m_s),
         real("TECS_TIME_CONST", 5.0),
         real("TECS_SPDWEIGHT", 1.0),
         int16("SCHED_LOOP_RATE", round(config.loop_rate_hz or SETTLED_LOOP_RATE_HZ)),

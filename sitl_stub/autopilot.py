@@ -42,6 +42,7 @@ IGNORED = frozenset(
         "COMMAND_ACK",
         "SYSTEM_TIME",
         "STATUSTEXT",
+        "NAMED_VALUE_FLOAT",
         "MISSION_ACK",
         "RADIO_STATUS",
         "RC_CHANNELS_OVERRIDE",

@@ -20,7 +20,7 @@ from sitl_stub.loops import (
     bank_limited_turn_rate_rad_s,
     bank_of_rad,
     clamped,
-    climb_rate_m_s,
+    climb_acceleration_m_s2,
     turn_rate_rad_s,
 )
 from sitl_stub.targets import Targets, TurnTarget
@@ -69,7 +69,10 @@ class LaggingRates(NamedTuple):
     """Of the airspeed that is held; nothing where the response is not `px4`."""
 
     climb_m_s: float
-    """Positive up."""
+    """Positive up: of the height hold, and what the speed takes out of it."""
+
+    climb_acceleration_m_s2: float
+    """Of the height hold."""
 
     north_m_s: float
     """Ground velocity."""
@@ -88,6 +91,7 @@ def lagging_rates(
     speed_integral_m_s2: float,
     speed_reference_m_s: float,
     altitude_amsl_m: float,
+    climb_m_s: float,
     wind_m_s: tuple[float, float],
 ) -> LaggingRates:
     """All rates at one moment."""
@@ -114,7 +118,7 @@ def lagging_rates(
             heading_rad=heading_rad,
             speed_m_s=airspeed_m_s,
         )
-    climb_m_s = climb_rate_m_s(parameters, targets.height, altitude_amsl_m)
+    climb_rate = climb_acceleration_m_s2(parameters, targets.height, altitude_amsl_m, climb_m_s)
     reference_rate = 0.0
     if parameters.speed_response == "tecs":
         error_m_s = targets.speed.speed_m_s - airspeed_m_s
@@ -134,7 +138,15 @@ def lagging_rates(
         acceleration = acceleration_m_s2(parameters, targets.speed, airspeed_m_s)
         integral_rate = 0.0
     return LaggingRates(
-        turn, acceleration, roll_rate, integral_rate, reference_rate, climb_m_s, north_m_s, east_m_s
+        turn,
+        acceleration,
+        roll_rate,
+        integral_rate,
+        reference_rate,
+        climb_m_s,
+        climb_rate,
+        north_m_s,
+        east_m_s,
     )
 
 

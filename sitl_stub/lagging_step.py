@@ -27,6 +27,7 @@ def rates_of(
         speed_integral_m_s2=state.speed_integral_m_s2,
         speed_reference_m_s=reference_of(state),
         altitude_amsl_m=state.altitude_amsl_m,
+        climb_m_s=state.climb_m_s,
         wind_m_s=wind_m_s,
     )
 
@@ -53,6 +54,7 @@ def displace_by(
         state.roll_rad + span_s * rates.roll_rate_rad_s,
         state.speed_integral_m_s2 + span_s * rates.integral_rate_m_s3,
         reference_of(state) + span_s * rates.reference_rate_m_s2,
+        climb_m_s=state.climb_m_s + span_s * rates.climb_acceleration_m_s2,
     )
 
 

@@ -1,4 +1,7 @@
-"""The inner loops: first order towards their target, within the aircraft's limits."""
+"""The inner loops: towards their target, within the aircraft's limits.
+
+Height is held by a loop of second order, all else by one of first.
+"""
 
 import math
 
@@ -54,10 +57,28 @@ def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_
     return clamped(parameters.beta_1_s * (target.speed_m_s - speed_m_s), limit)
 
 
-def climb_rate_m_s(
+HEIGHT_DAMPING = math.sqrt(0.5)
+"""Of the height hold: it passes its target by 4 % of a step."""
+
+
+def wanted_climb_m_s(
     parameters: PlantParameters, target: HeightTarget, altitude_amsl_m: float
 ) -> float:
-    """Height loop: dh/dt = sat(gain (target - h)), positive up."""
-    limit = min(parameters.climb_rate_max_m_s, target.max_climb_rate_m_s)
-    error_m = target.altitude_amsl_m - altitude_amsl_m
-    return clamped(parameters.altitude_gain_1_s * error_m, limit)
+    """Climb rate that a height error asks for, positive up: sat((target - h) / delay)."""
+    climb = min(parameters.climb_rate_max_m_s, target.max_climb_rate_m_s)
+    sink = min(parameters.sink_rate_max_m_s, target.max_climb_rate_m_s)
+    wanted = (target.altitude_amsl_m - altitude_amsl_m) / parameters.height_delay_s
+    return climb if wanted > climb else max(wanted, -sink)
+
+
+def climb_acceleration_m_s2(
+    parameters: PlantParameters, target: HeightTarget, altitude_amsl_m: float, climb_m_s: float
+) -> float:
+    """Height loop of second order: d2h/dt2 = 2 D w (wanted climb - dh/dt), positive up.
+
+    Within the limits that is w² (target - h) - 2 D w dh/dt. A target that climbs steadily is followed
+    2 D / w later: that is the plant's height delay, by which w is found.
+    """
+    frequency_rad_s = 2.0 * HEIGHT_DAMPING / parameters.height_delay_s
+    wanted_m_s = wanted_climb_m_s(parameters, target, altitude_amsl_m)
+    return 2.0 * HEIGHT_DAMPING * frequency_rad_s * (wanted_m_s - climb_m_s)

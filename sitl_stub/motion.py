@@ -7,7 +7,7 @@ from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import wrap_to_two_pi
 from sitl_stub.lagging_plant import shown_bank_rad
 from sitl_stub.lagging_step import rates_of
-from sitl_stub.loops import bank_of_rad, climb_rate_m_s
+from sitl_stub.loops import bank_of_rad
 from sitl_stub.plant import RATES, with_speed_kind
 from sitl_stub.plant_state import PlantState
 from sitl_stub.rigid_body import air_flow, attitude_rates, body_to_ground, velocity_ned_m_s
@@ -60,7 +60,7 @@ def ideal_motion(
     return Motion(
         north_m_s,
         east_m_s,
-        -climb_rate_m_s(plant, targets.height, state.altitude_amsl_m),
+        -state.climb_m_s,
         wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
         ground_speed_m_s,
         wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s)),

@@ -5,7 +5,7 @@ Two plants of first order, chosen by name; `lagging_plant` has the one whose rol
 aircraft. `course-hold` is the article's model: the loops act on course and ground speed, and the wind only
 enters where an airspeed is held.
 
-Both fly in the horizontal plane; height is a first-order hold beside it, and the climb angle's share
+Both fly in the horizontal plane; height is a hold of second order beside it, and the climb angle's share
 in the ground speed (below 1 % at 3 m/s of climb) is left out.
 """
 
@@ -21,9 +21,9 @@ from sitl_stub.geometry import (
     ground_speed_along_m_s,
     wrap_to_two_pi,
 )
-from sitl_stub.loops import acceleration_m_s2, climb_rate_m_s, turn_rate_rad_s
+from sitl_stub.loops import acceleration_m_s2, climb_acceleration_m_s2, turn_rate_rad_s
 from sitl_stub.plant_state import PlantState
-from sitl_stub.targets import SpeedKind, Targets
+from sitl_stub.targets import HeightTarget, SpeedKind, Targets
 
 __all__ = [
     "MAX_STEP_S",
@@ -145,6 +145,7 @@ def with_speed_kind(
         state.latitude_rad,
         state.longitude_rad,
         state.altitude_amsl_m,
+        climb_m_s=state.climb_m_s,
     )
 
 
@@ -180,9 +181,9 @@ def stepped(
         )
     else:
         speed_m_s = max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s))
-    climb_m_s = climb_rate_m_s(parameters, targets.height, state.altitude_amsl_m)
-    middle_altitude_m = state.altitude_amsl_m + half_s * climb_m_s
-    middle_climb_m_s = climb_rate_m_s(parameters, targets.height, middle_altitude_m)
+    middle_altitude_m, altitude_m, climb_m_s = height_step(
+        parameters, targets.height, state.altitude_amsl_m, state.climb_m_s, step_s
+    )
     latitude_rad, longitude_rad = displace(
         state.latitude_rad,
         state.longitude_rad,
@@ -196,5 +197,21 @@ def stepped(
         kind,
         latitude_rad,
         longitude_rad,
-        state.altitude_amsl_m + step_s * middle_climb_m_s,
+        altitude_m,
+        climb_m_s=climb_m_s,
     )
+
+
+def height_step(
+    parameters: PlantParameters,
+    target: HeightTarget,
+    altitude_m: float,
+    climb_m_s: float,
+    step_s: float,
+) -> tuple[float, float, float]:
+    """(height half way, height, climb rate) one midpoint step later, m and m/s."""
+    half_s = 0.5 * step_s
+    rate = climb_acceleration_m_s2(parameters, target, altitude_m, climb_m_s)
+    middle_m, middle_m_s = altitude_m + half_s * climb_m_s, climb_m_s + half_s * rate
+    rate = climb_acceleration_m_s2(parameters, target, middle_m, middle_m_s)
+    return middle_m, altitude_m + step_s * middle_m_s, climb_m_s + step_s * rate

@@ -42,3 +42,6 @@ class PlantState:
 
     body: Body | None = None
     """Of the `six-dof` plant; None before its first step in the air."""
+
+    climb_m_s: float = 0.0
+    """Of the height hold, positive up; the `six-dof` plant has its own in its body."""

@@ -20,7 +20,7 @@ from sitl_stub.air import Wind
 from sitl_stub.aircraft import PLANTS, PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
-from sitl_stub.loops import bank_of_rad, climb_rate_m_s
+from sitl_stub.loops import bank_of_rad, climb_acceleration_m_s2
 from sitl_stub.motion import Motion, body_motion, ideal_motion, lagging_motion
 from sitl_stub.plant import MAX_STEP_S, stepped
 from sitl_stub.plant_state import PlantState
@@ -245,7 +245,7 @@ class AirRates:
 class AirPlant(Plant):
     """An aircraft that flies where its nose points, in air that carries it: a subclass says how it answers.
 
-    Height is a first-order hold beside it. Airspeed stays within the range of the parameters.
+    Height is a hold of second order beside it. Airspeed stays within the range of the parameters.
     """
 
     memory: ClassVar[tuple[float, ...]] = ()
@@ -271,7 +271,7 @@ class AirPlant(Plant):
         return Motion(
             north,
             east,
-            -climb_rate_m_s(self.parameters, targets.height, state.altitude_amsl_m),
+            -state.climb_m_s,
             wrap_to_two_pi(seen.course_rad),
             math.hypot(north, east),
             state.direction_rad,
@@ -303,7 +303,9 @@ class AirPlant(Plant):
         seen, parameters = self._seen(at, wind_m_s), self.parameters
         rates = self.rates(targets, seen)
         north, east = over_ground(seen, wind_m_s)
-        climb_m_s = climb_rate_m_s(parameters, targets.height, at.altitude_amsl_m)
+        climb_rate = climb_acceleration_m_s2(
+            parameters, targets.height, at.altitude_amsl_m, at.climb_m_s
+        )
         latitude, longitude = displace(
             state.latitude_rad,
             state.longitude_rad,
@@ -324,10 +326,11 @@ class AirPlant(Plant):
             "airspeed",
             latitude,
             longitude,
-            state.altitude_amsl_m + span_s * climb_m_s,
+            state.altitude_amsl_m + span_s * at.climb_m_s,
             memory=tuple(
                 value + span_s * rate for value, rate in zip(memory, rates.memory, strict=True)
             ),
+            climb_m_s=state.climb_m_s + span_s * climb_rate,
         )
 
 

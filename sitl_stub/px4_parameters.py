@@ -21,7 +21,7 @@ def px4_parameters(config: AutopilotConfig) -> Parameters:
             real("FW_P_LIM_MAX", 30.0),
             real("FW_P_LIM_MIN", -30.0),
             real("FW_T_CLMB_MAX", plant.climb_rate_max_m_s),
-            real("FW_T_SINK_MAX", plant.climb_rate_max_m_s),
+            real("FW_T_SINK_MAX", plant.sink_rate_max_m_s),
             real("NPFG_PERIOD", 10.0),
             real("NPFG_DAMPING", 0.7),
             real("COM_OF_LOSS_T", 1.0),

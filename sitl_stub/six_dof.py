@@ -14,7 +14,7 @@ from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import wanted_bank_rad
-from sitl_stub.loops import GRAVITY_M_S2, acceleration_m_s2, clamped, climb_rate_m_s
+from sitl_stub.loops import GRAVITY_M_S2, acceleration_m_s2, clamped, wanted_climb_m_s
 from sitl_stub.plant_state import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
@@ -126,7 +126,7 @@ def six_dof_rates(
     rate = path_acceleration_m_s2(body, flow, down / flow.airspeed_m_s)
     slow_rate = rate + (flow.airspeed_m_s - body.slow_airspeed_m_s) / AIRSPEED_S
     speed_rate = acceleration_m_s2(parameters, targets.speed, body.slow_airspeed_m_s) / GRAVITY_M_S2
-    path = climb_rate_m_s(parameters, targets.height, altitude_amsl_m) / flow.airspeed_m_s
+    path = wanted_climb_m_s(parameters, targets.height, altitude_amsl_m) / flow.airspeed_m_s
     speed_missing = speed_rate - rate / GRAVITY_M_S2
     path_missing = path + down / flow.airspeed_m_s
     energy_missing, balance_missing = path_missing + speed_missing, path_missing - speed_missing

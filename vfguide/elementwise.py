@@ -69,6 +69,11 @@ def greater_of(first: Number, second: Number | float) -> Number:
     return np.maximum(first, second)
 
 
+def isfinite(value: Number) -> bool | BoolArray:
+    """Whether a value is a number, and not infinite."""
+    return math.isfinite(value) if isinstance(value, float) else np.isfinite(value)
+
+
 def like(value: float, other: Number) -> Number:
     """A constant in the shape of another value."""
     return other * 0.0 + value

@@ -11,20 +11,25 @@ from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Any
 
+from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.fly import keep
 from vfguide.commands.fly_live import flown_live
+from vfguide.commands.order import order_of
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, described_error
 from vfguide.extras import PLOTTING, import_extra, require
 from vfguide.lab.export.columns import parts_of
+from vfguide.lab.ordering import Outcome, give_order
 from vfguide.lab.rehearsal import lockstep
 from vfguide.lab.report.geometry import SlotError, slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
 from vfguide.lab.studies.spread import executor_on, flown_by
 from vfguide.laws.base import Law
+from vfguide.link.address import parse_links
+from vfguide.link.watch import Watched
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
 from vfguide.mission.model import Mission
@@ -154,6 +159,44 @@ def load_mission(file: str | Path) -> Mission:
         InputError: it cannot be read, or is no mission; lists every fault that was found.
     """
     return load_file(Path(file))
+
+
+def order(
+    mission: Mission,
+    what: str,
+    *,
+    links: Sequence[str],
+    spacing: float | None = None,
+    keys: str | Path | None = None,
+    dry_run: bool = False,
+    tell: Callable[[str], None] = print,
+) -> Outcome:
+    """Order a formation in the air to change, as `vfguide order` does.
+
+    Args:
+        mission: of the formation.
+        what: as on the command line, such as "vee" or "swap f1 f2".
+        links: addresses of the formation's links.
+        spacing: between neighbours, m.
+        keys: the mission's file, beside which the operator's key and the roster are; None signs nothing.
+        dry_run: whether to rehearse it only.
+        tell: takes a line for each thing that happens.
+
+    Raises:
+        InputError: an address, a key or the order is wrong, or it cannot be carried out.
+        VfguideError: no link stands, or the formation is not heard.
+    """
+    files = KeyFiles(mission=Path(keys or "mission.yaml"), insecure=keys is None)
+    credentials = files.of_operator()
+    watched = Watched(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.timekeeper,
+        roster=credentials.roster,
+        key=credentials.key,
+    )
+    wanted = order_of(what.split(), spacing)
+    return asyncio.run(give_order(mission, wanted, watched, tell=tell, dry_run=dry_run))
 
 
 def fly(

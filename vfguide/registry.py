@@ -157,7 +157,11 @@ paths = Registry(
     own={
         "line": "vfguide.paths.line",
         "circle": "vfguide.paths.circle",
+        "helix": "vfguide.paths.helix",
         "racetrack": "vfguide.paths.racetrack",
+        "figure-eight": "vfguide.paths.figure_eight",
+        "waypoints": "vfguide.paths.waypoints",
+        "plan": "vfguide.paths.plan",
     },
 )
 """Paths that leaders follow."""

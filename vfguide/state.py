@@ -136,6 +136,12 @@ class Airframe:
     """Time constant of the acceleration, s."""
     speed_hold: SpeedHold = "first-order"
     """What kind of hold beta is of."""
+    height_delay: float = 2.0
+    """By how much the height lags behind one that climbs steadily, s."""
+    climb_max: float = 4.0
+    """m/s."""
+    sink_max: float = 3.0
+    """m/s, above zero."""
 
     @property
     def is_ideal(self) -> bool:

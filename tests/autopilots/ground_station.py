@@ -125,7 +125,7 @@ class GroundStation:
         values = (*parameters, *(0.0,) * (7 - len(parameters)))
         message = mavlink.MAVLink_command_long_message(self.system_id, 1, number, 0, *values)
         self.results.pop(number, None)
-        self._send(message)
+        self.send(message)
 
     def ask_for(self, message_id: int, rate_hz: float) -> None:
         """Ask for a message at a rate."""
@@ -138,7 +138,7 @@ class GroundStation:
 
     def ask_for_parameter(self, name: str) -> None:
         """Ask for the value of a parameter."""
-        self._send(mavlink.MAVLink_param_request_read_message(self.system_id, 1, name.encode(), -1))
+        self.send(mavlink.MAVLink_param_request_read_message(self.system_id, 1, name.encode(), -1))
 
     def stop_sending(self, message_ids: Iterable[int]) -> None:
         """Ask for none of these messages."""
@@ -154,7 +154,7 @@ class GroundStation:
         kind = mavlink.MAV_PARAM_TYPE_INT32 if whole else mavlink.MAV_PARAM_TYPE_REAL32
         sent = struct.unpack("<f", struct.pack("<i", round(value)))[0] if whole else value
         self.parameters.pop(name, None)
-        self._send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), sent, kind))
+        self.send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), sent, kind))
 
     def wait(
         self,
@@ -189,7 +189,8 @@ class GroundStation:
             for name in Fix.__dataclass_fields__
         }
 
-    def _send(self, message: MAVLink_message) -> None:
+    def send(self, message: MAVLink_message) -> None:
+        """Send a message."""
         with self._lock, suppress(OSError):
             self._socket.sendall(message.pack(self._writer))
 
@@ -199,7 +200,7 @@ class GroundStation:
         while not self._ends.is_set():
             if self._flight_clock.now() - self._sent_heartbeat_s >= HEARTBEAT_S:
                 self._sent_heartbeat_s = self._flight_clock.now()
-                self._send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+                self.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
             try:
                 data = self._socket.recv(65_536)
             except TimeoutError:

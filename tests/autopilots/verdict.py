@@ -75,6 +75,10 @@ class Verdict:
     """From the slots at the leader as it truly was, in its true course."""
     intended: Spread
     """From the slots at the leader's true place, in the course of the path there."""
+    in_space: Spread
+    """From the same slots, heights included."""
+    height: Spread
+    """Of the heights alone."""
     followers: dict[str, float]
     """Mean distance of each follower from its slot at the leader as it was, m."""
     at_end: dict[str, float]
@@ -103,6 +107,7 @@ class Verdict:
             title + kept,
             *(f"{value:.2f}" for value in asdict(self.intended).values()),
             *(f"{value:.2f}" for value in asdict(self.as_it_is).values()),
+            *(f"{value:.2f}" for value in asdict(self.in_space).values()),
             f"{self.nearest_horizontal.distance_m:.1f}",
             f"{self.nearest.distance_m:.1f}",
         ]
@@ -115,6 +120,9 @@ COLUMNS = (
     "95 %",
     "greatest",
     "as it is: mean, m",
+    "95 %",
+    "greatest",
+    "intended, in space: mean, m",
     "95 %",
     "greatest",
     "nearest two, level, m",
@@ -140,6 +148,7 @@ def flight_record(
                 system_id=mission.vehicles[name].system_id,
                 slot_forward_m=0.0 if follower is None else follower.slot.forward_m,
                 slot_right_m=0.0 if follower is None else follower.slot.right_m,
+                slot_up_m=0.0 if follower is None else follower.slot.up_m,
                 north_m=track.north_m,
                 east_m=track.east_m,
                 altitude_amsl_m=track.altitude_amsl_m,
@@ -199,12 +208,17 @@ def judge(
     gone = {name for one in faults for name in one.fault.without}
     kept = [one for one in record.followers if one.name not in gone]
     true = np.array([slot_error(record.leader, one).distance_m for one in kept])
-    meant = np.array([slot_error(intended, one).distance_m for one in kept])
+    meant_errors = [slot_error(intended, one) for one in kept]
+    meant = np.array([one.distance_m for one in meant_errors])
+    in_space = np.array([one.distance_3d_m for one in meant_errors])
+    heights = np.abs([one.up_m for one in meant_errors])
     begins_s = [one.began_s for one in faults]
     return Verdict(
         window_s=(float(time_s[window][0]), float(last)),
         as_it_is=spread(true[:, window]),
         intended=spread(meant[:, window]),
+        in_space=spread(in_space[:, window]),
+        height=spread(heights[:, window]),
         followers={
             one.name: float(row[window].mean()) for one, row in zip(kept, true, strict=True)
         },

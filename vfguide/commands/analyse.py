@@ -5,7 +5,11 @@ from pathlib import Path
 
 from vfguide.commands.output import RECORD_NAME, REPORT_NAMES, refuse_foreign, whole_file
 from vfguide.commands.report import write_report_of
+from vfguide.commands.terminal import Terminal
+from vfguide.companion.plan import flight_plan
+from vfguide.companion.supervisor import Mode
 from vfguide.mission.model import Mission
+from vfguide.record.flight import FlightRecord
 
 
 def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: bool) -> None:
@@ -27,3 +31,26 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
     write_report_of(record, out)
     with whole_file(out / RECORD_NAME) as partial:
         record.save(partial)
+    tell_responses(mission, record)
+
+
+def tell_responses(mission: Mission, record: FlightRecord) -> None:
+    """Print how each autopilot answered, how sure that is, and lines for the mission file."""
+    from vfguide.identification.flown import (
+        Answer,
+        answer_sentence,
+        flown_profile,
+        flown_responses,
+    )
+    from vfguide.lab.debrief.logged_flight import LOGGED_MODES
+
+    output = Terminal()
+    answers: list[Answer] = []
+    guided = record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
+    for vehicle in record.vehicles:
+        airframe = flight_plan(mission, vehicle.name).airframe
+        answers += flown_responses(record.time_s, vehicle, vehicle.mode == guided, airframe)
+    for answer in answers:
+        output.tell(answer_sentence(answer))
+    if profile := flown_profile(answers):
+        output.tell(f"to be put under `vehicles` in the mission:\n{profile}")

@@ -1,17 +1,12 @@
-"""`vfguide companion`: the daemon for one real vehicle.
-
-Structured logs: one JSON object on each line of standard error.
-"""
+"""`vfguide companion`: the daemon for one real vehicle."""
 
 import asyncio
-import json
 import logging
-import sys
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.logs import LogFormat, log_to_standard_error
 from vfguide.commands.vehicles import check_deputies, check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
@@ -24,34 +19,6 @@ from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.signing import signing_key
 from vfguide.mission import Mission
 from vfguide.record.recording import begin_recording
-
-STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
-"""What every log record has; the rest came with `extra`."""
-
-
-class JsonFormatter(logging.Formatter):
-    """Time, level, logger and message, then whatever else the record carries."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """One line."""
-        content: dict[str, object] = {
-            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
-            "level": record.levelname.lower(),
-            "logger": record.name,
-            "message": record.getMessage(),
-        }
-        content |= {key: value for key, value in vars(record).items() if key not in STANDARD}
-        if record.exc_info:
-            content["exception"] = self.formatException(record.exc_info)
-        return json.dumps(content, default=str)
-
-
-def log_to_standard_error() -> None:
-    """Send every log record of this process to standard error, a line each."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonFormatter())
-    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
-
 
 logger = logging.getLogger(__name__)
 
@@ -70,6 +37,7 @@ def run_companion(
     state: Path | None = None,
     leader: str | None = None,
     follow_target: str | None = None,
+    log_format: LogFormat = LogFormat.AUTO,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
 
@@ -97,7 +65,7 @@ def run_companion(
         key=credentials.key,
     )
     key = None if signing_key_file is None else read_key(signing_key_file)
-    log_to_standard_error()
+    log_to_standard_error(log_format, vehicle)
     if not trust.signs:
         logger.warning(
             "--insecure: messages are not signed, and anybody on the link can lead this vehicle"

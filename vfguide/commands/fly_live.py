@@ -237,8 +237,14 @@ async def flown_live(
         console: whether to show the flight on a page.
 
     Raises:
+        InputError: the mission has a time table of orders.
         VfguideError: a process that should not has ended, or none of the links stands.
     """
+    if mission.orders:
+        raise InputError(
+            "orders: only a flight in virtual time has a time table; leave --live out, or take the orders"
+            " out of the mission and give them with `vfguide order`"
+        )
     async with AsyncExitStack() as stack:
         if not links:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))

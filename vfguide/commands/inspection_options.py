@@ -89,6 +89,13 @@ def console(
     certificate_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Private key of the certificate, PEM.")
     ] = None,
+    published: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="In a container: the loopback address of the host at which its port is published.",
+        ),
+    ] = None,
     token: Annotated[
         Path | None,
         typer.Option(
@@ -109,7 +116,11 @@ def console(
     from vfguide.lab.console.server import Address
 
     address = Address(
-        host=host, port=port, certificate=certificate, certificate_key=certificate_key
+        host=host,
+        port=port,
+        certificate=certificate,
+        certificate_key=certificate_key,
+        published=published,
     )
     if replay:
         if mission is not None or link:

@@ -18,8 +18,8 @@ from rich.text import Text
 from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.terminal import Terminal
 from vfguide.link.address import parse_links
-from vfguide.link.presence import Presence
-from vfguide.link.watch import Watched, check_connected, presences, watching
+from vfguide.link.presence import LINKS_LOST, Presence
+from vfguide.link.watch import HEARD_SHARE, Watched, check_connected, watching
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import check_mission
 
@@ -29,6 +29,9 @@ LISTEN_S = 1.5
 SILENT_S, SILENT_TURNS = 5.0, 2.5
 """A companion that has not said for so long how it is counts as gone: a kept presence may be old. On a slow
 link that is more than two of its turns."""
+
+LOOK_S = 0.05
+"""Between looks at what has come in."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 
@@ -67,7 +70,7 @@ def show_status(
     if watch:
         asyncio.run(keep_showing(mission, watched, output, as_json=as_json))
         return ALL_THERE
-    found = asyncio.run(presences(watched, seconds=LISTEN_S, random=Random()))
+    found = asyncio.run(living_presences(watched))
     if as_json:
         output.tell(json.dumps(status_json(mission, found), indent=2))
     else:
@@ -75,6 +78,26 @@ def show_status(
         output.tell(readiness(mission, found))
     online = all(name in found and found[name].status == "online" for name in mission.companions)
     return ALL_THERE if online else SOME_MISSING
+
+
+async def living_presences(watched: Watched) -> dict[str, Presence]:
+    """What each vehicle says about itself; who is not heard a second time is offline.
+
+    Raises:
+        VfguideError: no link stands.
+    """
+    loop, beats = asyncio.get_running_loop(), Beats()
+    async with watching(watched, random=Random()) as (link, current):
+        check_connected(link)
+        slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        least_s = max(LISTEN_S, HEARD_SHARE * slowest_s)
+        longest_s = max(SILENT_S, SILENT_TURNS * slowest_s)
+        began_s, passed_s = loop.time(), 0.0
+        while passed_s < least_s or (beats.missing(current) and passed_s < longest_s):
+            await asyncio.sleep(LOOK_S)
+            passed_s = loop.time() - began_s
+        check_connected(link)
+        return beats.judge(current, passed_s)
 
 
 async def keep_showing(
@@ -106,6 +129,31 @@ async def keep_showing(
                 with suppress(TimeoutError):
                     async with asyncio.timeout(WATCH_S):
                         await ended.wait()
+
+
+class Beats:
+    """Who has said twice how it is: a broker keeps the last word of a companion that is gone."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, float] = {}
+
+    def missing(self, found: Mapping[str, Presence]) -> list[str]:
+        """Vehicles that are online by the only presence of them that was heard."""
+        return [
+            name
+            for name, presence in found.items()
+            if presence.status == "online"
+            and self._first.setdefault(name, presence.time_s) == presence.time_s
+        ]
+
+    def judge(self, found: Mapping[str, Presence], listened_s: float) -> dict[str, Presence]:
+        """The presences, those of which no second one was heard in so long (s) as offline."""
+        silent = f"nothing new of its companion in {listened_s:.0f} s: it may be gone"
+        gone = self.missing(found)
+        return {
+            name: replace(one, status="offline", obstacle=silent) if name in gone else one
+            for name, one in found.items()
+        }
 
 
 class Freshness:
@@ -154,8 +202,8 @@ def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
             against.append(f"{name}: {presence.obstacle}")
         elif not presence.signed:
             against.append(f"{name}: its messages are not signed (--insecure)")
-        elif presence.figures.get("links_lost", 0.0) > 0.0:
-            against.append(f"{name}: {presence.figures['links_lost']:.0f} of its links is lost")
+        elif presence.figures.get(LINKS_LOST, 0.0) > 0.0:
+            against.append(f"{name}: {presence.figures[LINKS_LOST]:.0f} of its links is lost")
     if len(versions) > 1:
         against.append(f"companions of different versions: {', '.join(sorted(versions))}")
     if against:

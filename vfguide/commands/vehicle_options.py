@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from vfguide.commands.logs import LogFormat
 from vfguide.commands.shared_options import (
     AutopilotUrl,
     Insecure,
@@ -71,6 +72,12 @@ def companion(
             help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
         ),
     ] = None,
+    log_format: Annotated[
+        LogFormat,
+        typer.Option(
+            help="How the log is written to standard error; auto: text on a terminal, else JSON lines."
+        ),
+    ] = LogFormat.AUTO,
     clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the companion of one vehicle, until SIGTERM.
@@ -94,6 +101,7 @@ def companion(
         state=state,
         leader=leader,
         follow_target=follow_target,
+        log_format=log_format,
     )
 
 

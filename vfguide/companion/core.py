@@ -20,6 +20,7 @@ from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
 from vfguide.companion.setpoint_guard import SetpointGuard
@@ -70,6 +71,12 @@ FAILURE_S = 10.0
 
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""
+
+ALTITUDE_STEP_M = 0.02
+"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
+
+ALTITUDE_DIGITS = 2
+"""Decimals of an altitude: autopilots keep centimetres."""
 
 CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
 """In the place of a step in height."""
@@ -129,6 +136,7 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
+        self._plotted = PlottedValues()
         self._call_time: float | None = None
         self._awake_time = -math.inf
         self._old_datagrams = 0
@@ -160,7 +168,7 @@ class Companion:
         self._parameter_check = (
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
         )
-        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe)
         self._wind: tuple[float, float] | None = None
 
     @property
@@ -315,6 +323,8 @@ class Companion:
             if event.tell:
                 self._announcer.warn(event.text, now)
         messages += self._announcer.due(now)
+        if self._authority.connected and not self._stopped:
+            messages += self._plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
         out.to_leader = self._role.to_leader(now)
         return out
@@ -338,7 +348,7 @@ class Companion:
         self._arrangements.adopt(plan)
         self._role = role_of(plan, self._clock, self._arrangements)
         self._guard = SetpointGuard(plan)
-        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first.
@@ -442,6 +452,7 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
+        self._plotted.note(step, now)
         out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
@@ -450,23 +461,23 @@ class Companion:
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return []
+        wanted = self._plan.frame.altitude_m + step.height
         self._ready = True
         messages: list[MAVLink_message] = []
         if self._mode.steers and self._authority.is_current(now):
             self._authority.note_steering()
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
-            altitude = self._plan.altitude_amsl + step.climb_m
+            altitude = wanted + step.climb_m
             if step.climb_m != 0.0 and not self._adapter.holds_altitude:
                 out.warn(CANNOT_CLIMB, now)
             messages += self._steer(self._asked(setpoint, altitude, navigated), now)
             out.steered = True
             out.warn(self._tracking.watch(navigated.state, setpoint), now)
             if not self._adapter.holds_altitude:
-                out.warn(self._tracking.watch_altitude(navigated.place.altitude_amsl), now)
+                off = navigated.place.altitude_amsl - wanted
+                out.warn(self._tracking.watch_altitude(off), now)
         elif self._mode is not Mode.LOST and self._authority.recognised:
-            ready = self._adapter.stay_ready(
-                self._asked(setpoint, self._plan.altitude_amsl, navigated)
-            )
+            ready = self._adapter.stay_ready(self._asked(setpoint, wanted, navigated))
             messages += self._stream.due(ready, now)
         return messages
 
@@ -487,7 +498,7 @@ class Companion:
         return AutopilotSetpoint(
             course=setpoint.course + self._own.course_offset,
             speed=self._reported(setpoint.speed),
-            altitude_amsl=altitude,
+            altitude_amsl=round(altitude, ALTITUDE_DIGITS),
             latitude_deg=navigated.place.latitude_deg,
             longitude_deg=navigated.place.longitude_deg,
         )
@@ -496,7 +507,8 @@ class Companion:
         """Messages that carry a setpoint, and the altitude when it is new and now and then."""
         messages = self._stream.due(self._adapter.fly(setpoint), now)
         altitude = setpoint.altitude_amsl
-        if altitude != self._altitude or now - self._altitude_time >= ALTITUDE_S:
+        moved = abs(altitude - self._altitude) >= ALTITUDE_STEP_M
+        if moved or now - self._altitude_time >= ALTITUDE_S:
             self._altitude_time, self._altitude = now, altitude
             messages += self._adapter.hold_altitude(altitude)
         return messages

@@ -9,6 +9,7 @@ from vfguide.angles import wrap_angle
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
+from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import (
@@ -26,6 +27,16 @@ from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
 from vfguide.guidance.formation import Slot, extrapolate_by_rates, formation_error, slot_motion
+from vfguide.guidance.height import (
+    PLANNED_S,
+    UNPLANNED_S,
+    HeightDeviation,
+    HeightTarget,
+    followed_height,
+    height_deviation,
+    held_height,
+    path_height,
+)
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     intended_at_first,
@@ -34,6 +45,7 @@ from vfguide.guidance.intended_motion import (
 )
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.observed_motion import carried_on
+from vfguide.guidance.path import PathPoint
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
@@ -125,6 +137,10 @@ class FollowerRole(Role):
         )
         self._carried: LeaderState[float] | None = None
         self._intended: IntendedMotion | None = None
+        self._deviation: HeightDeviation | None = None
+        self._height = HeightKeeper(plan)
+        self._asked_height = plan.height
+        self._leader_height: float | None = None
         self._wind = (0.0, 0.0)
         self._breakaway_course: float | None = None
 
@@ -143,9 +159,14 @@ class FollowerRole(Role):
     def _intend(self) -> None:
         """Find out how the leader means to fly, by what it was just heard to do."""
         heard, before, known = self._followed.newest, self._intended, self._known_leader()
-        if heard is None or isinstance(known, ForeignLeader):
+        if heard is None:
+            return
+        if isinstance(known, ForeignLeader):
+            self._note_height(heard, held_height(known.height), UNPLANNED_S)
             return
         planned = planned_motion(heard, known, self._wind)
+        at_once = self._planned_height(heard, planned.point, 0.0)
+        self._note_height(heard, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -154,6 +175,53 @@ class FollowerRole(Role):
         else:
             as_planned = slot_frame == "plan"
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
+
+    def _note_height(
+        self, heard: LeaderState[float], planned: HeightTarget, memory_s: float
+    ) -> None:
+        """Find out by how much the leader flies above what is planned for it."""
+        if self._task.follows_height:
+            self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
+
+    def _planned_height(
+        self, leader: LeaderState[float], point: PathPoint[float], ahead_s: float
+    ) -> HeightTarget:
+        """What the mission says of the leader's height; on the circle of a hold, the one where it began."""
+        known = self._task.leader
+        if isinstance(known, ForeignLeader):
+            return held_height(known.height)
+        if self._arrangements.circle is not None and self._leader_height is not None:
+            return held_height(self._leader_height)
+        found = path_height(known.path, point, leader, flying=known.height, ahead_s=ahead_s)
+        self._leader_height = found.height
+        return found
+
+    def _height_target(self, navigated: NavigatedState, leader: LeaderState[float]) -> HeightTarget:
+        """How high the slot is: now, and when a setpoint takes effect."""
+        known, now = self._known_leader(), navigated.state.time_s
+        ahead_s = self._height.delay_s(navigated)
+        planned = held_height(known.height)
+        if not isinstance(known, ForeignLeader):
+            intended = None if self._carried is not None else self._intended
+            point = known.point_beside(leader) if intended is None else intended.planned.point
+            planned = self._planned_height(leader, point, now - leader.time_s + ahead_s)
+        deviation = self._deviation or HeightDeviation(time_s=now)
+        if now - deviation.time_s > self._plan.timeouts.leader_s:
+            # Nothing is heard of how it goes on beside its plan.
+            deviation = replace(deviation, climb_rate=0.0)
+        target = followed_height(
+            planned, deviation, flying=known.height, now_s=now, ahead_s=ahead_s
+        )
+        (up, rate), (up_ahead, _) = self._slot_height(now), self._slot_height(now + ahead_s)
+        return HeightTarget(
+            height=target.height + up,
+            climb_rate=target.climb_rate + rate,
+            ahead=target.ahead + up_ahead,
+        )
+
+    def _slot_height(self, time_s: float) -> tuple[float, float]:
+        """(height of the slot above the leader in m, its rate in m/s) at a time of the own clock, s."""
+        return self._arrangements.height(self._plan.name, time_s) or (self._plan.up, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
@@ -225,11 +293,6 @@ class FollowerRole(Role):
         """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
         return self._arrangements.slot(self._plan.name, time_s) or self._task.slot
 
-    def _climb(self, time_s: float) -> float:
-        """What was ordered to be added to the mission's height, m."""
-        height = self._arrangements.height(self._plan.name, time_s)
-        return 0.0 if height is None else height[0] - self._plan.up
-
     def _known_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader: on the mission's path, or on the circle of a hold."""
         known, circle = self._task.leader, self._arrangements.circle
@@ -245,7 +308,13 @@ class FollowerRole(Role):
         publish = self._own_state(navigated, motion, mode)
         leader = self._leader_at(navigated)
         if leader is None:
-            return RoleStep(setpoint=None, distance=math.inf, lyapunov=math.nan, publish=publish)
+            return RoleStep(
+                setpoint=None,
+                height=self._asked_height,
+                distance=math.inf,
+                lyapunov=math.nan,
+                publish=publish,
+            )
         breaks_away = mode is Mode.BREAKAWAY
         if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):
@@ -273,12 +342,19 @@ class FollowerRole(Role):
             steered=mode.steers,
         )
         self._avoiding = mode.steers and avoidance.setpoint is not None
+        setpoint = avoidance.setpoint or setpoint
+        if not breaks_away:
+            target = self._height_target(navigated, leader)
+            self._asked_height = self._height.step(navigated, target, setpoint, steered=mode.steers)
         return RoleStep(
-            setpoint=avoidance.setpoint or setpoint,
+            setpoint=setpoint,
+            height=self._asked_height,
             distance=self._distance,
             lyapunov=guidance.lyapunov,
             publish=publish,
-            climb_m=avoidance.climb_m + self._climb(navigated.state.time_s),
+            climb_m=avoidance.climb_m,
+            along_track=error.along_track,
+            cross_track=error.cross_track,
             slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
         )
 

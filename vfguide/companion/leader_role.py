@@ -8,6 +8,7 @@ from typing import Any
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
+from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import Role, RoleStep
@@ -15,6 +16,7 @@ from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
+from vfguide.guidance.height import held_height, path_height
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -54,6 +56,8 @@ class LeaderRole(Role):
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
+        self._height = HeightKeeper(plan)
+        self._planned_height = plan.height
 
     @property
     def counters(self) -> Counter[str]:
@@ -81,8 +85,22 @@ class LeaderRole(Role):
             lambda: self._intent(navigated.state, distance),
             steered=mode.steers,
         )
+        setpoint = avoidance.setpoint or setpoint
+        if self._arrangements.circle is None:
+            target = path_height(
+                self._task.path,
+                guidance.point,
+                motion,
+                flying=self._task.height,
+                ahead_s=self._height.delay_s(navigated),
+            )
+            self._planned_height = target.height
+        else:
+            # Where the hold began.
+            target = held_height(self._planned_height)
         return RoleStep(
-            setpoint=avoidance.setpoint or setpoint,
+            setpoint=setpoint,
+            height=self._height.step(navigated, target, setpoint, steered=mode.steers),
             distance=distance,
             lyapunov=math.nan,
             publish=self._report.message(
@@ -93,6 +111,7 @@ class LeaderRole(Role):
                 arrangement=self._arrangements.number,
             ),
             climb_m=avoidance.climb_m,
+            cross_track=-guidance.cross_track_error,
             motion=motion,
         )
 
@@ -124,7 +143,9 @@ class LeaderRole(Role):
 
     def _wanted(self, state: VehicleState[float]) -> WantedMotion:
         """Along the field around the path, turning with it."""
-        point = self._task.path.nearest(state.north, state.east, state.course)
+        point = self._task.path.nearest_in_space(
+            state.north, state.east, state.course, state.height - self._task.height
+        )
         gains = self._task.path_gains
         course = desired_course(point, gains.gain, gains.approach_angle)
         speed = ground_speed_on_course(

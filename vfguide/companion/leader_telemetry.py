@@ -254,7 +254,9 @@ class LeaderTelemetry:
             return False
         self._tell_of_standing(stands=False)
         self._motion = self._observed(report, motion)
-        self.newest = heard_state(self._motion, moment, altitude)
+        self.newest = heard_state(
+            self._motion, moment, altitude, altitude - self._frame.altitude_m, report.climb_rate
+        )
         return True
 
     def _velocity_between(
@@ -318,8 +320,12 @@ class LeaderTelemetry:
         self._doubted = True
 
 
-def heard_state(motion: ObservedMotion, moment: Moment, altitude: float) -> HeardState:
+def heard_state(
+    motion: ObservedMotion, moment: Moment, altitude: float, height: float, climb_rate: float
+) -> HeardState:
     """A motion on one's own clock, at an altitude (m above mean sea level, NaN while not known).
+
+    The height (m) above the mission's origin is of the same altitude; with it goes the climb rate, m/s.
 
     It counts as steered: the formation flies as it does, and is no surer of any other leader.
     """
@@ -334,5 +340,7 @@ def heard_state(motion: ObservedMotion, moment: Moment, altitude: float) -> Hear
         turn_rate=state.turn_rate,
         turn_acceleration=state.turn_acceleration,
         altitude_amsl=altitude,
+        height=height,
+        climb_rate=climb_rate,
         steered=True,
     )

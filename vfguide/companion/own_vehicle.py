@@ -227,13 +227,16 @@ class OwnVehicle:
             self._comes_back or (self._refused and interval > SURE_AGAIN_S)
         )
         self._refused = False
-        used = sample
+        altitude = self._judge_altitude(report.altitude_amsl, reading.boot_time_s)
+        used = replace(sample, height=altitude - self._frame.altitude_m)
         if judgement.verdict in CARRIED:
-            used = replace(sample, north=judgement.north, east=judgement.east)
+            used = replace(used, north=judgement.north, east=judgement.east)
         fresh = previous is None or interval > GAP_S or moved or slip_s(before, reading) > SLIP_S
         used = self._with_right_velocity(used, fresh=fresh, carried=judgement.verdict in CARRIED)
         if previous is None or fresh:
             self._period = self._nominal_period
+            if math.isnan(used.height):
+                used = replace(used, height=0.0 if previous is None else previous.height)
             state = first_state(used)
         else:
             self._period += PERIOD_SHARE * (interval - self._period)
@@ -248,7 +251,7 @@ class OwnVehicle:
             place=self._place(report, sample, judgement, state),
             period=self._period,
             interval=interval,
-            altitude_amsl=self._judge_altitude(report.altitude_amsl, reading.boot_time_s),
+            altitude_amsl=altitude,
             moved=moved,
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             delay_compensator=self._delay_compensator,
@@ -375,9 +378,10 @@ class OwnVehicle:
                 state.north - sample.north,
                 state.east - sample.east,
             )
-        return Place(
-            latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=report.altitude_amsl
-        )
+        # An altitude that is doubted is for the others to judge, too.
+        doubted = self._altitude.doubted
+        altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
+        return Place(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 
     def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
         """Learn from a report with a heading and an airspeed of its own."""
@@ -432,6 +436,7 @@ class OwnVehicle:
             velocity_east=velocity_east,
             heading=heading,
             airspeed=max(airspeed, LEAST_AIRSPEED),
+            climb_rate=report.climb_rate,
         )
 
 

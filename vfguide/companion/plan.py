@@ -55,6 +55,8 @@ class ForeignLeader:
     """What it can do."""
     rate_filter_s: float
     """Time constant of its rates, s."""
+    height: float
+    """The mission's flying height, m above the origin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +69,8 @@ class FollowerTask:
     """What the mission tells about the leader."""
     airspeed: float
     """To fly away at when the formation breaks up, m/s."""
+    follows_height: bool = True
+    """Whether the slot counts from the leader's own height, not only from the one that is planned for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,6 +316,9 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         speed_lag=vehicle.speed_lag_s,
         # One that slips is an ArduPlane, whose hold is one of the total energy too.
         speed_hold="total-energy" if vehicle.slips else vehicle.speed_hold,
+        height_delay=vehicle.height_delay_s,
+        climb_max=vehicle.climb_range_m_s[1],
+        sink_max=-vehicle.climb_range_m_s[0],
     )
 
 
@@ -333,6 +340,7 @@ def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset)
     lowest, highest = vehicle.airspeed_range_m_s
     return FollowerTask(
         slot=Slot(forward=offset.forward_m, right=offset.right_m),
+        follows_height=mission.follows_height,
         leader=foreign_leader(mission) if mission.leader.is_foreign else known_leader(mission),
         airspeed=min(max(mission.leader.airspeed_m_s, lowest), highest),
     )
@@ -346,6 +354,7 @@ def known_leader(mission: Mission) -> KnownLeader:
         path_gains=leads.path_gains,
         airspeed=leads.airspeed,
         rate_filter_s=mission.controller.rate_filter_s,
+        height=mission.height_above_origin_m,
     )
 
 
@@ -359,6 +368,7 @@ def foreign_leader(mission: Mission) -> ForeignLeader:
         least_delay_s=leader.least_delay_s,
         airframe=airframe_of(vehicle),
         rate_filter_s=mission.controller.rate_filter_s,
+        height=mission.height_above_origin_m,
     )
 
 
@@ -401,6 +411,7 @@ def leader_task(mission: Mission) -> LeaderTask:
         path=path_of(mission.path),
         path_gains=PathGains(gain=mission.path.gain, approach_angle=mission.path.approach_angle),
         airspeed=mission.leader.airspeed_m_s,
+        height=mission.height_above_origin_m,
         law=law,
         gains=law.Gains.model_validate(mission.leader.gains),
         followers=tuple(

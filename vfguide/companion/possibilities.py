@@ -225,7 +225,7 @@ def heading_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]
     air = heard - seen.wind
     rate_of_air = 1j * seen.turn_rate * heard - change / seen.age
     turn_rate = np.imag(np.conj(air) * rate_of_air) / np.maximum(np.abs(air), 1.0) ** 2
-    turned = arc(seen.heard_at, air, turn_rate, np.full(len(air), LAST_TURN_S))
+    turned = arc(seen.heard_at, air, turn_rate, np.asarray(LAST_TURN_S))
     held = air * np.exp(1j * turn_rate * LAST_TURN_S)
     carried = (seen.wind + 0.5 * change) * seen.age
     return turned + held * (seen.age - LAST_TURN_S) + carried, held + wind

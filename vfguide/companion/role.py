@@ -1,5 +1,6 @@
 """A part in the formation: what a companion hands to it, and what it hands back."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import Protocol
@@ -32,8 +33,14 @@ class RoleStep:
     """W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
+    height: float
+    """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
     climb_m: float = 0.0
-    """To be added to the altitude of the mission, m."""
+    """To be added to that, m: it keeps clear of another vehicle."""
+    along_track: float = math.nan
+    """How far ahead the slot is, m; NaN for the leader and while not known."""
+    cross_track: float = math.nan
+    """How far to the right the slot is, or the path, m; NaN while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None

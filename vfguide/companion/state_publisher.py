@@ -66,6 +66,7 @@ class StatePublisher:
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                climb_rate=motion.climb_rate,
                 term=self.term,
                 arrangement=arrangement,
                 steered=steered,

@@ -114,7 +114,12 @@ class StateReceiver:
         )
         altitude = self._judge_altitude(motion, time_s)
         same = time_s == motion.time_s and altitude == motion.altitude_amsl
-        state = motion if same else replace(motion, time_s=time_s, altitude_amsl=altitude)
+        height = altitude - self._frame.altitude_m
+        state = (
+            motion
+            if same
+            else replace(motion, time_s=time_s, altitude_amsl=altitude, height=height)
+        )
         if judgement.verdict is not Verdict.BELIEVED:
             if judgement.verdict is not Verdict.REFUSED:
                 carried = replace(state, north=judgement.north, east=judgement.east)
@@ -155,6 +160,7 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         turn_rate=message.turn_rate,
         turn_acceleration=message.turn_acceleration,
         altitude_amsl=message.altitude_amsl,
+        height=message.altitude_amsl - frame.altitude_m,
         climb_rate=message.climb_rate,
         steered=message.steered,
         term=message.term,

@@ -115,14 +115,15 @@ class SuccessionRole(Role):
         """The leader by which this vehicle leads, for the others."""
         if self._last is None:
             return None
-        motion, navigated = self._last
+        motion, _ = self._last
         time_s = self._clock.from_own(motion.time_s)
         if not math.isfinite(time_s):
             return None
         latitude, longitude = self._frame.to_geodetic(motion.north, motion.east)
-        altitude = self._plan.altitude_amsl
-        if self._flies_path:
-            altitude = navigated.altitude_amsl
+        # Of a leader whose altitude was doubted last none is known.
+        altitude = self._frame.altitude_m + motion.height
+        if math.isnan(altitude):
+            altitude = self._plan.altitude_amsl
         self._sequence = (self._sequence + 1) % 2**32
         return encode(
             LeaderMessage(
@@ -136,6 +137,7 @@ class SuccessionRole(Role):
                 acceleration=motion.acceleration,
                 turn_rate=motion.turn_rate,
                 turn_acceleration=motion.turn_acceleration,
+                climb_rate=motion.climb_rate,
                 term=self._succession.term,
                 arrangement=self._arrangements.number,
                 steered=steered,
@@ -156,6 +158,7 @@ class SuccessionRole(Role):
         leads = self._succession.leads and self._succession.term > 0
         return RoleStep(
             setpoint=None,
+            height=math.nan,
             distance=math.inf,
             lyapunov=math.nan,
             publish=self._report.message(

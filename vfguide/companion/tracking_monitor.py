@@ -33,9 +33,8 @@ GAP_S = 1.0
 class TrackingMonitor:
     """Watches one vehicle while it is being steered."""
 
-    def __init__(self, airframe: Airframe, altitude_amsl: float) -> None:
+    def __init__(self, airframe: Airframe) -> None:
         self._airframe = airframe
-        self._altitude = altitude_amsl
         self._complained = self._astray = False
         self.reset()
 
@@ -62,9 +61,8 @@ class TrackingMonitor:
         self._turned = low_pass(self._turned, turned, period, MEMORY_S)
         return self._judge(state.time_s)
 
-    def watch_altitude(self, altitude_amsl: float) -> str | None:
-        """Take an altitude of a vehicle that cannot be told one; a complaint the first time, or None."""
-        off = altitude_amsl - self._altitude
+    def watch_altitude(self, off: float) -> str | None:
+        """Take how far above the wanted altitude (m) one is that cannot be told it; a complaint, or None."""
         if abs(off) <= ALTITUDE_M or self._astray:
             self._astray = abs(off) > ALTITUDE_M / 2.0 and self._astray
             return None

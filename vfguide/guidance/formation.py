@@ -94,6 +94,8 @@ def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderSt
         turn_acceleration=leader.turn_acceleration,
         drift_north=leader.drift_north,
         drift_east=leader.drift_east,
+        height=leader.height + leader.climb_rate * age,
+        climb_rate=leader.climb_rate,
     )
 
 

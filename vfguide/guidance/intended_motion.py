@@ -73,6 +73,8 @@ class Plan:
     """m/s."""
     acceleration: float
     """m/s²."""
+    point: PathPoint[float]
+    """Of the path, nearest to the leader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +105,7 @@ def planned_motion(
     leader: LeaderState[float], known: KnownLeader, wind: tuple[float, float]
 ) -> Plan:
     """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
-    point = known.path.nearest(leader.north, leader.east, leader.course)
+    point = known.point_beside(leader)
     course, slope = bent_course(point, known.path_gains)
     ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
     # It runs along the path, and towards it on that course.
@@ -115,6 +117,7 @@ def planned_motion(
         turn_rate=turn_rate,
         ground_speed=ground_speed,
         acceleration=(further - ground_speed) / TURN_STEP * turn_rate,
+        point=point,
     )
 
 
@@ -199,6 +202,8 @@ def intended_motion(
             turn_acceleration=meant(leader.turn_acceleration, turn_acceleration),
             drift_north=north - meant_north,
             drift_east=east - meant_east,
+            height=leader.height,
+            climb_rate=leader.climb_rate,
         ),
         planned=planned,
         turn_acceleration=turn_acceleration,

@@ -113,4 +113,6 @@ def _told(
         acceleration=acceleration,
         turn_rate=turn_rate,
         turn_acceleration=turn_acceleration,
+        height=state.height,
+        climb_rate=state.climb_rate,
     )

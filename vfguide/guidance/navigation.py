@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.elementwise import Number, atan2, hypot
+from vfguide.elementwise import Number, atan2, hypot, isfinite, where
 from vfguide.guidance.wind_triangle import polar
 from vfguide.state import VehicleState
 
@@ -38,6 +38,8 @@ class FilterTimes:
     """Time constant with which reported velocities are checked by the positions, s; 0: they are right."""
     blind_s: float = 0.4
     """Time constant of the filter that has positions only, s."""
+    height_s: float = 1.0
+    """How long a reported height is remembered, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,10 @@ class Sample(Generic[Number]):
     """rad."""
     airspeed: Number
     """True airspeed, m/s."""
+    height: Number | float = 0.0
+    """m; NaN where it is not known."""
+    climb_rate: Number | float = 0.0
+    """m/s, positive up."""
 
 
 def memory_of(period: float, time_constant: float) -> float:
@@ -87,6 +93,7 @@ def first_state(sample: Sample[Number]) -> VehicleState[Number]:
     return _state(
         sample,
         air,
+        height=sample.height,
         position=(sample.north, sample.east),
         wind=(sample.velocity_north - air_north, sample.velocity_east - air_east),
         wind_rate=(sample.north * 0.0, sample.east * 0.0),
@@ -115,6 +122,7 @@ def navigate(
     return _state(
         sample,
         air,
+        height=carried_height(previous, sample, times.height_s),
         position=(north + lean * (sample.north - north), east + lean * (sample.east - east)),
         wind=(wind_north + gain * surprise_north, wind_east + gain * surprise_east),
         wind_rate=(
@@ -147,6 +155,7 @@ def navigate_blind(
     return _state(
         sample,
         air,
+        height=carried_height(previous, sample, times.height_s),
         position=(north + gain * surprise_north, east + gain * surprise_east),
         wind=(
             wind_north + rate_gain / period * surprise_north,
@@ -160,6 +169,20 @@ def navigate_blind(
         wind_jerk=(sample.north * 0.0, sample.east * 0.0),
         course=atan2(sample.velocity_east, sample.velocity_north),
     )
+
+
+def carried_height(
+    previous: VehicleState[Number], sample: Sample[Number], time_constant: float
+) -> Number | float:
+    """Height (m) carried on by the climb rate, and leaning on the reported one where that is known.
+
+    Barometers are noisy and climb rates are not: in level flight nobody is to climb after noise.
+    """
+    period = sample.time_s - previous.time_s
+    carried = previous.height + (previous.climb_rate + sample.climb_rate) * (0.5 * period)
+    missed = sample.height - carried + 0.0 * sample.north
+    lean = period / (time_constant + period)
+    return where(isfinite(missed), carried + lean * missed, carried + 0.0 * sample.north)
 
 
 def _predict(
@@ -184,6 +207,7 @@ def _state(
     sample: Sample[Number],
     air: tuple[Number, Number],
     *,
+    height: Number | float,
     position: tuple[Number, Number],
     wind: tuple[Number, Number],
     wind_rate: tuple[Number, Number],
@@ -206,6 +230,8 @@ def _state(
         wind_rate_east=wind_rate[1],
         wind_jerk_north=wind_jerk[0],
         wind_jerk_east=wind_jerk[1],
+        height=height,
+        climb_rate=sample.climb_rate,
     )
 
 

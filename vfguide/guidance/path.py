@@ -75,7 +75,7 @@ class Path(ABC):
     @property
     @abstractmethod
     def length(self) -> float:
-        """Once round a closed path, m; infinite for one without end."""
+        """Once round a closed path, or to where it goes round again, m; infinite for one without end."""
 
     @abstractmethod
     def nearest(
@@ -88,6 +88,20 @@ class Path(ABC):
             east: m.
             course: of the vehicle, rad. Where the path crosses itself it tells which branch is meant.
         """
+
+    def nearest_in_space(
+        self, north: Number, east: Number, course: Number, height: Number | float
+    ) -> PathPoint[Number]:
+        """The path at its point nearest to a place, where the height tells its branches apart.
+
+        Args:
+            north: m.
+            east: m.
+            course: of the vehicle, rad.
+            height: of the vehicle, m above the mission's flying height.
+        """
+        del height
+        return self.nearest(north, east, course)
 
     @abstractmethod
     def at(self, progress: Number) -> PathPlace[Number]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from vfguide.elementwise import Number, like
 from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.path import Path
+from vfguide.guidance.path import Path, PathPoint
 from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import PathGains
 from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
@@ -27,6 +27,14 @@ class KnownLeader:
     """Its cruise, m/s."""
     rate_filter_s: float
     """Time constant of its rates, s."""
+    height: float = 0.0
+    """The mission's flying height, from which the path's heights count, m above the origin."""
+
+    def point_beside(self, leader: LeaderState[Number]) -> PathPoint[Number]:
+        """Its path, nearest to where it is."""
+        return self.path.nearest_in_space(
+            leader.north, leader.east, leader.course, leader.height - self.height
+        )
 
 
 def extrapolate_along_path(
@@ -42,7 +50,7 @@ def extrapolate_along_path(
         known: what the mission tells.
     """
     period = follower.time_s - leader.time_s
-    point = known.path.nearest(leader.north, leader.east, leader.course)
+    point = known.point_beside(leader)
     field = (known.path_gains.gain, known.path_gains.approach_angle)
     course = desired_course(point, *field)
     airspeed = like(known.airspeed, leader.north)
@@ -55,6 +63,7 @@ def extrapolate_along_path(
     middle = course + turn_rate * (period / 2.0)
     north, east = polar(ground_speed_on_course(airspeed, middle, *wind) * period, middle)
     course = course + turn_rate * period
+    climb_rate = point.slope * ground_speed_on_course(airspeed, middle, *wind)
     ground_speed = ground_speed_on_course(airspeed, course, *wind)
     time_constant = known.rate_filter_s
     return LeaderState(
@@ -76,4 +85,6 @@ def extrapolate_along_path(
             period,
             time_constant,
         ),
+        height=leader.height + climb_rate * period,
+        climb_rate=climb_rate,
     )

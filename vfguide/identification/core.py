@@ -89,7 +89,7 @@ class Identification:
         self._codec = Codec(plan.system_id, plan.component_id)
         self._own = OwnVehicle(plan)
         self._commands = Acknowledgements()
-        self._tracking = TrackingMonitor(plan.airframe, plan.altitude_amsl)
+        self._tracking = TrackingMonitor(plan.airframe)
         self._segments = segments(plan.airframe, repeats)
         self._began = self._base = self._height = math.nan
         self._engaged = self._armed = self._connected = False

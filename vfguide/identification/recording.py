@@ -120,10 +120,10 @@ def as_seen(samples: Samples) -> Samples:
     return replace(samples, told=samples.told + offset)
 
 
-def smoothed(time_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Running mean over `WIND_S`, as wide to either side as there is room."""
+def smoothed(time_s: FloatArray, values: FloatArray, width_s: float = WIND_S) -> FloatArray:
+    """Running mean over some seconds, as wide to either side as there is room."""
     total = np.concatenate(([0.0], np.cumsum(values)))
-    half = 0.5 * WIND_S
+    half = 0.5 * width_s
     low = np.searchsorted(time_s, time_s - half, side="left")
     high = np.searchsorted(time_s, time_s + half, side="right")
     mean: FloatArray = (total[high] - total[low]) / (high - low)

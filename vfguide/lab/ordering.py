@@ -14,7 +14,7 @@ from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement, Flown, ends
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
-from vfguide.lab.rehearsal.order import Prediction, rehearsed
+from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore_presence

@@ -157,6 +157,8 @@ class LeaderTask:
     """Cruise, m/s."""
     followers: Sequence[SlotLimits]
     """Slots, and what their vehicles can do."""
+    height: float = 0.0
+    """The mission's flying height, from which the path's heights count, m above the origin."""
     law: type[LeaderLaw] = PathField
     """By which it follows the path."""
     gains: Section = field(default_factory=Section)
@@ -171,6 +173,8 @@ class LeaderGuidance(Generic[Number]):
     """For the autopilot."""
     memory: Any
     """Of the law, handed to the next step."""
+    point: PathPoint[Number]
+    """Of the path, nearest to the leader."""
     cross_track_error: Number
     """m, positive right of the path."""
     course_error: Number
@@ -199,7 +203,9 @@ def leader_step(
         memory: of the law, after the step before; absent in the first.
     """
     settings, airframe = law.settings, law.airframe
-    point = task.path.nearest(state.north, state.east, state.course)
+    point = task.path.nearest_in_space(
+        state.north, state.east, state.course, state.height - task.height
+    )
     view = LeaderView(
         state=state,
         path=task.path,
@@ -227,6 +233,7 @@ def leader_step(
             hold=period,
         ),
         memory=memory,
+        point=point,
         cross_track_error=point.cross_track_error,
         course_error=wrap_angle(state.course - motion.course),
     )

@@ -17,7 +17,7 @@ from vfguide.backoff import retry_delay
 from vfguide.errors import described_error
 from vfguide.link.carrier import Carrier
 from vfguide.link.member import Member, Parcel
-from vfguide.link.presence import Presence
+from vfguide.link.presence import Presence, shorter_presences
 
 BEAT_S = 1.0
 """s between presences, by which others see that this member lives, and the link that it does."""
@@ -27,7 +27,7 @@ SILENCE_S = 3.0
 goes away and comes back is in no group any more, and says nothing of that."""
 
 LARGEST_DATAGRAM = 1400
-"""Bytes that pass every usual network in one piece: a presence that is longer goes without its figures."""
+"""Bytes that pass every usual network in one piece: a presence that is longer goes with less in it."""
 
 REMEMBERED = 64
 """Own datagrams that may come back: a second of them."""
@@ -172,9 +172,11 @@ class DatagramCarrier(Carrier):
         """Say how this member is: once a second, and at the end."""
         if self._member.watches:
             return
-        data = self._member.presence(presence).data
-        if len(data) > LARGEST_DATAGRAM:
-            data = self._member.presence(replace(presence, figures={})).data
+        data = b""
+        for one in shorter_presences(presence):
+            data = self._member.presence(one).data
+            if len(data) <= LARGEST_DATAGRAM:
+                break
         self._send(data)
 
     def _send(self, data: bytes) -> None:

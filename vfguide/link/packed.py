@@ -1,4 +1,4 @@
-"""What a formation says over a radio that all share: packets of at most 45 bytes, each with a short tag.
+"""What a formation says over a radio that all share: packets of at most 50 bytes, each with a short tag.
 
 Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
 first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower), time (u48, 0.1 ms,
@@ -6,8 +6,8 @@ on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 
 | body of | holds |
 |---|---|
-| a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms) |
-| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²) |
+| a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 11 zeros, since a slot has to be longer the shorter its shortest packet is |
+| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i32, mm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
@@ -30,7 +30,7 @@ from enum import IntEnum
 from typing import Any
 
 from vfguide.link.codec import LeaderMessage, LinkDataError
-from vfguide.link.presence import Presence
+from vfguide.link.presence import LINKS_LOST, Presence
 
 TAG_SIZE = 8
 KEY_SIZE = 32
@@ -43,7 +43,8 @@ LARGEST_TIME = 2**48 - 1
 
 HEADER = struct.Struct("<BHB6s")
 BEAT = struct.Struct("<BBBH")
-MOTION = struct.Struct("<iiiHHhhh")
+BEAT_ALONE = struct.Struct("<BBBH11x")
+MOTION = struct.Struct("<iiiHHhhhhBH")
 QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
 PRESENCE = struct.Struct("<QB10s8s")
@@ -56,7 +57,6 @@ ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
 """Flags of a presence."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
-LINKS_LOST = "links_lost"
 """What becomes of the last two."""
 
 LEADER = 0
@@ -177,6 +177,11 @@ def encode_beat(beat: BeatInfo) -> bytes:
     return BEAT.pack(beat.beat, beat.beats, beat.members, beat.period_ms)
 
 
+def encode_beat_alone(beat: BeatInfo) -> bytes:
+    """The body of a packet that is a beat and nothing else."""
+    return BEAT_ALONE.pack(beat.beat, beat.beats, beat.members, beat.period_ms)
+
+
 def encode_motion(message: LeaderMessage) -> bytes:
     """How a vehicle moves; what is beyond the range of a field becomes its greatest or least value."""
     return MOTION.pack(
@@ -188,6 +193,9 @@ def encode_motion(message: LeaderMessage) -> bytes:
         limited(message.acceleration * 1e3, 15),
         limited(message.turn_rate * 1e4, 15),
         limited(message.turn_acceleration * 1e3, 15),
+        limited(message.climb_rate * 1e2, 15),
+        max(limited(message.term, 8), 0),
+        max(limited(message.arrangement, 16), 0),
     )
 
 
@@ -261,8 +269,8 @@ def _state(packet: Packet, body: bytes) -> Packet:
 
 
 def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
-    latitude, longitude, altitude, course, speed, *rates = _fields(MOTION, body)
-    acceleration, turn_rate, turn_acceleration = rates
+    latitude, longitude, altitude, course, speed, *others = _fields(MOTION, body)
+    acceleration, turn_rate, turn_acceleration, climb_rate, term, arrangement = others
     if abs(latitude) > 90e7 or abs(longitude) > 180e7:
         raise LinkDataError("no place on the earth")
     return LeaderMessage(
@@ -276,16 +284,19 @@ def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
         acceleration=acceleration * 1e-3,
         turn_rate=turn_rate * 1e-4,
         turn_acceleration=turn_acceleration * 1e-3,
+        climb_rate=climb_rate * 1e-2,
+        term=term,
+        arrangement=arrangement,
         steered=steered,
     )
 
 
 def _beat(packet: Packet, body: bytes) -> Packet:
-    return replace(packet, beat=_beat_of(body))
+    return replace(packet, beat=_beat_of(body, BEAT_ALONE))
 
 
-def _beat_of(body: bytes) -> BeatInfo:
-    beat, beats, members, period_ms = _fields(BEAT, body)
+def _beat_of(body: bytes, layout: struct.Struct = BEAT) -> BeatInfo:
+    beat, beats, members, period_ms = _fields(layout, body)
     if not (beat < beats and members > 0 and period_ms > 0):
         raise LinkDataError("no beat")
     return BeatInfo(beat=beat, beats=beats, members=members, period_ms=period_ms)

@@ -2,7 +2,8 @@
 
 import json
 import math
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
 
 from vfguide.link.codec import LinkDataError
@@ -18,6 +19,17 @@ LONGEST_WARNING = 200
 
 MOST_FIGURES = 100
 """Figures in one presence."""
+
+LINKS_LOST = "links_lost"
+"""Figure: how many of a companion's links do not stand."""
+
+LEAST_FIGURES = frozenset(
+    {LINKS_LOST, "links", "leader_age_ms_last", "refused", "wind_north_m_s", "wind_east_m_s"}
+)
+"""Figures by which people decide; the others are statistics."""
+
+SHORT_TEXT = 60
+"""Characters of each text where there is little room."""
 
 Status = Literal["online", "offline"]
 
@@ -56,7 +68,29 @@ def encode_presence(presence: Presence) -> bytes:
     content["figures"] = {
         name: value for name, value in presence.figures.items() if math.isfinite(value)
     }
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+    # Letters beyond ASCII take 2 to 4 bytes as they are, and 6 to 12 as escapes.
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+    return text.encode(errors="replace")
+
+
+def shorter_presences(presence: Presence) -> Iterator[Presence]:
+    """A presence as it is, then with less and less in it, down to what nobody can do without.
+
+    Statistics go first, then the ends of texts, then all figures but the number of links that are lost.
+    """
+    yield presence
+    figures = {name: value for name, value in presence.figures.items() if name in LEAST_FIGURES}
+    lean = replace(presence, figures=figures)
+    yield lean
+    lean = replace(
+        lean,
+        obstacle=fit_text(presence.obstacle, SHORT_TEXT),
+        autopilot=fit_text(presence.autopilot, SHORT_TEXT),
+        warning=fit_text(presence.warning, SHORT_TEXT),
+    )
+    yield lean
+    lost = {name: value for name, value in figures.items() if name == LINKS_LOST}
+    yield replace(lean, figures=lost)
 
 
 def decode_presence(data: bytes) -> Presence:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from vfguide.errors import InputError
 from vfguide.link.packed import LEADER, BeatInfo
 
-SHORTEST_FRAME, LONGEST_FRAME = 28, 50
+SHORTEST_FRAME, LONGEST_FRAME = 39, 55
 """Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
 
 HANDOVER_S, MISSED_BEATS = 2.0, 3

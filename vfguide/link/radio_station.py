@@ -34,6 +34,7 @@ from vfguide.link.packed import (
     decode_packet,
     encode_answer,
     encode_beat,
+    encode_beat_alone,
     encode_motion,
     encode_packed_presence,
     encode_packet,
@@ -350,10 +351,10 @@ class Station:
         table = self._beat.timetable
         if turn.beat is None or table is None:
             return self._answer(now) or self._said_of_itself(now, PRESENCE_S)
-        beat, state = encode_beat(table.info(turn.beat)), self._fresh_state(now)
+        beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
-            return self._sealed(PackedKind.BEAT, beat, self._member.clock())
-        return self._sealed_state(state, beat)
+            return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
+        return self._sealed_state(state, encode_beat(beat))
 
     def _said(self, now: float) -> bytes:
         """A follower's packet for its turn."""

@@ -33,6 +33,19 @@ def status_texts(text: str, severity: int, number: int) -> list[MAVLink_message]
     ]
 
 
+def named_value(name: str, value: float, time_s: float) -> MAVLink_message:
+    """NAMED_VALUE_FLOAT: a number that ground stations plot by its name.
+
+    Args:
+        name: at most 10 ASCII characters.
+        value: finite.
+        time_s: when it was true, on the sender's clock; the field turns over after 49 days.
+    """
+    return mavlink.MAVLink_named_value_float_message(
+        round(time_s * 1e3) % 2**32, name.encode("ascii"), value
+    )
+
+
 def time_question(stamp: int) -> MAVLink_message:
     """TIMESYNC that asks for the autopilot's time; the stamp (ns) comes back with the answer."""
     return mavlink.MAVLink_timesync_message(0, stamp)

@@ -62,6 +62,7 @@ def position_report(message: MAVLink_message) -> PositionReport | None:
         velocity_north=message.vx * 1e-2,
         velocity_east=message.vy * 1e-2,
         heading=math.radians(message.hdg * 1e-2) if known else None,
+        climb_rate=-message.vz * 1e-2,
     )
 
 

@@ -43,6 +43,9 @@ LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 GREATEST_M_S = 1000.0
 """A velocity above this is no velocity."""
 
+GREATEST_CLIMB_M_S = 30.0
+"""Nor is a climb rate above this a climb rate."""
+
 LONG_SILENT_S = 5.0
 """Not heard by an ADS-B receiver for longer: what it repeats then is no report."""
 
@@ -67,11 +70,18 @@ class LeaderReport:
     """Over ground (north, east), m/s; None where it does not say."""
     age_s: float = 0.0
     """How old it was when it was sent, as far as the message says, s."""
+    climb_rate: float = 0.0
+    """m/s, positive up; 0 where it does not say."""
 
 
 def altitude_of(metres: float) -> float:
     """An altitude (m), NaN where it cannot be one."""
     return metres if LOWEST_M <= metres <= HIGHEST_M else math.nan
+
+
+def climb_of(down: float) -> float:
+    """A climb rate of a velocity downward (m/s), 0 where it cannot be one."""
+    return -down if abs(down) <= GREATEST_CLIMB_M_S else 0.0
 
 
 def pair_of(north: float, east: float, *, greatest: float) -> Pair | None:
@@ -89,6 +99,7 @@ def global_position(message: MAVLink_message) -> LeaderReport | None:
         message.alt * 1e-3,
         velocity=pair_of(message.vx * 1e-2, message.vy * 1e-2, greatest=GREATEST_M_S),
         needs_velocity=True,
+        climb_rate=climb_of(message.vz * 1e-2),
     )
 
 
@@ -102,6 +113,7 @@ def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
         message.alt * 1e-3,
         velocity=pair_of(message.vx, message.vy, greatest=GREATEST_M_S),
         needs_velocity=True,
+        climb_rate=climb_of(message.vz),
     )
 
 
@@ -124,6 +136,7 @@ def follow_target(message: MAVLink_message) -> LeaderReport | None:
         message.alt,
         velocity=velocity if moves else None,
         needs_velocity=moves,
+        climb_rate=climb_of(message.vel[2]) if moves else 0.0,
     )
 
 
@@ -152,6 +165,7 @@ def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
         velocity = speed * math.cos(course), speed * math.sin(course)
     # A pressure altitude may be off by a hundred metres: it puts nobody out of the way.
     geometric = message.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    climbs = flags & mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
     known = geometric and flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE
     return report(
         "ADSB_VEHICLE",
@@ -161,6 +175,8 @@ def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
         message.altitude * 1e-3 if known else math.nan,
         velocity=velocity,
         age_s=float(message.tslc),
+        # Unlike all other messages this one counts it upward.
+        climb_rate=climb_of(-message.ver_velocity * 1e-2) if climbs else 0.0,
     )
 
 
@@ -174,6 +190,7 @@ def report(
     velocity: Pair | None = None,
     needs_velocity: bool = False,
     age_s: float = 0.0,
+    climb_rate: float = 0.0,
 ) -> LeaderReport | None:
     """The report that fields amount to; None where there is no place on earth, or no velocity.
 
@@ -192,6 +209,7 @@ def report(
         altitude_amsl=altitude_of(altitude),
         velocity=velocity,
         age_s=age_s,
+        climb_rate=climb_rate,
     )
 
 

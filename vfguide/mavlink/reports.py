@@ -21,6 +21,8 @@ class PositionReport:
     """Over ground, m/s."""
     heading: float | None
     """psi, rad: the message's hdg is yaw, not course. None where the autopilot does not know it."""
+    climb_rate: float = 0.0
+    """m/s, positive up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

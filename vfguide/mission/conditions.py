@@ -33,6 +33,10 @@ class Conditions:
     """North component of the wind, m/s, toward."""
     wind_east: FloatArray
     """East component of the wind, m/s, toward."""
+    height: FloatArray
+    """Of the path, m above the mission's flying height."""
+    slope: FloatArray
+    """Of the path, rise for each metre along the ground."""
 
     def ground_speed(self, airspeed: float | FloatArray) -> FloatArray:
         """Ground speed (m/s) of a leader on the path at an airspeed (m/s), which may be an array."""
@@ -77,6 +81,8 @@ def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -
         np.repeat(places.curvature, north.size),
         np.tile(north, places.course.size),
         np.tile(east, places.course.size),
+        np.repeat(places.height + 0.0 * places.course, north.size),
+        np.repeat(places.slope + 0.0 * places.course, north.size),
     )
 
 

@@ -120,6 +120,8 @@ REMEDIES = {
     "line_given_twice": "remove one of the two",
     "line_without_course": "add course_deg, degrees clockwise from north, or slope",
     "line_without_slope": "add slope, or use point and course_deg",
+    "place": "give one of the two pairs",
+    "waypoint_height": "remove one of the two",
 }
 
 
@@ -167,7 +169,8 @@ def _explain_one(detail: ErrorDetails) -> Explanation:
         return _wrong_kind(detail, place)
     if kind in _EXPLAINERS:
         return _EXPLAINERS[kind](detail, place)
-    return Explanation(place.location, detail["msg"], REMEDIES.get(kind, _meaning(place)))
+    remedy = _context(detail).get("remedy") or REMEDIES.get(kind, _meaning(place))
+    return Explanation(place.location, detail["msg"], str(remedy))
 
 
 def _meaning(place: Place) -> str:

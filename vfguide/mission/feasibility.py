@@ -17,11 +17,14 @@ from itertools import combinations
 
 import numpy as np
 
+from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance
+from vfguide.mission.climb_limits import climbs_beyond_limits, lowest_of_the_path
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
+from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
 from vfguide.mission.finding import Finding, Report, worst_first
 from vfguide.mission.flight_path import MissionSource, path_of
 from vfguide.mission.loop_limits import (
@@ -30,6 +33,7 @@ from vfguide.mission.loop_limits import (
     observer_out_of_tune,
 )
 from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import timetable
 from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
 from vfguide.mission.starts import follower_start, leader_start
 from vfguide.mission.turn_limits import field_beyond_bank, turns_beyond_bank
@@ -90,6 +94,23 @@ def below_ground(mission: Mission) -> Iterator[Finding]:
                 f"this slot is {-height:g} m below the origin",
                 "raise the slot or height_above_origin_m",
             )
+
+
+def orders_that_cannot_be(mission: Mission) -> Iterator[Finding]:
+    """The first order of the time table that cannot be carried out."""
+    if not mission.orders:
+        return
+    try:
+        found = timetable(mission)
+    except RefusedOrderError as refusal:
+        yield Finding("error", ("orders",), str(refusal))
+        return
+    last, duration = found[-1][0], mission.rehearsal.duration_s
+    if last.time_s + last.duration_s > duration:
+        message = (
+            f"the last order ends at {last.time_s + last.duration_s:.0f} s, after the rehearsal"
+        )
+        yield Finding("warning", ("orders",), message, "lengthen rehearsal.duration_s")
 
 
 def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
@@ -229,13 +250,18 @@ OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     crowded_starts,
     distant_starts,
     settling_after_the_end,
+    orders_that_cannot_be,
+    left_out_of_the_plan,
 )
 """Checks that need no wind."""
 
 OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], ...] = (
     slots_beyond_centre,
+    beyond_the_fence,
     turns_beyond_bank,
     slots_out_of_airspeed,
+    lowest_of_the_path,
+    climbs_beyond_limits,
     distance_kept_from_strays,
     field_beyond_bank,
     findings_of_the_law,

@@ -7,7 +7,7 @@ Where in a mission file something is: a way down the tree, and the lines it lies
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -19,6 +19,8 @@ from pydantic_core.core_schema import ErrorType
 
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
+from vfguide.mission.fence import Fence
+from vfguide.mission.place import Place
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
 
@@ -58,6 +60,18 @@ class MissionSource:
 FieldGain = Annotated[Gain, Field(le=10.0)]
 
 
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Fields of a path that do not fit together."""
+
+    location: Location
+    """Below `path`."""
+    message: str
+    """What is wrong."""
+    remedy: str
+    """What would be right."""
+
+
 class PathShape(Section):
     """What every path of a mission says."""
 
@@ -71,6 +85,25 @@ class PathShape(Section):
     def approach_angle(self) -> float:
         """chi_inf, rad: the angle to the path at which the field approaches it from far away."""
         return math.pi / 2.0
+
+    @property
+    def fence(self) -> Fence | None:
+        """That it brings along, if it does."""
+        return None
+
+    @property
+    def rally_points(self) -> tuple[Place, ...]:
+        """That it brings along."""
+        return ()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What its file asks for and a formation does not do."""
+        return ()
+
+    def misfits(self) -> Iterable[Misfit]:
+        """What keeps it from being flown although each field is sound by itself."""
+        return ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to other processes as plain fields: the model of a path is made anew in each of them."""
@@ -112,9 +145,22 @@ def shape_of(content: Mapping[str, Any]) -> PathShape:
             "union_tag_invalid", content, discriminator="'type'", tag=str(name), expected_tags=names
         )
     try:
-        return shape_model(name).model_validate(content)
+        shape = shape_model(name).model_validate(content)
     except ValidationError as error:
         raise below(name, error) from error
+    found = [
+        InitErrorDetails(
+            type=PydanticCustomError(
+                "misfit", "{text}", {"text": one.message, "remedy": one.remedy}
+            ),
+            loc=(name, *one.location),
+            input=content,
+        )
+        for one in shape.misfits()
+    ]
+    if found:
+        raise ValidationError.from_exception_data("path", found)
+    return shape
 
 
 def chosen_path(value: object) -> object:

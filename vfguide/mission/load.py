@@ -4,14 +4,17 @@ import copy
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
+from vfguide.errors import InputError
 from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.explain import explain
 from vfguide.mission.faults import Fault, MissionError
 from vfguide.mission.flight_path import Location, MissionSource
 from vfguide.mission.model import Mission
+from vfguide.mission.plan_file import read_plan
 from vfguide.mission.yaml_tree import MAX_NODES, Tree, TreeError, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular
 
@@ -80,6 +83,7 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
         )
     spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
+    _read_plan_of(tree.data, source)
     faults = [Fault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults]
     mission = None
     try:
@@ -90,6 +94,31 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
     if mission is None or faults:
         raise MissionError(_in_order(faults))
     return LoadedMission(mission, source)
+
+
+def _read_plan_of(data: dict[str, Any], source: MissionSource) -> None:
+    """Read the plan that the path of a mission names, which lies beside the mission's file.
+
+    Raises:
+        MissionError: it cannot be read, or is no plan.
+    """
+    path = data.get("path")
+    if not isinstance(path, dict) or path.get("type") != "plan" or "contents" in path:
+        return
+    name = path.get("file")
+    if not isinstance(name, str):
+        return
+    try:
+        # A mission that comes along is known by its name alone.
+        mission = Path(source.file)
+        beside = mission if mission.exists() else shipped_missions().get(source.file, mission)
+        contents = read_plan(beside.parent / name)
+    except InputError as error:
+        message, _, remedy = str(error).rpartition("; ")
+        location = ("path", "file")
+        fault = Fault(source.file, source.line_of(location), location, message, remedy)
+        raise MissionError((fault,)) from error
+    data["path"] = {**path, "contents": {"file": name, **contents}}
 
 
 def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:

@@ -18,9 +18,11 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
+from vfguide.mission.fence import Fence
 from vfguide.mission.flight_path import PathShape, chosen_path
 from vfguide.mission.foreign_leader import completed
 from vfguide.mission.orders import Slot, TimedOrder
+from vfguide.mission.path_frame import with_frame
 from vfguide.mission.quantity import (
     Duration,
     MissionName,
@@ -158,6 +160,11 @@ class Mission(Section):
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
+    height: Literal["leader", "path"] | None = None
+    """What slots' `up_m` counts from. `leader`: the leader's own height, as it means to fly and lastingly
+    does. `path`: the height that the mission plans for it, wherever it is. If absent `path` for a leader that
+    is heard by ADS-B, `leader` for every other."""
+
     orders: tuple[TimedOrder, ...] = ()
     """What the formation is to do in flight, by the time of the rehearsal."""
 
@@ -193,8 +200,16 @@ class Mission(Section):
     rehearsal: Rehearsal = Rehearsal()
     """How the flight is rehearsed on the computer."""
 
+    fence: Fence = Fence()
+    """Where every vehicle has to stay, beside the fence of a plan; `vfguide check` looks at all slots."""
+
     acceptance: Acceptance = Acceptance()
     """What the rehearsal must reach."""
+
+    @property
+    def follows_height(self) -> bool:
+        """Whether slots count from the leader's own height."""
+        return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
 
     @property
     def leader_vehicle(self) -> Vehicle:
@@ -225,7 +240,7 @@ class Mission(Section):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: object) -> object:
-        return completed(data)
+        return with_frame(completed(data))
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

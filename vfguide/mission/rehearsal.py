@@ -257,6 +257,9 @@ class Acceptance(Section):
     max_error_m: Positive | None = None
     """Highest formation error over the second half of the flight, m."""
 
+    mean_error_3d_m: Positive | None = None
+    """Highest mean formation error in space, heights included, over the second half of the flight, m."""
+
     settle_10m_s: Positive | None = None
     """Time after which every follower stays within 10 m of its slot, s."""
 

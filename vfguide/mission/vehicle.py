@@ -18,6 +18,9 @@ from vfguide.mission.quantity import (
 from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 
+DEFAULT_MAX_BANK_DEG = 45.0
+"""Where a mission does not say."""
+
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
     lowest, highest = airspeed_range
@@ -30,6 +33,20 @@ def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
 
 EngageMode = Literal["LOITER", "CRUISE", "FBWB", "TAKEOFF", "HOLD", "POSITION", "ALTITUDE"]
 """By their names on ground stations. What returns, lands or flies a mission is none of them."""
+
+Climb = Annotated[Number, Field(ge=-30.0, le=30.0)]
+
+
+def _sink_and_climb(climb_range: tuple[float, float]) -> tuple[float, float]:
+    lowest, highest = climb_range
+    if not lowest < 0.0 < highest:
+        kind = "climb_range"
+        message = "the fastest descent comes first and is negative, the fastest climb is above 0"
+        raise PydanticCustomError(kind, message)
+    return climb_range
+
+
+ClimbRange = Annotated[tuple[Climb, Climb], AfterValidator(_sink_and_climb)]
 
 AirspeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ascending)]
 
@@ -64,7 +81,7 @@ class Vehicle(Section):
     airspeed_range_m_s: AirspeedRange = DEFAULT_AIRSPEED_RANGE_M_S
     """Lowest and highest airspeed it may be asked for, m/s."""
 
-    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = 45.0
+    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = DEFAULT_MAX_BANK_DEG
     """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
 
     course_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0
@@ -95,6 +112,13 @@ class Vehicle(Section):
     engage_from: tuple[EngageMode, ...] = ("LOITER", "HOLD")
     """Modes out of which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,
     CRUISE, FBWB, TAKEOFF; PX4's HOLD, POSITION, ALTITUDE, TAKEOFF."""
+
+    climb_range_m_s: ClimbRange = (-3.0, 4.0)
+    """Fastest descent, negative, and fastest climb that it keeps up at cruise, m/s."""
+
+    height_delay_s: Annotated[Duration, Field(gt=0.0, le=20.0)] = 2.0
+    """By how much its height lags behind a setpoint that climbs steadily, s: setpoints lead by this. An
+    ArduPlane's is TECS_HDEM_TCONST and 0.3 s."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""

@@ -5,15 +5,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vfguide.elementwise import Number, like
+from vfguide.elementwise import FloatArray, Number, like
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, Position
+from vfguide.paths.climb import (
+    EASE_M,
+    LEVEL,
+    Climb,
+    ClimbAngle,
+    EndHeight,
+    climb_of,
+    is_consistent,
+)
 from vfguide.registry import paths
 
 SLOPE_FIELDS = ("slope", "intercept_m", "direction")
@@ -57,6 +67,13 @@ class LineShape(PathShape):
     approach_deg: Annotated[quantity.Number, Field(ge=1.0, le=90.0)] = 90.0
     """chi_inf of the article: angle to the line at which the field approaches it from far away, degrees."""
 
+    climb_deg: ClimbAngle = 0.0
+    """Angle at which it climbs over the ground from its point on, degrees; negative descends."""
+
+    end_height_m: EndHeight | None = None
+    """Beside `climb_deg`: height at which it levels off, m above the mission's flying height; negative is
+    below. Never if absent."""
+
     @property
     def approach_angle(self) -> float:
         """chi_inf, rad."""
@@ -77,6 +94,10 @@ class LineShape(PathShape):
             kind = "line_without_slope"
             message = "intercept_m and direction say nothing without slope"
             raise PydanticCustomError(kind, message)
+        if not is_consistent(self.climb_deg, self.end_height_m):
+            kind = "line_end_height"
+            message = "climb_deg and end_height_m are both positive, or both negative"
+            raise PydanticCustomError(kind, message)
         return self
 
 
@@ -93,12 +114,19 @@ class Line(Path):
     """East of the same point, m."""
     course: float
     """Direction of travel chi_p, rad."""
+    climb: Climb = LEVEL
+    """Height by progress."""
 
     @classmethod
     def of(cls, shape: LineShape) -> Self:
         """The line of a mission."""
         point = shape.point
-        return cls(north=point.north_m, east=point.east_m, course=math.radians(shape.course_deg))
+        return cls(
+            north=point.north_m,
+            east=point.east_m,
+            course=math.radians(shape.course_deg),
+            climb=climb_of(shape.climb_deg, shape.end_height_m),
+        )
 
     @property
     def length(self) -> float:
@@ -112,10 +140,22 @@ class Line(Path):
         del course
         along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         still = along * 0.0
-        return PathPoint(still + self.course, right, still, along)
+        height, slope = self.climb.at(along)
+        return PathPoint(still + self.course, right, still, along, height, slope)
 
     def at(self, progress: Number) -> PathPlace[Number]:
         """The line at a distance from its point."""
         still = progress * 0.0
         north, east = compose(progress, still, still + self.course)
-        return PathPlace(self.north + north, self.east + east, still + self.course, still)
+        height, slope = self.climb.at(progress)
+        return PathPlace(
+            self.north + north, self.east + east, still + self.course, still, height, slope
+        )
+
+    def outline(self, count: int) -> FloatArray:
+        """Its beginning; of one that climbs also its steepest place, and its end where it levels off."""
+        del count
+        run = self.climb.run
+        if run == 0.0:
+            return np.zeros(1)
+        return np.array([0.0, 0.5 * (min(run, 1e6) + EASE_M), min(run, 1e6) + EASE_M])

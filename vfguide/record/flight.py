@@ -54,6 +54,8 @@ class Acceptance:
     """Highest mean formation error in the window, m."""
     max_error_m: float | None = None
     """Highest formation error in the window, m."""
+    mean_error_3d_m: float | None = None
+    """Highest mean formation error in space in the window, m."""
     settle_10m_s: float | None = None
     """Time from which every follower has to be within 10 m of its slot, s."""
     settle_1m_s: float | None = None
@@ -269,7 +271,7 @@ def _compose_origin(entry: dict[str, Any]) -> Origin:
 def _compose_acceptance(entry: dict[str, Any]) -> Acceptance:
     """The acceptance, every limit a number or, where it may be, nothing."""
     limits = {
-        field.name: None if entry[field.name] is None else float(entry[field.name])
+        field.name: None if (limit := entry.get(field.name)) is None else float(limit)
         for field in fields(Acceptance)
     }
     separation = limits.pop("min_separation_m")

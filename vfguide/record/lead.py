@@ -13,7 +13,7 @@ LONGEST_GAP_S = 6.0
 
 
 def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> VehicleRecord:
-    """The leader, with place and course of whoever led in the highest term at each time.
+    """The leader, with place, height and course of whoever led in the highest term at each time.
 
     While none led, between a leader that was lost and its deputy, slots were fixed to what every follower
     carried on by itself: a cubic between both, by their places and velocities. What the leader's aircraft
@@ -43,6 +43,7 @@ def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> Veh
             ("north_m", "lead_north_m"),
             ("east_m", "lead_east_m"),
             ("course_rad", "lead_course_rad"),
+            ("altitude_amsl_m", "lead_altitude_amsl_m"),
         )
     }
     # It is carried on along its path.
@@ -70,7 +71,7 @@ def _bridge(time_s: FloatArray, found: dict[str, FloatArray], first: int, last: 
     span = time_s[last] - time_s[first]
     share = (time_s[first + 1 : last] - time_s[first]) / span
     before, after = max(first - 1, 0), min(last + 1, time_s.size - 1)
-    for name in ("north_m", "east_m"):
+    for name in ("north_m", "east_m", "altitude_amsl_m"):
         values = found[name]
         begin, end = values[first], values[last]
         slopes = [

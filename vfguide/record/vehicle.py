@@ -38,7 +38,13 @@ SERIES = (
 
 SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
 """Those that only a vehicle has whose slot was changed in flight."""
-LEAD_SERIES = ("lead_term", "lead_north_m", "lead_east_m", "lead_course_rad")
+LEAD_SERIES = (
+    "lead_term",
+    "lead_north_m",
+    "lead_east_m",
+    "lead_course_rad",
+    "lead_altitude_amsl_m",
+)
 """More of them, of a mission with deputies."""
 
 
@@ -93,7 +99,7 @@ class VehicleRecord:
     lyapunov: FloatArray
     """The follower's Lyapunov function W, m²; NaN for the leader."""
     slot_up_m: float = 0.0
-    """Slot above the leader, m; 0 for the leader. No error counts it: a formation error is horizontal."""
+    """Slot above the leader, m; 0 for the leader."""
     slot_forward_series_m: FloatArray | None = None
     """Where the slot was at each sample, where it was changed in flight; None of one that was not."""
     slot_right_series_m: FloatArray | None = None
@@ -108,6 +114,8 @@ class VehicleRecord:
     """The same."""
     lead_course_rad: FloatArray | None = None
     """The same."""
+    lead_altitude_amsl_m: FloatArray | None = None
+    """The same."""
 
     @property
     def slot_m(self) -> tuple[float | FloatArray, float | FloatArray]:
@@ -116,6 +124,11 @@ class VehicleRecord:
         if forward is None or right is None:
             return self.slot_forward_m, self.slot_right_m
         return forward, right
+
+    @property
+    def slot_height_m(self) -> float | FloatArray:
+        """Height of the slot above the leader, over time where it was changed in flight."""
+        return self.slot_up_m if self.slot_up_series_m is None else self.slot_up_series_m
 
 
 def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:

@@ -12,7 +12,9 @@ from vfguide.mission import Mission
 MissionWith = Callable[..., Mission]
 
 
-@pytest.mark.parametrize("name", ["survey-racetrack", "transit-abreast"])
+@pytest.mark.parametrize(
+    "name", ["survey-racetrack", "transit-abreast", "figure-eight", "survey-plan"]
+)
 def test_mission_is_flown_within_its_acceptance(name: str, mission_with: MissionWith) -> None:
     summary = summarise(fly_lockstep(mission_with(name)).record)
     assert summary.accepted, summary.rejections

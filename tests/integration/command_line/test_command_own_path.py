@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[3]
-EIGHT = ("--set", "path={type: figure-eight}", "--set", "rehearsal.start={}")
+EIGHT = ("--set", "path={type: lissajous}", "--set", "rehearsal.start={}")
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -43,20 +43,20 @@ def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(
 
 def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
     mission = yaml.safe_load((ROOT / "missions" / "circle-calm.yaml").read_text())
-    mission["path"] = {"type": "figure-eight", "half_length_m": 600}
+    mission["path"] = {"type": "lissajous", "half_length_m": 600}
     mission["rehearsal"].pop("start", None)
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(mission))
     checked = run("check", "own.yaml")
     assert checked.returncode == 0, checked.stderr
     unknown = run("check", "own.yaml", plugin=None)
     assert unknown.returncode == 2
-    assert "'figure-eight' is not known; use one of: line, circle, racetrack" in unknown.stderr
+    assert "'lissajous' is not known; use one of: line, circle, racetrack" in unknown.stderr
 
 
 def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
     # where it is widest it has a radius of 0.209 . 200 = 42 m; the slot 20 m outside flies 20 (1 + 20/42)
     # = 29.6 m/s at 20/42 = 0.48 rad/s: atan(29.6 . 0.48 / 9.81) = 55 degrees; it is behind, too
-    refused = run("check", "circle-calm", "--set", "path={type: figure-eight, half_length_m: 200}")
+    refused = run("check", "circle-calm", "--set", "path={type: lissajous, half_length_m: 200}")
     assert refused.returncode == 2
     assert "'f2' has to bank 5" in refused.stdout
     assert "widen the path's turns" in refused.stdout
@@ -95,11 +95,11 @@ def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ("{type: figure-eight, half_length_m: -3}", "-3 is too small; choose above 0"),
-        ("{type: figure-eight, half_lenght_m: 3}", "did you mean 'half_length_m'?"),
-        ("{type: figure-eight, centre: {north: 3}}", "did you mean 'north_m'?"),
-        ("{type: figure-nine}", "did you mean 'figure-eight'?"),
-        ("{half_length_m: 3}", "add one of: line, circle, racetrack, figure-eight"),
+        ("{type: lissajous, half_length_m: -3}", "-3 is too small; choose above 0"),
+        ("{type: lissajous, half_lenght_m: 3}", "did you mean 'half_length_m'?"),
+        ("{type: lissajous, centre: {north: 3}}", "did you mean 'north_m'?"),
+        ("{type: lissajoux}", "did you mean 'lissajous'?"),
+        ("{half_length_m: 3}", "add one of: line, circle, racetrack, lissajous"),
     ],
 )
 def test_what_is_wrong_is_one_line(run: Run, fields: str, said: str) -> None:

@@ -49,6 +49,26 @@ async def nobody(port: int, token: str) -> AsyncIterator[str]:
         yield url
 
 
+def test_a_link_on_another_site_opens_the_page_at_the_first_press(
+    record: FlightRecord, open_page: OpenPage
+) -> None:
+    async def look() -> None:
+        async with (
+            served(RecordedFlight(record), Address(port=0), title="flight") as url,
+            open_page("about:blank") as page,
+        ):
+            mail = f'<a href="{url}">console</a>'
+            await page.route(
+                "http://mail.example/",
+                lambda route: route.fulfill(body=mail, content_type="text/html"),
+            )
+            await page.goto("http://mail.example/")
+            await page.get_by_role("link", name="console").click()
+            await expect(page.get_by_role("heading", name="flight")).to_be_visible()
+
+    asyncio.run(look())
+
+
 def test_a_recorded_flight_plays_and_its_names_stay_text(
     record: FlightRecord, open_page: OpenPage
 ) -> None:

@@ -82,7 +82,7 @@ def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
         status, headers, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
         assert (status, headers["location"]) == (303, "/")
         cookie, *attributes = headers["set-cookie"].split("; ")
-        assert {"HttpOnly", "SameSite=strict"} <= set(attributes)
+        assert {"HttpOnly", "SameSite=lax"} <= set(attributes)
         status, _, page = await asyncio.to_thread(ask, url, "/", cookie=cookie)
         assert status == 200
         assert "<h1>&lt;b&gt;&amp;</h1>" in page
@@ -214,3 +214,30 @@ def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path: Path) -> Non
     file.write_text("short\n")
     with pytest.raises(InputError, match="holds no token"):
         kept_token(file)
+
+
+def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certificate() -> None:
+    async def look(url: str) -> None:
+        # What people open is the address outside, whatever it is served on inside.
+        assert url == "http://127.0.0.1:18080/?token=" + "t" * 24
+
+    published = Address(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
+    when_served(look, published)
+
+
+@pytest.mark.parametrize(
+    "published",
+    [
+        "http://192.168.1.10:8080",
+        "http://0.0.0.0:8080",
+        "https://127.0.0.1:8080",
+        "http://127.0.0.1.example:8080",
+        "http://127.0.0.1:8080@example.com",
+        "http://127.0.0.1:99999",
+        "127.0.0.1:8080",
+        "",
+    ],
+)
+def test_only_this_computer_s_own_address_counts_as_published(published: str) -> None:
+    with pytest.raises(InputError, match="--published"):
+        Address(host="0.0.0.0", published=published).check()  # noqa: S104

@@ -2,13 +2,16 @@
 
 import asyncio
 import os
+import socket
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 Emulate = Callable[..., Any]
 
@@ -43,12 +46,17 @@ class Console:
 
 @asynccontextmanager
 async def console(
-    program: Path, state: Path, port: int, modules: str = "mode,arm,param,wp,cmdlong"
+    program: Path,
+    state: Path,
+    port: int,
+    modules: str = "mode,arm,param,wp,cmdlong",
+    outputs: Sequence[int] = (),
 ) -> AsyncIterator[Console]:
     state.mkdir()
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, str(program)),
         f"--master=udpin:127.0.0.1:{port}",
+        *(f"--out=udpout:127.0.0.1:{output}" for output in outputs),
         f"--default-modules={modules}",
         f"--state-basedir={state}",
         stdin=asyncio.subprocess.PIPE,
@@ -142,5 +150,75 @@ def test_a_signed_link_is_set_up_with_its_passphrase(
             ground.type("mode GUIDED")
             await ground.says("Mode GUIDED")
             await emulation.until(lambda state: state["mode"] == "GUIDED")
+
+    asyncio.run(test())
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+class Listener(asyncio.DatagramProtocol):
+    """A ground station that only listens, and counts what it hears by component and kind."""
+
+    def __init__(self) -> None:
+        self.heard: Counter[tuple[int, str]] = Counter()
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+
+    def datagram_received(self, data: bytes, _from: object) -> None:
+        for message in self._parser.parse_buffer(data) or []:
+            self.heard[message.get_srcComponent(), message.get_type()] += 1
+
+
+@asynccontextmanager
+async def companion(port: int, directory: Path) -> AsyncIterator[None]:
+    """The companion of system 1, which hears nobody on its link."""
+    link = f"udp://127.0.0.1:{free_port()}?port={free_port()}"
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "vfguide", "companion", "leader", "--mission", "circle-calm"),
+        *("--mavlink", f"udpin://127.0.0.1:{port}", "--link", link, "--insecure"),
+        *("--state", str(directory / "companion")),
+        stderr=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        yield
+        assert process.returncode is None
+    finally:
+        if process.returncode is None:
+            process.terminate()
+        await process.wait()
+
+
+def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_output(
+    emulate: Emulate, mavproxy: Path, tmp_path: Path
+) -> None:
+    async def test() -> None:
+        to_companion, to_station = free_port(), free_port()
+        station = Listener()
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: station, local_addr=("127.0.0.1", to_station)
+        )
+        async with (
+            emulate("--airborne") as emulation,
+            console(
+                mavproxy,
+                tmp_path / "state",
+                emulation.port,
+                "mode",
+                outputs=(to_companion, to_station),
+            ) as ground,
+            companion(to_companion, tmp_path),
+        ):
+            await ground.says("Detected vehicle 1:1")
+            async with asyncio.timeout(PATIENCE_S):
+                # Parameters come to who asks for them: the companion's questions have arrived.
+                while not station.heard[1, "PARAM_VALUE"] or not station.heard[1, "TIMESYNC"]:
+                    await asyncio.sleep(0.1)
+            await asyncio.sleep(2.0)  # some of its heartbeats and values, two of these a second
+            assert not [kind for component, kind in station.heard if component == 191]
+        transport.close()
 
     asyncio.run(test())

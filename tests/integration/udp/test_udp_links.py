@@ -189,6 +189,33 @@ def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
     asyncio.run(scenario())
 
 
+def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
+    links = group()
+    watched = Watched(
+        addresses=parse_links(links), formation=FORMATION, leader=LEADER, roster=ROSTER
+    )
+    said = Presence(
+        status="online",
+        mode="tracking",
+        time_s=1.0,
+        version="1",
+        obstacle="ö" * 100,
+        warning="ü" * 200,
+        figures={"links_lost": 1.0, **{f"some_delay_{number}_ms": 0.5 for number in range(60)}},
+    )
+
+    async def scenario() -> None:
+        found: dict[str, Presence] = {}
+        async with crew_of("f1", f1=links) as (one,):
+            one.link.announce(said)
+            async with asyncio.timeout(PATIENCE_S):
+                while "f1" not in found or found["f1"].mode != "tracking":
+                    found = await presences(watched, seconds=1.5, random=Random(1))
+        assert found["f1"].figures["links_lost"] == 1.0
+
+    asyncio.run(scenario())
+
+
 def test_two_formations_on_one_wire_never_hear_each_other() -> None:
     links = group()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.status import Freshness, readiness, status_json
+from vfguide.commands.status import Beats, Freshness, readiness, status_json
 from vfguide.companion.supervisor import (
     DOUBTED,
     NO_LEADER,
@@ -63,6 +63,23 @@ def test_a_kept_presence_that_does_not_change_is_a_companion_that_is_gone() -> N
     # Heard anew, it counts from then on.
     again = replace(READY, time_s=2.0)
     assert freshness.judge({"f1": again}, 17.0)["f1"] == again
+
+
+def test_a_presence_that_comes_only_once_is_of_a_companion_that_may_be_gone() -> None:
+    beats = Beats()
+    later = replace(READY, time_s=2.0)
+    assert beats.missing({"f1": READY, "f2": READY}) == ["f1", "f2"]
+    # f2 beats again, f1 is what a broker has kept; f3 has said itself that it goes.
+    found = {"f1": READY, "f2": later, "f3": replace(READY, status="offline")}
+    judged = beats.judge(found, 5.0)
+    assert judged["f2"] == later
+    assert judged["f3"] == found["f3"]
+    assert judged["f1"].status == "offline"
+    everybody = {**judged, "leader": later, "f3": later}
+    assert (
+        readiness(MISSION, everybody)
+        == "NO-GO  f1: nothing new of its companion in 5 s: it may be gone"
+    )
 
 
 @pytest.mark.parametrize(

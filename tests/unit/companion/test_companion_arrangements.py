@@ -177,9 +177,7 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
     plan: MakePlan, seed: int, loss: float
 ) -> None:
     random = Random(seed)
-    formation = Formation(
-        plan, lost=lambda *_: formation.now < 15.0 and random.random() < loss
-    )
+    formation = Formation(plan, lost=lambda *_: formation.now < 15.0 and random.random() < loss)
     slots = slots_of(plan)
     formation.run(5.0)
     for _ in range(4):
@@ -215,7 +213,10 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
     [
         ({"time_s": 5.5}, "its time is 0 s ahead"),
         ({"time_s": 500.0}, "its time is 495 s ahead"),
-        ({"places": (Place(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)}, "f9 is no follower"),
+        (
+            {"places": (Place(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)},
+            "f9 is no follower",
+        ),
         (
             {"places": (Place(vehicle="f1", begin=Point(-90, 0), end=Point(-50, 0)),)},
             "f1 is to begin -90 m ahead of",
@@ -245,9 +246,7 @@ def test_a_wrong_order_is_refused_with_its_reason(
 def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
     formation = Formation(plan)
     formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=0.0, flown=Flown.ABORT, across_s=0.0, places=())
-    )
+    formation.give(Arrangement(number=4, time_s=0.0, flown=Flown.ABORT, across_s=0.0, places=()))
     assert formation.flown == dict.fromkeys(NAMES, 4)
     assert all(member.has_left for member in formation.members.values())
 

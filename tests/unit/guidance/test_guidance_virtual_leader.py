@@ -10,6 +10,7 @@ import pytest
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import PathGains
 from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
+from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -99,6 +100,45 @@ def test_on_a_circle_in_wind_it_is_where_the_leader_is(
         - speed_over_ground(course_at(bearing) - 1e-4, wind)
     )
     assert state.acceleration == pytest.approx(change / 2e-4, abs=0.1)
+
+
+ROUTE = [
+    {"north_m": north, "east_m": east}
+    for north, east in ((0, 0), (600, 0), (600, 700), (-200, 400), (800, 300))
+]
+CURVED = {
+    "figure-eight": {"type": "figure-eight", "half_length_m": 500},
+    "repeat": {"type": "waypoints", "waypoints": ROUTE[:4], "end": "repeat", "radius_m": 150},
+    "reverse": {"type": "waypoints", "waypoints": ROUTE[:3], "end": "reverse", "radius_m": 120},
+    "loiter": {"type": "waypoints", "waypoints": ROUTE, "end": "loiter", "radius_m": 100},
+}
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (-4.0, 6.0)])
+@pytest.mark.parametrize("name", CURVED)
+def test_on_any_path_it_is_where_the_leader_is(
+    vehicle: Vehicle, leader: Leader, name: str, wind: tuple[float, float]
+) -> None:
+    # A second and more of silence begins everywhere: on legs, on fillets, where branches cross, at the end.
+    path = path_of(shape_of(CURVED[name]))
+    for begin in np.linspace(10.0, path.length + 300.0, 12).tolist():
+        place, run = path.at(begin), begin
+        speed = speed_over_ground(place.course, wind)
+        first = leader(
+            north=place.north,
+            east=place.east,
+            course=place.course,
+            ground_speed=speed,
+            turn_rate=speed * place.curvature,
+        )
+        for step, state in zip(range(60), carried(first, vehicle, path, wind), strict=False):
+            for _ in range(4):
+                run += speed_over_ground(path.at(run).course, wind) * PERIOD / 4.0
+            place = path.at(run)
+            apart = math.hypot(state.north - place.north, state.east - place.east)
+            assert apart < 0.05 + 0.02 * step * PERIOD, (name, begin, step)
+            turned = math.remainder(state.course - place.course, math.tau)
+            assert turned == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_leader_beside_its_path_comes_back_to_it(vehicle: Vehicle, leader: Leader) -> None:

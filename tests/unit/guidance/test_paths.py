@@ -11,8 +11,11 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
 from vfguide.guidance.wind_triangle import resolve
+from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
 from vfguide.paths.circle import Circle
+from vfguide.paths.climb import Climb
+from vfguide.paths.helix import Helix
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 
@@ -38,8 +41,17 @@ class Round(Curve):
 
 
 EIGHT = Eight(400.0)
+CORNERS = [
+    {"north_m": north, "east_m": east}
+    for north, east in ((0, 0), (700, 100), (600, 700), (1000, 1000), (-100, 1100))
+]
 PATHS: dict[str, Path] = {
     "line": Line(north=10.0, east=20.0, course=2.0),
+    "climbing line": Line(north=10.0, east=20.0, course=2.0, climb=Climb(slope=0.1, end=60.0)),
+    "helix": Helix(
+        circle=Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
+        climb=Climb(slope=0.1, end=600.0),
+    ),
     "circle": Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
     "circle about the origin": Circle(north=0.0, east=0.0, radius=150.0, direction=1),
     "racetrack": Racetrack(
@@ -49,6 +61,10 @@ PATHS: dict[str, Path] = {
         north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=1
     ),
     "eight": EIGHT,
+    "figure-eight": path_of(shape_of({"type": "figure-eight", "half_length_m": 500})),
+    "waypoints": path_of(
+        shape_of({"type": "waypoints", "waypoints": CORNERS, "end": "repeat", "radius_m": 90})
+    ),
 }
 
 
@@ -62,7 +78,7 @@ def test_a_place_beside_the_path_is_found_again_where_it_is(
     place = path.at(progress)
     north = place.north - right * math.sin(place.course)
     east = place.east + right * math.cos(place.course)
-    point = path.nearest(north, east, place.course)
+    point = path.nearest_in_space(north, east, place.course, place.height)
     # on an easement the distance is measured across the plain figure: 1 - cos(easement / 8 R), 0.22 %
     within = 1e-3 + (2.3e-3 * abs(right) if name == "racetrack" else 0.0)
     assert point.cross_track_error == pytest.approx(right, abs=within)
@@ -88,6 +104,7 @@ def test_a_path_runs_along_its_course_and_turns_by_its_curvature(
     # an easement is some per cent longer or shorter than the plain figure that gives the progress
     assert along == pytest.approx(step, rel=0.15 if name == "racetrack" else 1e-3)
     assert abs(right) < 1e-4
+    assert there.height - here.height == pytest.approx(here.slope * step, abs=1e-6)
     turn = math.remainder(there.course - here.course, 2.0 * math.pi)
     mean = 0.5 * (here.curvature + there.curvature)
     if "racetrack" not in name:
@@ -236,3 +253,26 @@ def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are() -> No
     track = Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1)
     turning = track.at(track.outline(97)).curvature > 0.0
     assert turning.sum() > 40
+
+
+def test_a_figure_eight_is_the_lemniscate_of_its_half_length() -> None:
+    shape = {
+        "type": "figure-eight",
+        "half_length_m": 300,
+        "centre": {"north_m": 50},
+        "course_deg": 90,
+    }
+    path = path_of(shape_of(shape))
+    # Gauss's constant: the lemniscate of half length 1 is 5.2441151085842396 long
+    assert path.length == pytest.approx(300.0 * 5.2441151085842396, rel=1e-12)
+    quarter = path.at(path.length / 4.0)
+    assert (quarter.north, quarter.east) == (pytest.approx(50.0), pytest.approx(300.0))
+    assert quarter.curvature == pytest.approx(3.0 / 300.0, rel=1e-6)
+    middle = path.at(path.length / 2.0)
+    assert (middle.north, middle.east) == (pytest.approx(50.0), pytest.approx(0.0, abs=1e-6))
+    assert middle.curvature == pytest.approx(0.0, abs=1e-9)
+    # out at 45 degrees to the left of its axis, and back at 45 to the left of the other way
+    assert math.degrees(path.at(0.0).course) == pytest.approx(45.0)
+    assert math.degrees(middle.course) == pytest.approx(90.0 + 225.0)
+    other = path_of(shape_of(shape | {"direction": "counterclockwise"}))
+    assert other.at(other.length / 4.0).curvature == pytest.approx(-3.0 / 300.0, rel=1e-6)

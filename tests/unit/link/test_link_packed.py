@@ -20,6 +20,7 @@ from vfguide.link.packed import (
     decode_packet,
     encode_answer,
     encode_beat,
+    encode_beat_alone,
     encode_motion,
     encode_packed_presence,
     encode_packet,
@@ -46,7 +47,7 @@ PRESENCE = Presence(
 )
 
 BODIES = {
-    PackedKind.BEAT: encode_beat(BEAT),
+    PackedKind.BEAT: encode_beat_alone(BEAT),
     PackedKind.QUESTION: encode_question(2**64 - 1),
     PackedKind.ANSWER: encode_answer(5, 2**63, 77, 123),
     PackedKind.PRESENCE: encode_packed_presence(PRESENCE, 2**64 - 1),
@@ -78,6 +79,9 @@ def states(draw: st.DrawFn) -> LeaderMessage:
         acceleration=numbers[5],
         turn_rate=numbers[6],
         turn_acceleration=numbers[7],
+        climb_rate=numbers[8],
+        term=draw(st.integers(0, 300)),
+        arrangement=draw(st.integers(0, 70_000)),
         steered=draw(st.booleans()),
     )
 
@@ -118,19 +122,29 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
     assert found.turn_rate == pytest.approx(clipped(state.turn_rate, 3.2767), abs=0.51e-4)
     expected = clipped(state.turn_acceleration, 32.767)
     assert found.turn_acceleration == pytest.approx(expected, abs=0.51e-3)
+    assert found.climb_rate == pytest.approx(state.climb_rate, abs=0.51e-2)
+    assert found.term == min(state.term, 255)
+    assert found.arrangement == min(state.arrangement, 65535)
 
 
 def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) -> None:
     """Worked out by hand from the layout in the module's text."""
     message = leader_message(
-        latitude_deg=1e-7, longitude_deg=-1e-7, altitude_amsl=0.001, course=math.pi
+        latitude_deg=1e-7,
+        longitude_deg=-1e-7,
+        altitude_amsl=0.001,
+        course=math.pi,
+        climb_rate=-3.0,
+        term=2,
+        arrangement=513,
     )
     data = packed(PackedKind.STATE, encode_motion(message), sender=2, ticks=258, steered=False)
     assert data[:10] == bytes([0x81, 4, 0, 2, 2, 1, 0, 0, 0, 0])
     assert data[10:22] == bytes([1, 0, 0, 0]) + b"\xff" * 4 + bytes([1, 0, 0, 0])
-    # pi is half a turn; 22 m/s; -0.25 m/s², 0.125 rad/s, 0.0625 rad/s².
-    fields = [32768, 2200, -250, 1250, 62]
-    assert data[22:32] == b"".join((one % 65536).to_bytes(2, "little") for one in fields)
+    # pi is half a turn; 22 m/s; -0.25 m/s², 0.125 rad/s, 0.0625 rad/s², 3 m/s down.
+    fields = [32768, 2200, -250, 1250, 62, -300]
+    assert data[22:34] == b"".join((one % 65536).to_bytes(2, "little") for one in fields)
+    assert data[34:37] == bytes([2, 1, 2])
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -183,12 +197,12 @@ def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
     ("data", "fault"),
     [
         (b"", "too short"),
-        (packed(PackedKind.BEAT, encode_beat(BEAT))[:-1], "bytes where"),
-        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, beat=4))), "no beat"),
-        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, period_ms=0))), "no beat"),
-        (packed(PackedKind.BEAT, encode_beat(BEAT), steered=False), "flag"),
+        (packed(PackedKind.BEAT, encode_beat_alone(BEAT))[:-1], "bytes where"),
+        (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, beat=4))), "no beat"),
+        (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, period_ms=0))), "no beat"),
+        (packed(PackedKind.BEAT, encode_beat_alone(BEAT), steered=False), "flag"),
         (b"\x09" + bytes(30), "no kind"),
-        (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(18), sender=1), "no place"),
+        (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(23), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(15)), "printed"),
     ],

@@ -7,7 +7,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.link.codec import LinkDataError
-from vfguide.link.presence import Presence, decode_presence, encode_presence
+from vfguide.link.presence import (
+    Presence,
+    decode_presence,
+    encode_presence,
+    shorter_presences,
+)
 
 PLAIN = Presence(
     status="online", mode="tracking", time_s=12.5, version="0.1.0", figures={"delay_ms": 0.25}
@@ -116,3 +121,28 @@ def test_any_json_is_a_presence_or_refused(content: object) -> None:
 def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
     with pytest.raises(LinkDataError):
         decode_presence(data)
+
+
+def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None:
+    figures = {f"latency_{number}_ms": 1.0 for number in range(60)}
+    wide = replace(
+        PLAIN,
+        obstacle="ä" * 100,
+        autopilot="é" * 100,
+        warning="\U0001f6e9" * 200,
+        figures={**figures, "links": 2.0, "links_lost": 1.0, "leader_age_ms_last": 20.0},
+    )
+    sizes = [len(encode_presence(one)) for one in shorter_presences(wide)]
+    # 1400 bytes less the envelope and its signature.
+    assert sizes[0] > 2000
+    assert sizes[-1] < 1200
+    assert sizes == sorted(sizes, reverse=True)
+    for one in shorter_presences(wide):
+        assert decode_presence(encode_presence(one)).figures["links_lost"] == 1.0
+        assert one.status == "online"
+        assert one.obstacle
+
+
+def test_letters_beyond_ascii_take_no_more_room_than_in_utf_8() -> None:
+    short, long = replace(PLAIN, warning=""), replace(PLAIN, warning="ä" * 100)
+    assert len(encode_presence(long)) - len(encode_presence(short)) == 200

@@ -115,9 +115,29 @@ def test_airspeed_stays_in_its_range_whatever_is_asked() -> None:
 
 def test_a_climb_is_limited_and_then_settles() -> None:
     wanted = targets(height=HeightTarget(530.0))
-    assert flown(PlantParameters(), wanted, state(), 5.0).altitude_amsl_m == pytest.approx(515.0)
+    # Up to 3 m/s with a time constant of 1 s: 3 (t - 1 + exp(-t)).
+    after = flown(PlantParameters(), wanted, state(), 5.0)
+    assert after.altitude_amsl_m == pytest.approx(500.0 + 3.0 * (4.0 + math.exp(-5.0)), abs=1e-3)
+    assert after.climb_m_s == pytest.approx(3.0 * (1.0 - math.exp(-5.0)), abs=1e-3)
     settled = flown(PlantParameters(), wanted, state(), 40.0)
     assert settled.altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
+
+
+def test_a_descent_has_a_limit_of_its_own() -> None:
+    plant = PlantParameters(climb_rate_max_m_s=5.0, sink_rate_max_m_s=2.0)
+    after = flown(plant, targets(height=HeightTarget(400.0)), state(), 20.0)
+    assert after.climb_m_s == pytest.approx(-2.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("delay_s", [1.0, 3.3])
+def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(
+    delay_s: float,
+) -> None:
+    plant, now, step_s = PlantParameters(height_delay_s=delay_s), state(), 0.02
+    for index in range(round(40.0 / step_s)):
+        wanted = targets(height=HeightTarget(500.0 + 2.0 * (index + 0.5) * step_s))
+        now = stepped(plant, wanted, now, CalmWind(), time_s=index * step_s, step_s=step_s)
+    assert now.altitude_amsl_m == pytest.approx(500.0 + 2.0 * (40.0 - delay_s), abs=0.01)
 
 
 def test_heading_hold_flies_a_commanded_course_with_the_drift_taken_off() -> None:

@@ -12,6 +12,7 @@ from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
 from socket import AF_INET, AF_INET6, SO_REUSEADDR, SOCK_STREAM, SOL_SOCKET, socket
+from urllib.parse import urlsplit
 
 import uvicorn
 from starlette.applications import Starlette
@@ -67,6 +68,8 @@ class Address:
     """PEM file for TLS."""
     certificate_key: Path | None = None
     """Its private key, if that is not in the same file."""
+    published: str | None = None
+    """URL of this computer's own under which others bring in who comes, as a container's engine does."""
 
     def check(self) -> None:
         """See that nobody on a network reads along.
@@ -74,9 +77,15 @@ class Address:
         Raises:
             InputError: the host is not this computer alone, and there is no certificate.
         """
+        if self.published is not None and not is_own_url(self.published):
+            raise InputError(
+                f"--published {self.published}: is no http address of this computer alone; write it as"
+                " http://127.0.0.1:8080, or give --certificate and leave it out"
+            )
         if self.certificate is None and self.certificate_key is not None:
             raise InputError("--certificate-key: is of no use alone; give --certificate, too")
-        if self.certificate is None and not is_loopback(self.host):
+        open_to_others = not is_loopback(self.host) and self.published is None
+        if self.certificate is None and open_to_others:
             raise InputError(
                 f"--host {self.host}: others on the network could read along and take the token; give"
                 " --certificate and --certificate-key, or leave --host out"
@@ -87,6 +96,13 @@ class Address:
         """Of its URL."""
         return "http" if self.certificate is None else "https"
 
+    def url(self, port: int) -> str:
+        """Of the page, on the port (1 to 65535) on which it is served."""
+        if self.published is not None:
+            return self.published.rstrip("/")
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}://{host}:{port}"
+
 
 def is_loopback(host: str) -> bool:
     """Whether only programs of this computer come in there."""
@@ -94,6 +110,16 @@ def is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def is_own_url(text: str) -> bool:
+    """Whether a text is an http address that only programs of this computer reach."""
+    try:
+        parts = urlsplit(text)
+        loopback, _ = is_loopback(parts.hostname or ""), parts.port
+    except ValueError:
+        return False
+    return loopback and parts.scheme == "http" and parts.path in {"", "/"} and not parts.query
 
 
 class Guard:
@@ -141,8 +167,10 @@ class Guard:
     def _welcome(self) -> Response:
         """To the page itself: the token stays in no list of addresses that were visited."""
         answer = RedirectResponse("/", status_code=303)
+        # A strict cookie would not go with this redirection of a link on another site. A lax one goes with
+        # no request of other sites but for the page itself, which they can neither read nor frame.
         answer.set_cookie(
-            self._cookie, self._token, httponly=True, samesite="strict", secure=self._secure
+            self._cookie, self._token, httponly=True, samesite="lax", secure=self._secure
         )
         return answer
 
@@ -287,8 +315,7 @@ async def served(
         server = QuietServer(configured(app, address))
         running = asyncio.create_task(server.serve(sockets=[opened]), name="console server")
         try:
-            host = f"[{address.host}]" if ":" in address.host else address.host
-            yield f"{address.scheme}://{host}:{port}/?token={token}"
+            yield f"{address.url(port)}/?token={token}"
         finally:
             source.close()
             server.should_exit = True

@@ -335,11 +335,11 @@ def arrows_of(
     arrows = [arrow]
     if vehicle.role == "follower":
         leader, here = record.reference, slice(sample, sample + 1)
-        north, east = slot_track(leader, vehicle.slot_forward_m, vehicle.slot_right_m)
+        north, east = slot_track(leader, *vehicle.slot_m)
         slot = arrow_at(
             float(east[here][0]),
             float(north[here][0]),
-            float(leader.altitude_amsl_m[sample]) + vehicle.slot_up_m - origin,
+            float((leader.altitude_amsl_m + vehicle.slot_height_m)[sample]) - origin,
             float(np.degrees(leader.course_rad[sample])),
             colour_of(colour, 0.3),
         )

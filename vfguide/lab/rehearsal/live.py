@@ -187,7 +187,8 @@ class LiveFlight:
         self._state = TemporaryDirectory(prefix="vfguide-state-")
         self._epoch_s = 0.0
         self._companions_zero_s = 0.0
-        self._keys = key_places(Path(self._state.name) / "rehearsal.yaml")
+        self.keys = key_places(Path(self._state.name) / "rehearsal.yaml")
+        """Of this rehearsal alone: everybody's, and an operator's."""
         self._watched: Watched | None = None
 
     @property
@@ -197,11 +198,11 @@ class LiveFlight:
 
     def _make_keys(self) -> None:
         """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
-        make_keys(self._keys, self.mission.name, self.mission.companions)
+        make_keys(self.keys, self.mission.name, self.mission.companions)
         self._watched = replace(
             watched_by_anybody(self.mission, self._links),
-            roster=read_roster(self._keys.roster),
-            key=read_private_key(self._keys.private(OPERATOR)),
+            roster=read_roster(self.keys.roster),
+            key=read_private_key(self.keys.private(OPERATOR)),
         )
 
     @property
@@ -232,8 +233,8 @@ class LiveFlight:
             options = [
                 f"--mission={mission_file}",
                 f"--mavlink=udpin://127.0.0.1:{port}",
-                f"--key={self._keys.private(name)}",
-                f"--roster={self._keys.roster}",
+                f"--key={self.keys.private(name)}",
+                f"--roster={self.keys.roster}",
                 *(f"--link={link}" for link in self._links),
                 f"--record={self._directory / RECORDINGS}",
                 f"--clock={clock.epoch_s!r},{clock.rate!r}",

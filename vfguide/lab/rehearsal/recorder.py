@@ -36,7 +36,7 @@ POSITION = ("latitude_deg", "longitude_deg")
 DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
 """What it takes from the companion's snapshot, as numbers."""
 
-LEADS = ("term", "north", "east", "course")
+LEADS = ("term", "north", "east", "course", "altitude")
 """What it takes of the leader by which a vehicle leads, where the mission names deputies."""
 
 MODES = tuple(Mode)
@@ -73,7 +73,7 @@ class VehicleRecorder:
         self._doings.extend(doings_row(snapshot))
         self._slots.extend(slot_row(snapshot, self._slot))
         if self._leads is not None:
-            self._leads.extend(lead_row(snapshot))
+            self._leads.extend(lead_row(snapshot, self._mission.origin.altitude_amsl_m))
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
@@ -174,12 +174,19 @@ def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
     return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov
 
 
-def lead_row(snapshot: Snapshot) -> tuple[float, ...]:
-    """By what a companion led, in the order of `LEADS`; NaN where it did not."""
+def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
+    """By what a companion led, in the order of `LEADS`; NaN where it did not.
+
+    Args:
+        snapshot: of the companion.
+        ground_amsl_m: altitude of the mission's origin, m.
+    """
     lead = snapshot.lead
     if lead is None:
         return (math.nan,) * len(LEADS)
-    return lead.term, lead.motion.north, lead.motion.east, lead.motion.course
+    motion = lead.motion
+    altitude = ground_amsl_m + float(motion.height)
+    return lead.term, motion.north, motion.east, motion.course, altitude
 
 
 def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray]:

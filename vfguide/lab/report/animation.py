@@ -186,7 +186,7 @@ def formation_places(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
     norths = [vehicle.north_m for vehicle in record.vehicles]
     easts = [vehicle.east_m for vehicle in record.vehicles]
     for follower in record.followers:
-        north, east = slot_track(record.reference, follower.slot_forward_m, follower.slot_right_m)
+        north, east = slot_track(record.reference, *follower.slot_m)
         norths.append(north)
         easts.append(east)
     return np.stack(easts), np.stack(norths)
@@ -292,7 +292,7 @@ class Artist:
 
     def _draw_slot(self, picture: Image.Image, frame: Frame, vehicle: VehicleRecord) -> None:
         leader, sample = self._record.reference, frame.sample
-        north, east = slot_track(leader, vehicle.slot_forward_m, vehicle.slot_right_m)
+        north, east = slot_track(leader, *vehicle.slot_m)
         here = slice(sample, sample + 1)
         slot = frame.place(east[here], north[here])
         place = frame.place(vehicle.east_m[here], vehicle.north_m[here])

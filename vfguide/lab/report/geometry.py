@@ -22,7 +22,14 @@ class SlotError:
     cross_track_m: FloatArray
     """Positive where the slot was to the right."""
     distance_m: FloatArray
-    """The formation error: distance of the follower from its slot."""
+    """The formation error: distance of the follower from its slot, seen from above."""
+    up_m: FloatArray
+    """Positive where the slot was above."""
+
+    @property
+    def distance_3d_m(self) -> FloatArray:
+        """Distance of the follower from its slot in space."""
+        return np.hypot(self.distance_m, self.up_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,12 +76,17 @@ def seen_from_leader(
 def slot_error(leader: VehicleRecord, follower: VehicleRecord) -> SlotError:
     """The slot as the follower had it before it: slot minus follower, along and right of the leader's course.
 
-    The altitude plays no part: a formation error is horizontal.
+    The formation error is horizontal; the height counts from the leader's true one.
     """
     north, east = slot_track(leader, *follower.slot_m)
     north, east = north - follower.north_m, east - follower.east_m
     along, cross = in_course_frame(north, east, leader.course_rad)
-    return SlotError(along_track_m=along, cross_track_m=cross, distance_m=np.hypot(north, east))
+    return SlotError(
+        along_track_m=along,
+        cross_track_m=cross,
+        distance_m=np.hypot(north, east),
+        up_m=leader.altitude_amsl_m + follower.slot_height_m - follower.altitude_amsl_m,
+    )
 
 
 def intended_leader(leader: VehicleRecord) -> VehicleRecord:

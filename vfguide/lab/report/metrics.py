@@ -34,6 +34,11 @@ def find_rejections(acceptance: Acceptance, formation: FormationSummary) -> tupl
     """What the flight did not reach, one phrase with figures for each; empty if it reached all."""
     found = (
         reject_error("mean formation error", formation.mean_error_m, acceptance.mean_error_m),
+        reject_error(
+            "mean formation error in space",
+            formation.mean_error_3d_m,
+            acceptance.mean_error_3d_m,
+        ),
         reject_error("greatest formation error", formation.max_error_m, acceptance.max_error_m),
         reject_settling(10, formation.settle_10m_s, acceptance.settle_10m_s),
         reject_settling(1, formation.settle_1m_s, acceptance.settle_1m_s),
@@ -160,11 +165,13 @@ def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSu
     meant = slot_distances(record, intended_leader(record.reference))
     meant_sizes = spread(measured(record, meant[:, window]))
     settling = errors_that_count(record, errors)
+    in_space = spread(measured(record, slot_distances_3d(record)[:, window]))
     return FormationSummary(
         window_s=window_s(record),
         mean_error_m=sizes.mean if sizes else None,
         p95_error_m=sizes.p95 if sizes else None,
         max_error_m=sizes.max if sizes else None,
+        mean_error_3d_m=in_space.mean if in_space else None,
         intended_error_m=meant_sizes.mean if meant_sizes else None,
         settle_10m_s=settling_time(record.time_s, settling, 10.0),
         settle_1m_s=settling_time(record.time_s, settling, 1.0),
@@ -177,6 +184,12 @@ def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSu
 def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
     """Distances of all followers from their slots behind a leader, m; one row for each follower."""
     distances = [slot_error(leader, follower).distance_m for follower in record.followers]
+    return np.array(distances).reshape(len(distances), record.time_s.size)
+
+
+def slot_distances_3d(record: FlightRecord) -> FloatArray:
+    """Distances of all followers from their slots in space, m; one row for each follower."""
+    distances = [slot_error(record.reference, one).distance_3d_m for one in record.followers]
     return np.array(distances).reshape(len(distances), record.time_s.size)
 
 
@@ -204,6 +217,7 @@ def _summarise_follower(
         formation_error_m=spread(measured(record, error.distance_m[window])),
         along_track_error_m=spread(measured(record, error.along_track_m[window])),
         cross_track_error_m=spread(measured(record, error.cross_track_m[window])),
+        height_error_m=spread(measured(record, error.up_m[window])),
         course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
         course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
         limited_fraction=share(follower.limited[window]),

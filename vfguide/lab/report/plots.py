@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
+from vfguide.lab.report.heights_plot import heights_figure
 from vfguide.lab.report.picture import picture_of, save_figure
 from vfguide.lab.report.separation_plot import separation_figure
 from vfguide.lab.report.setpoints_plot import setpoints_figure
@@ -66,6 +67,14 @@ PLOTS = (
         "of a line is chatter, and red strips show where a limit of the vehicle cut it.",
         draw=setpoints_figure,
         needs_followers=False,
+    ),
+    Plot(
+        name="heights",
+        title="Heights",
+        caption="In a climb all lines should bend at one time; below, an error that keeps one sign while "
+        "they climb is a height delay that the mission tells wrong.",
+        draw=heights_figure,
+        needs_followers=True,
     ),
     Plot(
         name="separation",

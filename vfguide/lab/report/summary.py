@@ -19,6 +19,8 @@ class FormationSummary:
     """Its 95th percentile."""
     max_error_m: float | None
     """The greatest."""
+    mean_error_3d_m: float | None
+    """Mean distance from the slot in space, over all followers and all samples of the window."""
     intended_error_m: float | None
     """Mean distance from the slot as it is meant, in the course of the path where the leader is: it does not
     swing with a leader that gusts turn."""
@@ -58,6 +60,8 @@ class FollowerSummary:
     """Size of its component along the leader's course."""
     cross_track_error_m: Spread | None
     """Size of its component across the leader's course."""
+    height_error_m: Spread | None
+    """Height between it and its slot."""
     course_setpoint_variation_rad_s: float | None
     """Total variation of the course setpoint per second."""
     course_setpoint_excess_variation_rad_s: float | None

@@ -45,6 +45,7 @@ def summary_table(summary: Summary) -> Group:
             in_digits(formation.max_error_m),
             "",
         )
+        table.add_row(Text("formation, in space"), in_digits(formation.mean_error_3d_m), "", "", "")
         table.add_row(
             Text("formation, as its path means it"),
             in_digits(formation.intended_error_m),

@@ -62,6 +62,11 @@ def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
             formation.mean_error_m,
             wanted.mean_error_m,
         ),
+        _compare_error(
+            "Mean formation error in space, heights included",
+            formation.mean_error_3d_m,
+            wanted.mean_error_3d_m,
+        ),
         ComparedFigure(
             name="95 % of formation errors are below",
             measured=in_digits(formation.p95_error_m, "m"),

@@ -129,3 +129,24 @@ def test_heights_of_slots_are_told(circle_flight: FlightRecord) -> None:
     vehicles = describe_flight(record)["vehicles"]
     assert isinstance(vehicles, list)
     assert vehicles[1]["slot"] == [-20.0, -20.0, 5.0]
+
+
+def test_the_page_gets_the_places_of_a_slot_that_was_changed_in_flight(
+    circle_flight: FlightRecord,
+) -> None:
+    follower = circle_flight.followers[0]
+    assert "slot_north_m" not in series_of(circle_flight, follower)
+    # From 20 m behind to 30 m to the right of it: where the error says that it was.
+    count = circle_flight.time_s.size
+    moved = replace(
+        follower,
+        slot_forward_series_m=np.linspace(-20.0, 0.0, count),
+        slot_right_series_m=np.linspace(0.0, 30.0, count),
+    )
+    others = [one for one in circle_flight.vehicles if one is not follower]
+    flight = replace(circle_flight, vehicles=(others[0], moved, *others[1:]))
+    series, course = series_of(flight, moved), circle_flight.leader.course_rad
+    north = moved.north_m + series["along_m"] * np.cos(course) - series["across_m"] * np.sin(course)
+    assert np.allclose(series["slot_north_m"], north)
+    east = circle_flight.leader.east_m[-1] + 30.0 * np.cos(course[-1])
+    assert series["slot_east_m"][-1] == pytest.approx(east)

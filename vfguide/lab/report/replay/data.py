@@ -10,7 +10,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.lab.report.colours import NIGHT_COLOURS, vehicle_colours
 from vfguide.lab.report.figures import window_s
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.geometry import slot_error, slot_track
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 FORMAT = 1
@@ -67,6 +67,11 @@ KINDS = {
 }
 """All series of a vehicle."""
 
+SLOT_KINDS: dict[str, Kind] = dict.fromkeys(
+    ("slot_north_m", "slot_east_m", "slot_altitude_m"), CENTIMETRES
+)
+"""Series of a follower besides, where its slot was changed in flight."""
+
 TYPES = {8: "<u1", 16: "<i2", 32: "<i4"}
 
 
@@ -104,7 +109,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
                 "slot": [vehicle.slot_forward_m, vehicle.slot_right_m, vehicle.slot_up_m],
                 "colours": [day[vehicle.name], night[vehicle.name]],
                 "series": {
-                    name: encode(values[::stride], KINDS[name])
+                    name: encode(values[::stride], (KINDS | SLOT_KINDS)[name])
                     for name, values in series_of(record, vehicle).items()
                 },
             }
@@ -118,7 +123,8 @@ def choose_stride(record: FlightRecord) -> int:
     samples = record.time_s.size
     if samples < 2 or record.duration_s <= 0.0:
         return 1
-    bytes_per_sample = len(record.vehicles) * sum(kind.bits // 8 for kind in KINDS.values())
+    kinds = [*KINDS.values(), *(SLOT_KINDS.values() if moves_slots(record) else ())]
+    bytes_per_sample: int = len(record.vehicles) * sum(kind.bits // 8 for kind in kinds)
     whole = samples * bytes_per_sample
     step_s = record.duration_s / (samples - 1)
     usual = max(FINEST_STEP_S, step_s * whole / USUAL_BYTES)
@@ -149,7 +155,20 @@ def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatAr
     if vehicle.role == "follower":
         error = slot_error(record.reference, vehicle)
         series |= {"along_m": error.along_track_m, "across_m": error.cross_track_m}
+        if moves_slots(record):
+            leader = record.reference
+            places = (
+                *slot_track(leader, *vehicle.slot_m),
+                leader.altitude_amsl_m + vehicle.slot_height_m,
+            )
+            series |= dict(zip(SLOT_KINDS, places, strict=True))
     return series
+
+
+def moves_slots(record: FlightRecord) -> bool:
+    """Whether slots were changed in flight, or led by a deputy: the page works out all others itself."""
+    changed = any(one.slot_forward_series_m is not None for one in record.followers)
+    return changed or record.reference is not record.leader
 
 
 def in_degrees(angles_rad: FloatArray) -> FloatArray:

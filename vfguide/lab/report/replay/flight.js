@@ -109,10 +109,15 @@ class Flight {
     }
   }
 
-  /** Where the slot of a follower is, from its leader's state. */
-  slotOf(vehicle, leader) {
+  /** Where the slot of a follower is: as recorded, where it was changed in flight, or from its leader's state. */
+  slotOf(vehicle, leader, state) {
+    if ("slot_north_m" in state) {
+      return { north_m: state.slot_north_m, east_m: state.slot_east_m, altitude_m: state.slot_altitude_m };
+    }
     const course = leader.course_deg * RADIANS;
-    const { forward, right, up } = vehicle.slot;
+    const forward = state.slot_forward_m ?? vehicle.slot.forward;
+    const right = state.slot_right_m ?? vehicle.slot.right;
+    const up = state.slot_up_m ?? vehicle.slot.up;
     return {
       north_m: leader.north_m + forward * Math.cos(course) - right * Math.sin(course),
       east_m: leader.east_m + forward * Math.sin(course) + right * Math.cos(course),
@@ -123,11 +128,10 @@ class Flight {
   /** All vehicles at `time`, the leader first: {vehicle, state, slot}; slot is null for the leader. */
   formationAt(time) {
     const leader = this.at(this.leader, time);
-    return this.vehicles.map((vehicle) => ({
-      vehicle,
-      state: vehicle.leads ? leader : this.at(vehicle, time),
-      slot: vehicle.leads ? null : this.slotOf(vehicle, leader),
-    }));
+    return this.vehicles.map((vehicle) => {
+      const state = vehicle.leads ? leader : this.at(vehicle, time);
+      return { vehicle, state, slot: vehicle.leads ? null : this.slotOf(vehicle, leader, state) };
+    });
   }
 
   /** Times at which some vehicle's mode changes: [{time, vehicle, mode}], in order. */

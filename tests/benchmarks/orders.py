@@ -1,0 +1,301 @@
+"""How fast and how near formations change their shape: every ordered pair of six shapes, and random orders.
+
+Run with `.venv/bin/python tests/benchmarks/orders.py pairs [FOLLOWERS ...]`, or `random [ORDERS [SEED]]`; all
+in the article's wind, in lockstep through MAVLink bytes. Minutes for each. `picture FILE` draws the mission
+`shapes` as its leader sees it.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vfguide.formation.arrangement import Arrangement
+from vfguide.formation.orders import Formation, Order
+from vfguide.formation.shapes import SHAPES, Shape, shape_slots
+from vfguide.formation.transition import RefusedOrderError
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.operator import LEAD_S, REPEAT_S, TIMES
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.report.geometry import in_course_frame, pair_separations, seen_from_leader
+from vfguide.lab.report.picture import save_figure
+from vfguide.link.memory import Mail
+from vfguide.link.order_codec import encode_order
+from vfguide.mission import load_mission
+from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import formation_of_mission, resolve, timetable
+from vfguide.record.flight import FlightRecord
+
+SIX: tuple[Shape, ...] = (
+    "vee",
+    "line-abreast",
+    "echelon-left",
+    "trail",
+    "diamond",
+    "finger-four",
+)
+SPACING_M = 20.0
+FIRST_S = 40.0
+"""Everybody has found its first slot by then."""
+BETWEEN_S = 20.0
+"""After the slots have come to rest, before the next order."""
+JOIN_S = 60.0
+"""The same after somebody was to join."""
+PATHS = {
+    "line": {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 45, "gain": 0.03},
+    "circle": {
+        "type": "circle",
+        "centre": {"north_m": 500, "east_m": 0},
+        "radius_m": 500,
+        "gain": 0.015,
+    },
+}
+
+
+@dataclass(frozen=True)
+class Given:
+    """An order that was given."""
+
+    name: str
+    arrangement: Arrangement
+
+
+def mission_of(count: int, path: str, seed: int = 1) -> Mission:
+    """A vee of some followers in the article's wind."""
+    names = [f"f{number}" for number in range(1, count + 1)]
+    return Mission.model_validate(
+        {
+            "name": f"orders-{path}",
+            "origin": {
+                "latitude_deg": 47.397742,
+                "longitude_deg": 8.545594,
+                "altitude_amsl_m": 488,
+            },
+            "path": PATHS[path],
+            "leader": {"vehicle": "leader", "airspeed_m_s": 20},
+            "followers": [
+                {"vehicle": name, "slot": {"forward_m": forward, "right_m": right}}
+                for name, (forward, right) in zip(
+                    names, shape_slots("vee", count, SPACING_M), strict=True
+                )
+            ],
+            "vehicles": {
+                name: {"system_id": number} for number, name in enumerate(["leader", *names], 1)
+            },
+            "controller": {
+                "type": "slot", "k_x": 0.42, "k_y": 0.28, "integral_s": 0.65, "chi_inf_deg": 45,
+                "v_inf_m_s": 8, "kappa": 3, "epsilon": 0.01, "boundary_layer_factor": 4.8,
+            },
+            "wind": {"type": "article"},
+            "rehearsal": {"link_delay_s": 0.1, "seed": seed},
+        }
+    )  # fmt: skip
+
+
+def round_trip(shapes: Sequence[Shape]) -> list[Shape]:
+    """A walk that takes every ordered pair of shapes once: Hierholzer's circuit of the complete graph."""
+    left = {one: [other for other in shapes if other != one] for one in shapes}
+    stack, circuit = [shapes[0]], []
+    while stack:
+        if left[stack[-1]]:
+            stack.append(left[stack[-1]].pop())
+        else:
+            circuit.append(stack.pop())
+    return circuit[::-1]
+
+
+def planned(mission: Mission, orders: Iterator[tuple[str, Order]], count: int) -> list[Given]:
+    """The first orders that can be carried out, one after the other."""
+    formation, time_s, given = formation_of_mission(mission), FIRST_S, list[Given]()
+    for name, order in orders:
+        if len(given) == count:
+            break
+        try:
+            found, _ = resolve(mission, order, formation, number=len(given) + 1, time_s=time_s)
+        except RefusedOrderError as refusal:
+            sys.stdout.write(f"refused  {name}: {refusal}\n")
+            continue
+        joins = not found.vehicles <= set(formation.slots)
+        given.append(Given(name, found))
+        formation = formation.after(found)
+        time_s += found.duration_s + (JOIN_S if joins else BETWEEN_S)
+    return given
+
+
+def flown(mission: Mission, given: Sequence[Given]) -> FlightRecord:
+    """The flight of these orders; whatever is not flown as ordered ends it."""
+    last = given[-1].arrangement
+    rate_hz = mission.rehearsal.rate_hz
+    end = round((last.time_s + last.duration_s + BETWEEN_S) * rate_hz)
+    mail_at = sorted(
+        (one.arrangement.time_s - LEAD_S + REPEAT_S * copy, encode_order(one.arrangement))
+        for one in given
+        for copy in range(TIMES)
+    )
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    flying = [Aircraft(mission, name, orders=mail_at) for name in names]
+    times = [step / rate_hz for step in range(end + 1)]
+    mail = list[Mail]()
+    for now in times:
+        mail = step_all(flying, now, mail)
+    for aircraft in flying:
+        arrangement = aircraft.companion.arrangement
+        if arrangement is None or arrangement.number != last.number:
+            raise SystemExit(f"{aircraft.name} does not fly order {last.number}")
+    records = [aircraft.recorder.record() for aircraft in flying]
+    return flight_record(mission, times, records, wall_s=0.0)
+
+
+def settled_s(record: FlightRecord, one: Given, until_s: float) -> float:
+    """After so long everybody stays within a metre of where the order sends it; infinite if not by then."""
+    order = one.arrangement
+    window = (record.time_s >= order.time_s) & (record.time_s < until_s)
+    time_s, leader = record.time_s[window] - order.time_s, record.leader
+    latest = 0.0
+    for vehicle in record.followers:
+        place = order.place_of(vehicle.name)
+        if place is None:
+            continue
+        forward, right = in_course_frame(
+            vehicle.north_m - leader.north_m, vehicle.east_m - leader.east_m, leader.course_rad
+        )
+        error = np.hypot(forward - place.end.forward, right - place.end.right)[window]
+        away = np.flatnonzero(error > 1.0)
+        if away.size:
+            latest = max(
+                latest,
+                float("inf") if away[-1] + 1 == len(time_s) else float(time_s[away[-1] + 1]),
+            )
+    return latest
+
+
+def least(record: FlightRecord, from_s: float) -> tuple[float, str, float]:
+    """(distance in m, pair, time in s) of the nearest two from a time on."""
+    window = record.time_s >= from_s
+    return min(
+        (
+            float(one.distance_m[window].min()),
+            f"{one.first} and {one.second}",
+            float(record.time_s[window][one.distance_m[window].argmin()]),
+        )
+        for one in pair_separations(record)
+    )
+
+
+def pairs(followers: Sequence[int]) -> None:
+    """Every ordered pair of six shapes."""
+    for count in followers:
+        for path in PATHS:
+            mission = mission_of(count, path)
+            walk = round_trip(SIX)
+            orders = (
+                (f"{one} -> {other}", Order(shape=other, spacing=SPACING_M))
+                for one, other in pairwise(walk)
+            )
+            given = planned(mission, orders, len(walk) - 1)
+            record = flown(mission, given)
+            ends = [one.arrangement.time_s for one in given[1:]] + [float(record.time_s[-1])]
+            took = [settled_s(record, one, end) for one, end in zip(given, ends, strict=True)]
+            slowest = int(np.argmax(took))
+            distance, pair, _ = least(record, FIRST_S)
+            sys.stdout.write(
+                f"{count + 1} aircraft, {path}: {len(given)} pairs, all within 1 m after"
+                f" {np.median(took):.1f} s in the middle, {took[slowest]:.1f} s at most"
+                f" ({given[slowest].name}); nearest two {distance:.1f} m ({pair})\n"
+            )
+            sys.stdout.flush()
+
+
+def random_orders(formation: Formation, random: Random) -> Iterator[tuple[str, Order]]:
+    """Orders for ever: shapes, spacings, swaps, who leaves and comes back."""
+    names = list(formation.home)
+    away: list[str] = []
+    while True:
+        kind = random.choice(["shape", "shape", "spacing", "swap", "leave", "join"])
+        here = [name for name in names if name not in away]
+        if kind == "shape":
+            shape, spacing = random.choice(SHAPES), random.uniform(12.0, 30.0)
+            yield f"{shape} {spacing:.0f}", Order(shape=shape, spacing=spacing)
+        elif kind == "spacing":
+            yield "spacing", Order(spacing=random.uniform(12.0, 30.0))
+        elif kind == "swap" and len(here) > 1:
+            first, second = random.sample(here, 2)
+            yield f"swap {first} {second}", Order(swap=(first, second))
+        elif kind == "leave" and len(here) > 2:
+            away.append(random.choice(here))
+            yield f"leave {away[-1]}", Order(leave=(away[-1],))
+        elif kind == "join" and away:
+            name = away.pop(random.randrange(len(away)))
+            shape = random.choice(SHAPES)
+            yield f"join {name}", Order(join=(name,), shape=shape, spacing=20.0)
+
+
+def at_random(count: int, seed: int) -> None:
+    """Random orders, a dozen in each flight."""
+    nearest, done = (float("inf"), "", 0.0), 0
+    while done < count:
+        random = Random(seed)
+        mission = mission_of(random.randint(3, 7), random.choice(list(PATHS)), seed)
+        orders = random_orders(formation_of_mission(mission), random)
+        given = planned(mission, orders, min(12, count - done))
+        record = flown(mission, given)
+        found = least(record, FIRST_S)
+        done, nearest, seed = done + len(given), min(nearest, found), seed + 1
+        sys.stdout.write(
+            f"seed {seed - 1}: {len(record.vehicles)} aircraft, {len(given)} orders,"
+            f" nearest {found[0]:.1f} m ({found[1]}, at {found[2]:.0f} s);"
+            f" of {done} so far {nearest[0]:.1f} m\n"
+        )
+        sys.stdout.flush()
+
+
+def picture(file: Path) -> None:
+    """The transitions of the mission `shapes`, each seen from the leader."""
+    mission = load_mission(Path("shapes"))
+    given = [found for found, _ in timetable(mission)]
+    record = fly_lockstep(mission).record
+    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+    for axes, order, timed in zip(figure.subplots(2, 3).flat, given, mission.orders, strict=True):
+        end_s = order.time_s + order.duration_s
+        window = (record.time_s >= order.time_s) & (record.time_s <= end_s + BETWEEN_S)
+        last = int(np.flatnonzero(window)[-1])
+        axes.plot(0.0, 0.0, marker="^", markersize=11, color="black")
+        for number, vehicle in enumerate(record.followers):
+            forward, right = seen_from_leader(record.leader, vehicle)
+            colour = f"C{number}"
+            axes.plot(right[window], forward[window], color=colour, linewidth=1.2)
+            axes.plot(right[window][0], forward[window][0], marker="o", color=colour, alpha=0.4)
+            axes.plot(
+                right[last], forward[last], marker="^", markersize=11, color=colour,
+                label=vehicle.name,
+            )  # fmt: skip
+        axes.set_title(f"{timed.shape}, {order.time_s:.0f} s, in {order.duration_s:.0f} s")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.grid(alpha=0.3)
+    figure.axes[0].legend(loc="lower left")
+    figure.supxlabel("right of the leader, m")
+    figure.supylabel("ahead of the leader, m")
+    save_figure(figure, file)
+
+
+def main() -> None:
+    """Fly what the command line says."""
+    what, *numbers = sys.argv[1:] or ["pairs"]
+    if what == "picture":
+        picture(Path(numbers[0]))
+        return
+    if what == "random":
+        count, seed = [*map(int, numbers), *(100, 1)[len(numbers) :]][:2]
+        at_random(count, seed)
+    else:
+        pairs([int(number) for number in numbers] or [3, 7])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,218 @@
+"""Orders through MAVLink bytes: over links that lose, with companions that die and pilots that take over."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+import sitl_stub
+import vfguide.lab.rehearsal.aircraft
+from vfguide.companion.core import Companion
+from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.elementwise import FloatArray
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.report.geometry import pair_separations, seen_from_leader
+from vfguide.link.memory import Mail
+from vfguide.mission import Mission
+from vfguide.record.flight import FlightRecord
+
+MissionWith = Callable[..., Mission]
+
+SET_MODE, LOITER, GUIDED = 176, 12, 15
+AT_S = 25.0
+
+
+class Flown:
+    """A formation that is flown with the orders of its mission, and what may happen to it meanwhile."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission = mission
+        self.names = [mission.leader.vehicle, *mission.followers_by_name]
+        self.aircraft = {name: Aircraft(mission, name) for name in self.names}
+        self.times: list[float] = []
+        self._mail = list[Mail]()
+
+    def until(self, end_s: float) -> None:
+        """Fly on."""
+        rate_hz = self.mission.rehearsal.rate_hz
+        while len(self.times) <= round(end_s * rate_hz):
+            now = len(self.times) / rate_hz
+            self._mail = step_all(list(self.aircraft.values()), now, self._mail)
+            self.times.append(now)
+
+    def restart(self, name: str) -> None:
+        """Its companion dies, and another one begins that knows nothing of the flight."""
+        plan = flight_plan(self.mission, name)
+        adapter = adapter_of(self.mission.vehicles[name])
+        self.aircraft[name].companion = Companion(plan, adapter, engage=True)
+
+    def numbers(self) -> list[int]:
+        """Of the order that each flies."""
+        found = [one.companion.arrangement for one in self.aircraft.values()]
+        return [0 if one is None else one.number for one in found]
+
+    def words(self, name: str) -> str:
+        """All that its companion has said."""
+        return "\n".join(event.text for event in self.aircraft[name].events)
+
+    def record(self) -> FlightRecord:
+        """What was flown."""
+        records = [one.recorder.record() for one in self.aircraft.values()]
+        return flight_record(self.mission, self.times, records, wall_s=0.0)
+
+
+def nearest(record: FlightRecord, from_s: float) -> float:
+    """Least distance of any two from a time on, m."""
+    later = record.time_s >= from_s
+    return min(float(pair.distance_m[later].min()) for pair in pair_separations(record))
+
+
+def places(record: FlightRecord) -> dict[str, tuple[float, float]]:
+    """(forward, right) of each follower at the end, m."""
+    found = {}
+    for follower in record.followers:
+        forward, right = seen_from_leader(record.leader, follower)
+        found[follower.name] = float(forward[-1]), float(right[-1])
+    return found
+
+
+def height(record: FlightRecord, name: str) -> FloatArray:
+    """Of a follower above the leader over time, m."""
+    follower = next(one for one in record.followers if one.name == name)
+    return follower.altitude_amsl_m - record.leader.altitude_amsl_m
+
+
+@pytest.fixture
+def ordered(mission_with: MissionWith) -> Callable[..., Flown]:
+    """A flight of the mission `shapes` with other orders, everybody in its slot at its beginning."""
+
+    def make(*orders: dict[str, Any], **rehearsal: object) -> Flown:
+        start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+        mission = mission_with("shapes", rehearsal={"start": start, **rehearsal})
+        content = mission.model_dump(exclude_unset=True)
+        content["orders"] = list(orders)
+        return Flown(Mission.model_validate(content))
+
+    return make
+
+
+def test_a_shape_is_flown_over_a_link_that_loses_a_third_of_all(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered(
+        {"at_s": AT_S, "shape": "trail", "spacing_m": 20}, link_loss=0.3, link_jitter_s=0.05
+    )
+    flight.until(70.0)
+    assert flight.numbers() == [1, 1, 1, 1]
+    record = flight.record()
+    assert sorted(forward for forward, _ in places(record).values()) == pytest.approx(
+        [-60.0, -40.0, -20.0], abs=0.5
+    )
+    assert nearest(record, 15.0) >= 7.0
+
+
+def test_two_that_change_places_pass_each_other_in_layers(ordered: Callable[..., Flown]) -> None:
+    flight = ordered({"at_s": AT_S, "swap": ["f1", "f2"]})
+    flight.until(80.0)
+    record = flight.record()
+    found = places(record)
+    assert found["f1"] == pytest.approx((-20.0, -20.0), abs=0.5)
+    assert found["f2"] == pytest.approx((-20.0, 20.0), abs=0.5)
+    assert nearest(record, 15.0) >= 10.0
+    highest = max(height(record, "f1").max(), height(record, "f2").max())
+    assert highest == pytest.approx(12.0, abs=1.0)
+    assert height(record, "f1")[-1] == pytest.approx(0.0, abs=1.0)
+
+
+def test_an_order_that_one_does_not_hear_is_void_and_all_fly_on_as_before(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered({"at_s": AT_S, "shape": "trail", "spacing_m": 20})
+    # Nothing of the operator's reaches it.
+    flight.aircraft["f2"] = Aircraft(flight.mission, "f2", orders=())
+    flight.until(60.0)
+    assert flight.numbers() == [0, 0, 0, 0]
+    assert "order 1 is void: f2 does not answer; all fly on as before" in flight.words("leader")
+    assert places(flight.record())["f3"] == pytest.approx((-40.0, 40.0), abs=0.5)
+
+
+@pytest.mark.parametrize("restarted", ["leader", "f2"])
+def test_a_companion_that_dies_in_the_middle_of_a_transition_finds_its_slot_again(
+    ordered: Callable[..., Flown], restarted: str
+) -> None:
+    flight = ordered({"at_s": AT_S, "shape": "line-abreast", "spacing_m": 20})
+    flight.until(32.0)
+    flight.restart(restarted)
+    flight.until(80.0)
+    assert flight.numbers() == [1, 1, 1, 1]
+    record = flight.record()
+    assert [right for _, right in places(record).values()] == pytest.approx(
+        [20.0, -20.0, 40.0], abs=1.0
+    )
+    assert nearest(record, 15.0) >= 7.0
+
+
+def test_a_pilot_who_takes_over_in_a_transition_wins_and_is_kept_clear_of(
+    ordered: Callable[..., Flown], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: dict[str, sitl_stub.Autopilot] = {}
+
+    def note(mission: Mission, name: str) -> sitl_stub.Autopilot:
+        return made.setdefault(name, emulator_of(mission, name))
+
+    monkeypatch.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", note)
+    flight = ordered({"at_s": AT_S, "shape": "echelon-left", "spacing_m": 15})
+    flight.until(33.0)
+    select(made["f1"], LOITER)
+    flight.until(75.0)
+    assert made["f1"].truth().mode == "LOITER"
+    record = flight.record()
+    assert nearest(record, 15.0) >= 5.0
+    # The others are where they were ordered to, a step of 15 m at 45 degrees each.
+    found = places(record)
+    step = 15.0 / np.sqrt(2.0)
+    for name in ("f2", "f3"):
+        forward, right = found[name]
+        assert forward == pytest.approx(right, abs=1.0)
+        assert forward / step == pytest.approx(round(forward / step), abs=0.1)
+
+
+def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered({"at_s": AT_S, "leave": ["f3"]}, {"at_s": 40, "join": ["f3"]})
+    flight.until(38.0)
+    assert flight.aircraft["f3"].companion.flight_mode == "LOITER"
+    flight.until(140.0)
+    assert flight.aircraft["f3"].companion.flight_mode == "GUIDED"
+    record = flight.record()
+    assert places(record)["f3"] == pytest.approx((-40.0, 40.0), abs=1.0)
+    assert nearest(record, 15.0) >= 7.0
+
+
+def test_a_hold_circles_in_stacked_heights_and_an_abort_ends_everything(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered({"at_s": AT_S, "action": "hold"}, {"at_s": 90, "action": "abort"})
+    flight.until(89.0)
+    record = flight.record()
+    heights = [float(height(record, name)[-1]) for name in ("f1", "f2", "f3")]
+    assert heights == pytest.approx([15.0, 30.0, 45.0], abs=1.0)
+    # 63 s at about 20 m/s round a circle of 200 m, ground speed varies with the wind: a full turn.
+    turned = np.unwrap(record.leader.course_rad)
+    assert turned[-1] - turned[round(AT_S * 20)] > np.radians(270.0)
+    flight.until(94.0)
+    modes = {one.companion.flight_mode for one in flight.aircraft.values()}
+    assert modes == {"LOITER"}
+    assert nearest(flight.record(), 15.0) >= 7.0
+
+
+def select(autopilot: sitl_stub.Autopilot, mode: int) -> Sequence[object]:
+    """Select a mode as a pilot's ground station does."""
+    selected = mavlink.MAVLink_command_long_message(2, 1, SET_MODE, 0, 1, mode, 0, 0, 0, 0, 0)
+    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    return mavlink.MAVLink(None).parse_buffer(autopilot.receive(selected.pack(station))) or []

@@ -1,0 +1,96 @@
+"""Orders to a formation of real processes, given by the command as an operator types it."""
+
+import asyncio
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.lab.rehearsal.live import LiveFlight, live_flight
+from vfguide.lab.report.geometry import pair_separations, seen_from_leader
+from vfguide.link.keys import OPERATOR
+from vfguide.mission import Mission, load_mission
+
+MISSION = Path(__file__).parents[3] / "missions" / "shapes.yaml"
+PATIENCE_S = 120.0
+IN_SLOTS_S = 20.0
+
+
+def mission_without_orders() -> Mission:
+    """The vee of the mission `shapes`, everybody in its slot."""
+    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    del content["orders"]
+    leader = {"north_m": 0, "east_m": 0}
+    content["rehearsal"]["start"] = {"leader": leader, "f1": {}, "f2": {}, "f3": {}}
+    return Mission.model_validate(content)
+
+
+async def ordered(
+    flight: LiveFlight, directory: Path, link: str, *words: str
+) -> tuple[int | None, str]:
+    """(exit status, output) of `vfguide order`."""
+    keys = flight.keys
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "vfguide", "order", str(directory / "mission.yaml"), *words),
+        *("--link", link, "--roster", str(keys.roster), "--key", str(keys.private(OPERATOR))),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+    )
+    async with asyncio.timeout(PATIENCE_S):
+        out, _ = await process.communicate()
+    return process.returncode, out.decode()
+
+
+@pytest.mark.parametrize("scheme", ["udp", "mqtt"])
+def test_orders_are_flown_by_processes_over_a_real_link(
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, scheme: str
+) -> None:
+    mission = mission_without_orders()
+
+    async def fly() -> tuple[list[tuple[int | None, str]], Any]:
+        async with AsyncExitStack() as stack:
+            if scheme == "mqtt":
+                link = (await stack.enter_async_context(broker_in(tmp_path))).url
+            else:
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                    probe.bind(("127.0.0.1", 0))
+                    port = probe.getsockname()[1]
+                link = f"udp://239.255.78.1:{port}?interface=127.0.0.1"
+            flight = await stack.enter_async_context(
+                live_flight(mission, directory=tmp_path, links=[link])
+            )
+            await asyncio.sleep(IN_SLOTS_S)
+            said = [
+                await ordered(flight, tmp_path, link, "trail", "--spacing", "20", "--dry-run"),
+                await ordered(flight, tmp_path, link, "trail", "--spacing", "4"),
+                await ordered(flight, tmp_path, link, "trail", "--spacing", "20"),
+            ]
+            await asyncio.sleep(30.0)
+            # Another process: it hears of the order before from the vehicles.
+            said.append(await ordered(flight, tmp_path, link, "slot", "f1=-60,20"))
+            await asyncio.sleep(25.0)
+            await flight.stop_companions()
+            return said, flight.record(wall_s=0.0)
+
+    said, record = asyncio.run(fly())
+    (dry, dry_text), (refused, refused_text), (status, text), (last, last_text) = said
+    assert dry == 0, dry_text
+    assert "rehearsed: nearest" in dry_text
+    assert "given" not in dry_text
+    assert refused == 2
+    assert "4.0 m apart, less than 7.5 m" in refused_text
+    assert (status, last) == (0, 0), text + last_text
+    for name in ("leader", "f1", "f2", "f3"):
+        assert f"{name}: yes" in text
+        assert f"{name}: flies it" in text
+    places = {}
+    for follower in record.followers:
+        forward, right = seen_from_leader(record.leader, follower)
+        places[follower.name] = float(forward[-20]), float(right[-20])
+    assert places["f1"] == pytest.approx((-60.0, 20.0), abs=1.5)
+    later = record.time_s > IN_SLOTS_S - 5.0
+    assert min(pair.distance_m[later].min() for pair in pair_separations(record)) >= 7.0

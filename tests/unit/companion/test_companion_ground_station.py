@@ -1,0 +1,110 @@
+"""A ground station on the companion's own connection, by a router: both get what they ask for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+Flight = Callable[..., Any]
+Flown = Any
+"""A flight of conftest.py, which tests cannot import."""
+
+REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510
+
+
+class QGroundControl:
+    """What QGroundControl sends to a vehicle, in its order; everything it hears comes by the same router."""
+
+    def __init__(self, flown: Flown, system_id: int) -> None:
+        self._flown = flown
+        self._vehicle = system_id
+        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._reader = mavlink.MAVLink(None)
+
+    def send(self, message: MAVLink_message) -> list[MAVLink_message]:
+        """Send a message; what the autopilot answers at once reaches the companion, too."""
+        answer = self._flown.autopilot.receive(message.pack(self._writer))
+        self._flown.waiting += answer
+        return self._reader.parse_buffer(answer) or []
+
+    def command(self, number: int, *parameters: float) -> list[MAVLink_message]:
+        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+        return self.send(mavlink.MAVLink_command_long_message(self._vehicle, 1, number, 0, *padded))
+
+    def start(self) -> dict[str, list[MAVLink_message]]:
+        """Connect to the vehicle; the answers by what was asked."""
+        to = (self._vehicle, 1)
+        return {
+            "heartbeat": self.send(mavlink.MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3)),
+            "version": self.command(REQUEST_MESSAGE, 148),
+            "protocol": self.command(REQUEST_MESSAGE, 300),
+            "parameters": self.send(mavlink.MAVLink_param_request_list_message(*to)),
+            # Older versions ask ArduPilot for streams, others for messages one by one.
+            "streams": self.send(mavlink.MAVLink_request_data_stream_message(*to, 0, 4, 1)),
+            "interval": self.command(SET_MESSAGE_INTERVAL, 33, 250_000),
+            "mission": self.send(mavlink.MAVLink_mission_request_list_message(*to, 0)),
+        }
+
+
+def kinds(messages: list[MAVLink_message]) -> set[str]:
+    return {message.get_type() for message in messages}
+
+
+def interval_us(station: QGroundControl, message_id: int) -> int:
+    answers = station.command(GET_MESSAGE_INTERVAL, message_id)
+    return next(one.interval_us for one in answers if one.get_type() == "MESSAGE_INTERVAL")
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(
+    flight: Flight, kind: str
+) -> None:
+    flown = flight(kind=kind)
+    flown.run(20.0)
+    assert flown.companion.snapshot.mode.steers
+    station = QGroundControl(flown, system_id=2)
+    before_us = interval_us(station, 33)
+    answers = station.start()
+    assert "AUTOPILOT_VERSION" in kinds(answers["version"])
+    assert {"COMMAND_ACK"} <= kinds(answers["interval"])
+    assert "MISSION_COUNT" in kinds(answers["mission"])
+    for one in answers["mission"]:
+        assert (one.target_system, one.target_component) == (255, 190)
+    # It has slowed the position down for everybody on this connection: the companion asks again.
+    assert interval_us(station, 33) > before_us
+    flown.run(24.0)
+    assert interval_us(station, 33) == before_us
+    flown.run(60.0)
+    steered = [mode for time, mode in flown.modes if time > 20.0]
+    assert all(mode.steers for mode in steered)
+
+
+def test_answers_to_the_ground_station_are_none_to_the_companion(flight: Flight) -> None:
+    flown = flight()
+    flown.run(20.0)
+    station = QGroundControl(flown, system_id=2)
+    said = len(flown.events)
+    # Refused: an airspeed beyond its range, a mode that it does not have.
+    for _ in range(3):
+        station.command(43_000, 0, 80, 0)
+        station.command(176, 1, 99)
+        flown.run(flown.now + 1.0)
+    texts = [text for _, text in flown.events[said:]]
+    assert not [text for text in texts if "43000" in text or "CHANGE_SPEED" in text], texts
+    assert flown.companion.snapshot.mode.steers
+
+
+def test_it_hears_what_the_companion_says_to_it(flight: Flight) -> None:
+    flown = flight()
+    flown.run(10.0)
+    heard = [
+        message
+        for _, data in flown.sent
+        for message in mavlink.MAVLink(None).parse_buffer(data) or []
+    ]
+    to_all = [one for one in heard if one.get_type() in {"STATUSTEXT", "NAMED_VALUE_FLOAT"}]
+    assert {one.get_type() for one in to_all} == {"STATUSTEXT", "NAMED_VALUE_FLOAT"}
+    # Of the vehicle's own system, by its computer on board: routers pass that on to everybody.
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in to_all} == {(2, 191)}

@@ -1,0 +1,146 @@
+"""Heights that the leader means, and followers count from."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from vfguide.guidance.height import (
+    HeightDeviation,
+    HeightTarget,
+    followed_height,
+    height_deviation,
+    held_height,
+    path_height,
+)
+from vfguide.paths.circle import Circle
+from vfguide.paths.climb import Climb
+from vfguide.paths.helix import Helix
+from vfguide.paths.line import Line
+from vfguide.state import LeaderState
+
+CLIMB = Line(north=0.0, east=0.0, course=0.0, climb=Climb(slope=0.1, end=math.inf))
+
+NORTHBOUND: LeaderState[float] = LeaderState(
+    time_s=10.0,
+    north=1000.0,
+    east=0.0,
+    course=0.0,
+    ground_speed=20.0,
+    acceleration=0.0,
+    turn_rate=0.0,
+    turn_acceleration=0.0,
+    height=195.0,
+    climb_rate=2.0,
+)
+"""On the climb: 95 m above the flying height of 100 m."""
+
+
+def target(motion: LeaderState[float], ahead_s: float) -> HeightTarget:
+    point = CLIMB.nearest_in_space(motion.north, motion.east, motion.course, 0.0)
+    return path_height(CLIMB, point, motion, flying=100.0, ahead_s=ahead_s)
+
+
+def test_a_setpoint_leads_a_steady_climb_by_the_delay() -> None:
+    found = target(NORTHBOUND, 3.0)
+    assert (found.height, found.climb_rate) == (pytest.approx(195.0), pytest.approx(2.0))
+    # 3 s at 2 m/s.
+    assert found.ahead == pytest.approx(201.0)
+
+
+def test_a_leader_that_gets_faster_is_further_up_by_then() -> None:
+    # 20 * 3 + 0.5 * 2 * 9 = 69 m of way.
+    assert target(replace(NORTHBOUND, acceleration=2.0), 3.0).ahead == pytest.approx(201.9)
+
+
+def test_a_leader_across_its_path_does_not_climb() -> None:
+    found = target(replace(NORTHBOUND, course=math.pi / 2.0), 3.0)
+    assert found.climb_rate == pytest.approx(0.0, abs=1e-12)
+    assert found.ahead == pytest.approx(195.0)
+
+
+def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it() -> None:
+    circle = Circle(north=0.0, east=0.0, radius=100.0, direction=1)
+    helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
+    place = helix.at(300.0)
+    share = 1.25  # 25 m outside of 100 m
+    motion = replace(
+        NORTHBOUND, north=share * place.north, east=share * place.east, course=place.course
+    )
+    point = helix.nearest_in_space(motion.north, motion.east, motion.course, place.height)
+    found = path_height(helix, point, motion, flying=0.0, ahead_s=2.0)
+    # The point beside it runs at 20 / 1.25 m/s.
+    assert found.climb_rate == pytest.approx(1.6)
+    assert found.ahead == pytest.approx(place.height + 3.2)
+
+
+def test_a_leader_that_flies_as_planned_has_no_deviation() -> None:
+    planned = target(NORTHBOUND, 0.0)
+    found = height_deviation(None, NORTHBOUND, planned, memory_s=5.0)
+    assert (found.height, found.climb_rate) == (pytest.approx(0.0), pytest.approx(0.0))
+
+
+def deviation_after(seconds: float, climb_rate: float, *, memory_s: float) -> HeightDeviation:
+    """Of a leader that leaves level flight at a climb rate; heard ten times a second."""
+    found = None
+    for step in range(round(seconds * 10) + 1):
+        state = replace(
+            NORTHBOUND,
+            time_s=0.1 * step,
+            height=100.0 + 0.1 * step * climb_rate,
+            climb_rate=climb_rate,
+        )
+        found = height_deviation(found, state, held_height(100.0), memory_s=memory_s)
+    assert found is not None
+    return found
+
+
+def test_a_leader_that_climbs_beside_its_plan_is_followed_without_a_lasting_error() -> None:
+    found = deviation_after(60.0, 1.0, memory_s=5.0)
+    assert found.height == pytest.approx(60.0, abs=0.01)
+    assert found.at(62.0) == pytest.approx(62.0, abs=0.01)
+
+
+def test_a_short_transient_of_the_leader_moves_followers_little() -> None:
+    # Half a metre within a second.
+    assert deviation_after(1.0, 0.5, memory_s=5.0).height < 0.2
+
+
+def test_noise_of_a_level_leader_hardly_shows() -> None:
+    found, greatest = None, 0.0
+    for step in range(600):
+        noise = 0.1 if step % 2 else -0.1
+        state = replace(NORTHBOUND, time_s=0.1 * step, height=100.0 + noise, climb_rate=0.0)
+        found = height_deviation(found, state, held_height(100.0), memory_s=5.0)
+        if step > 300:
+            greatest = max(greatest, abs(found.height))
+    assert greatest < 0.003
+
+
+def test_a_height_that_is_not_known_changes_nothing() -> None:
+    before = HeightDeviation(time_s=10.0, height=2.0)
+    unknown = replace(NORTHBOUND, time_s=10.1, height=math.nan)
+    assert height_deviation(before, unknown, held_height(100.0), memory_s=5.0) is before
+    first = height_deviation(None, unknown, held_height(100.0), memory_s=5.0)
+    assert first.height == 0.0
+
+
+def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it() -> None:
+    planned = HeightTarget(height=110.0, climb_rate=2.0, ahead=114.0)
+    deviation = HeightDeviation(time_s=5.0, height=1.0, climb_rate=0.5)
+    found = followed_height(planned, deviation, flying=100.0, now_s=6.0, ahead_s=2.0)
+    assert found.height == pytest.approx(111.5)
+    assert found.ahead == pytest.approx(116.5)
+    assert found.climb_rate == pytest.approx(2.5)
+
+
+def test_a_leader_that_goes_down_does_not_take_its_followers_to_the_ground() -> None:
+    landing = HeightDeviation(time_s=0.0, height=-95.0)
+    found = followed_height(held_height(100.0), landing, flying=100.0, now_s=0.0, ahead_s=2.0)
+    assert (found.height, found.ahead) == (50.0, 50.0)
+
+
+def test_a_path_that_leads_lower_is_followed() -> None:
+    low = held_height(30.0)
+    still = HeightDeviation(time_s=0.0)
+    assert followed_height(low, still, flying=100.0, now_s=0.0, ahead_s=2.0).ahead == 30.0

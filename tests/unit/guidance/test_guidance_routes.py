@@ -1,0 +1,288 @@
+"""Routes between waypoints: lengths and places worked out by hand, curvature, ends, heights."""
+
+import math
+import pickle
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from vfguide.mission.flight_path import path_of, shape_of
+from vfguide.paths.chain import ChainedPath
+from vfguide.paths.fillet import Bend, circle_entry, eased_turn, tangent_length, turn_back
+from vfguide.paths.pieces import Pieces
+
+CORNERS = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 800.0), (0.0, 800.0))
+"""Of a rectangle, in m north and east, flown clockwise."""
+
+
+Places = Sequence[tuple[float, ...]]
+
+
+def route(places: Places = CORNERS, **fields: object) -> ChainedPath:
+    names = ("north_m", "east_m", "up_m")
+    waypoints = [dict(zip(names, place, strict=False)) for place in places]
+    path = path_of(shape_of({"type": "waypoints", "waypoints": waypoints, **fields}))
+    assert isinstance(path, ChainedPath)
+    return path
+
+
+def misfits(places: Places, **fields: object) -> list[tuple[Any, str]]:
+    with pytest.raises(ValidationError) as caught:
+        route(places, **fields)
+    return [(one["loc"][1:], one["msg"]) for one in caught.value.errors()]
+
+
+def ends_of_pieces(path: ChainedPath) -> tuple[np.ndarray[Any, Any], ...]:
+    """(course, curvature, next course, next curvature) at every joint, the last one included."""
+    pieces = path.chain.pieces
+    course = pieces.course + pieces.length * (
+        pieces.curvature + 0.5 * pieces.growth * pieces.length
+    )
+    curvature = pieces.curvature + pieces.growth * pieces.length
+    again = int(np.searchsorted(pieces.progress, (path.chain.again or 0.0) - 1e-6))
+    following = np.append(np.arange(1, course.size), again)
+    return course, curvature, pieces.course[following], pieces.curvature[following]
+
+
+def test_a_rectangle_without_easements_is_as_long_as_its_sides_less_its_corners() -> None:
+    # four corners cut: each 2 R - pi R / 2 shorter than its tangents
+    path = route(end="repeat", radius_m=100.0, easement_m=0.0)
+    assert path.length == pytest.approx(3600.0 - 4.0 * (200.0 - 50.0 * math.pi), abs=0.01)
+    # it begins where the fillet of the first waypoint ends
+    begin = path.at(0.0)
+    assert (begin.north, begin.east) == (pytest.approx(100.0, abs=0.1), pytest.approx(0.0))
+    # half way round the second corner, sqrt(2) - 1 radii inside of it
+    inside = 100.0 - 100.0 / math.sqrt(2.0)
+    middle = path.at(800.0 + 25.0 * math.pi)
+    assert middle.north == pytest.approx(1000.0 - inside, abs=0.1)
+    assert middle.east == pytest.approx(inside, abs=0.1)
+    assert middle.course == pytest.approx(math.pi / 4.0, abs=1e-3)
+
+
+def test_an_eased_turn_takes_as_long_as_its_arc_and_one_easement_more() -> None:
+    # each easement turns by s / 2R: the arc is left with 90 degrees less s / R
+    elements = eased_turn(math.pi / 2.0, Bend(100.0, 60.0))
+    assert sum(one.length for one in elements) == pytest.approx(50.0 * math.pi + 60.0)
+    assert sum(one.turn for one in elements) == pytest.approx(math.pi / 2.0)
+    # too small a turn for both: twice the easement, half the curvature
+    small = eased_turn(-0.3, Bend(100.0, 60.0))
+    assert sum(one.length for one in small) == pytest.approx(120.0)
+    assert min(one.curvature for one in small) == pytest.approx(-0.3 / 60.0)
+
+
+def test_without_easement_the_tangents_of_a_fillet_are_those_of_its_circle() -> None:
+    for degrees in (30.0, 90.0, 150.0):
+        angle = math.radians(degrees)
+        length = tangent_length(angle, Bend(100.0, 0.0))
+        assert length == pytest.approx(100.0 * math.tan(angle / 2.0), abs=0.4)
+        assert tangent_length(-angle, Bend(100.0, 0.0)) == pytest.approx(length)
+    # as on a railway: about half an easement further out
+    assert tangent_length(math.pi / 2.0, Bend(100.0, 20.0)) == pytest.approx(110.0, abs=0.3)
+
+
+def test_a_turn_back_ends_on_its_own_line() -> None:
+    # 90 degrees to the left and 270 to the right on one radius end two radii further on
+    north, east, course = Pieces.of(0.0, 0.0, 0.0, turn_back(Bend(100.0, 0.0))).end()
+    assert (north, east) == (pytest.approx(200.0, abs=0.1), pytest.approx(0.0, abs=0.1))
+    assert course == pytest.approx(math.pi)
+    _, aside, around = Pieces.of(0.0, 0.0, 0.0, turn_back(Bend(100.0, 120.0))).end()
+    assert (aside, around) == (pytest.approx(0.0, abs=1e-9), pytest.approx(math.pi))
+
+
+@pytest.mark.parametrize("end", ["repeat", "reverse", "loiter"])
+def test_course_and_curvature_are_continuous_and_within_the_radius(end: str) -> None:
+    path = route(end=end, radius_m=120.0)
+    course, curvature, next_course, next_curvature = ends_of_pieces(path)
+    turned = np.remainder(course - next_course + math.pi, 2.0 * math.pi) - math.pi
+    assert np.abs(turned).max() < 1e-9
+    assert np.abs(curvature - next_curvature).max() < 1e-12
+    assert np.abs(curvature).max() == pytest.approx(1.0 / 120.0)
+    # and nowhere does the place jump
+    pieces, step = path.chain.pieces, 1e-6
+    for progress in pieces.progress[1:].tolist():
+        before, after = path.at(progress - step), path.at(progress + step)
+        gap = math.hypot(after.north - before.north, after.east - before.east)
+        assert gap == pytest.approx(2.0 * step, abs=1e-9)
+
+
+def test_a_route_that_loiters_circles_around_its_last_waypoint() -> None:
+    for radius_m, sense in ((150.0, 1.0), (-150.0, -1.0)):
+        path = route(end="loiter", radius_m=100.0, loiter_radius_m=radius_m)
+        circle = path.at(np.linspace(path.chain.again or 0.0, path.length, 50))
+        assert np.hypot(circle.north, circle.east - 800.0) == pytest.approx(150.0)
+        assert circle.curvature == pytest.approx(sense / 150.0)
+        # further on it goes round and round
+        there, again = path.at(path.length + 10.0), path.at(path.length + 10.0 + 300.0 * math.pi)
+        assert (there.north, there.east) == (pytest.approx(again.north), pytest.approx(again.east))
+
+
+def test_the_last_leg_touches_the_circle_and_does_not_cross_it() -> None:
+    path = route(((0.0, 0.0), (1000.0, 0.0)), end="loiter", radius_m=100.0, easement_m=0.0)
+    # the tangent from 1000 m away to a circle of 100 m: asin 0.1 to its left
+    assert path.at(0.0).course == pytest.approx(-math.asin(0.1), abs=1e-5)
+    assert path.chain.again == pytest.approx(math.sqrt(1000.0**2 - 100.0**2), abs=0.1)
+    places = path.at(np.linspace(0.0, path.length, 500))
+    assert np.hypot(places.north - 1000.0, places.east).min() == pytest.approx(100.0, abs=1e-3)
+    entry = circle_entry(Bend(100.0, 60.0), 1.0)
+    # the shift of an easement of length s and linear curvature would be s² / 24 R = 1.5 m
+    assert 100.5 < entry.aside < 101.5
+
+
+def test_a_route_that_is_reversed_passes_its_waypoints_both_ways() -> None:
+    path = route(((0.0, 0.0), (1000.0, 0.0), (1000.0, 900.0)), end="reverse", radius_m=100.0)
+    there = path.nearest(400.0, 3.0, 0.0)
+    back = path.nearest(400.0, 3.0, math.pi)
+    assert there.cross_track_error == pytest.approx(3.0)
+    assert back.cross_track_error == pytest.approx(-3.0)
+    assert there.progress == pytest.approx(400.0)
+    # as far before the end of the round as the turn at the beginning is long
+    turn = path.length - back.progress - 400.0
+    assert turn == pytest.approx(
+        sum(one.length for one in turn_back(Bend(100.0, 100.0))), abs=300.0
+    )
+    assert path.at(path.length).north == pytest.approx(0.0, abs=1e-6)
+
+
+def test_before_its_beginning_a_route_runs_straight_on() -> None:
+    path = route(end="loiter", radius_m=100.0)
+    point = path.nearest(-250.0, 7.0, 0.0)
+    assert point.progress == pytest.approx(-250.0)
+    assert point.cross_track_error == pytest.approx(7.0)
+
+
+def test_heights_climb_evenly_and_are_eased_where_the_slope_changes() -> None:
+    path = route(
+        ((0, 0, 0), (3000, 0, 60), (6000, 0, 60), (9000, 0, 0)), end="loiter", radius_m=100
+    )
+    # 2 % between the first two, begun and ended by curves of 120 m: level at the very beginning
+    assert path.at(0.0).slope == pytest.approx(0.0)
+    assert path.at(1000.0).slope == pytest.approx(60.0 / 2940.0)
+    assert path.at(3000.0).slope == pytest.approx(30.0 / 2940.0, abs=1e-4)
+    # the curve lies below the corner by slope times a quarter of its half length: 0.0204 * 60 / 4
+    assert path.at(3000.0).height == pytest.approx(60.0 - 60.0 / 2940.0 * 15.0, abs=1e-3)
+    assert path.at(4500.0).height == pytest.approx(60.0)
+    assert path.nearest(4500.0, 20.0, 0.0).height == pytest.approx(60.0)
+    run = np.linspace(0.0, path.length, 40_000)
+    places = path.at(run)
+    rises = np.diff(places.height) / np.diff(run)
+    assert np.abs(rises - 0.5 * (places.slope[1:] + places.slope[:-1])).max() < 1e-5
+    assert np.abs(np.diff(places.slope)).max() / np.diff(run)[0] < 1.1 * 0.0408 / 120.0
+
+
+def test_a_closed_route_comes_back_to_its_height() -> None:
+    places = ((0, 0, 0), (1000, 0, 20), (1000, 1000, 40), (0, 1000, 20))
+    path = route(places, end="repeat", radius_m=100)
+    run = np.linspace(-200.0, path.length + 200.0, 4000)
+    there, again = path.at(run), path.at(run + path.length)
+    assert np.abs(there.height - again.height).max() < 1e-9
+    assert there.height.min() > 0.0
+    assert there.height.max() < 40.0
+    assert np.abs(np.diff(there.height)).max() < 0.02 * np.diff(run)[0] * 1.5
+
+
+LEG = st.tuples(st.floats(300.0, 1500.0), st.floats(-2.2, 2.2), st.floats(-30.0, 30.0))
+ROUTES = st.lists(LEG, min_size=2, max_size=7)
+
+
+def places_of(legs: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Waypoints by length and turn of each leg, as routes have them that were drawn one after the other."""
+    north = east = up = course = 0.0
+    places = [(0.0, 0.0, 0.0)]
+    for length, turn, rise in legs:
+        course += turn
+        north, east, up = (
+            north + length * math.cos(course),
+            east + length * math.sin(course),
+            up + rise,
+        )
+        places.append((north, east, up))
+    return places
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    legs=ROUTES,
+    end=st.sampled_from(["reverse", "loiter"]),
+    north=st.floats(-2000.0, 2000.0),
+    east=st.floats(-2000.0, 2000.0),
+)
+def test_the_nearest_place_of_any_route_is_the_nearest(
+    legs: list[tuple[float, float, float]], end: str, north: float, east: float
+) -> None:
+    path = route(places_of(legs), end=end, radius_m=50.0, loiter_radius_m=60.0)
+    point = path.nearest(north, east)
+    places = path.at(np.arange(0.0, path.length, 1.0))
+    least = np.hypot(places.north - north, places.east - east).min()
+    # a metre along, and the 0.25 m by which a chord of 0.2 rad and 10 m differs from its bend
+    assert abs(point.cross_track_error) <= least + 0.8
+    if point.progress > 0.0:
+        found = path.at(point.progress)
+        away = math.hypot(found.north - north, found.east - east)
+        assert away == pytest.approx(abs(point.cross_track_error), abs=1e-3 + 1e-3 * away)
+        assert away >= least - 0.6
+
+
+@settings(max_examples=20, deadline=None)
+@given(legs=ROUTES, right=st.floats(-15.0, 15.0))
+def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(
+    legs: list[tuple[float, float, float]], right: float
+) -> None:
+    path = route(places_of(legs), end="reverse", radius_m=50.0)
+    run = np.arange(0.0, path.length - 1.0, 7.3)
+    places = path.at(run)
+    north = places.north - right * np.sin(places.course)
+    east = places.east + right * np.cos(places.course)
+    point = path.nearest(north, east, places.course)
+    away = np.abs(point.progress - run)
+    assert np.minimum(away, path.length - away).max() < 1e-3
+    assert np.abs(point.cross_track_error - right).max() < 1e-3
+
+
+def test_geodetic_waypoints_count_from_the_origin_of_the_mission() -> None:
+    frame = {
+        "latitude_deg": 47.0,
+        "longitude_deg": 8.0,
+        "altitude_amsl_m": 500.0,
+        "height_above_origin_m": 100.0,
+        "radius_m": 80.0,
+    }
+    # one minute of latitude is 1853.2 m here, one of longitude 1268.2 m
+    waypoints = [
+        {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 600.0},
+        {"latitude_deg": 47.0 + 1.0 / 60.0, "longitude_deg": 8.0, "altitude_amsl_m": 630.0},
+        {"latitude_deg": 47.0 + 1.0 / 60.0, "longitude_deg": 8.0 + 1.0 / 60.0},
+    ]
+    shape = shape_of({"type": "waypoints", "waypoints": waypoints, "frame": frame})
+    path = path_of(shape)
+    corner = path.nearest(1853.2, 0.0)
+    assert abs(corner.cross_track_error) < 60.0
+    assert corner.height == pytest.approx(30.0, abs=2.0)
+    assert np.abs(path.at(path.outline(400)).curvature).max() == pytest.approx(1.0 / 80.0, rel=1e-3)
+    assert pickle.loads(pickle.dumps(shape)) == shape  # noqa: S301 - our own
+
+
+@pytest.mark.parametrize(
+    ("places", "fields", "location", "message"),
+    [
+        (((0, 0), (0, 0.5), (9, 9)), {}, ("waypoints", 1), "is the same place as waypoint 1"),
+        (((0, 0), (900, 0), (0, 10), (9, 900)), {}, ("waypoints", 1), "turns back by 179°"),
+        (
+            ((0, 0), (500, 0), (500, 150), (0, 150)),
+            {"end": "repeat", "radius_m": 100, "easement_m": 0},
+            ("waypoints", 2),
+            "is 150 m long, its fillets need 200 m at a radius of 100 m",
+        ),
+        (((0, 0), (90, 0)), {"radius_m": 100}, ("waypoints", 1), "reaches beyond the waypoint"),
+    ],
+)
+def test_what_does_not_fit_together_is_named_with_its_place(
+    places: Places, fields: dict[str, Any], location: tuple[Any, ...], message: str
+) -> None:
+    found = misfits(places, **fields)
+    assert found[0][0] == location
+    assert message in found[0][1]

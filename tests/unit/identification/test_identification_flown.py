@@ -1,0 +1,139 @@
+"""How an autopilot answered on a flight that was flown for another purpose."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vfguide.elementwise import FloatArray
+from vfguide.identification.flown import (
+    Answer,
+    answer_sentence,
+    flown_profile,
+    flown_responses,
+)
+from vfguide.record.vehicle import VehicleRecord
+from vfguide.state import Airframe
+
+STEP_S = 0.05
+AIRFRAME = Airframe(
+    hold="heading-hold",
+    alpha=1.0,
+    beta=0.5,
+    airspeed_min=12.0,
+    airspeed_max=32.0,
+    max_bank=0.8,
+    max_acceleration=3.0,
+    cruise=20.0,
+)
+
+
+def first_order(told: FloatArray, rate: float, dead_time_s: float, first: float) -> FloatArray:
+    """What follows its setpoints with a bandwidth (1/s) after a dead time, exactly at each sample."""
+    late = np.concatenate((np.full(round(dead_time_s / STEP_S), first), told))[: len(told)]
+    seen, keeps = [first], math.exp(-rate * STEP_S)
+    for one in late[:-1]:
+        seen.append(one + (seen[-1] - one) * keeps)
+    return np.array(seen)
+
+
+def flight(duration_s: float = 120.0, *, change: float = 1.0) -> tuple[FloatArray, VehicleRecord]:
+    """Calm air, setpoints that swing slowly: alpha 0.8 1/s after 0.3 s, beta 0.6 1/s after 0.5 s."""
+    time_s = np.arange(0.0, duration_s, STEP_S)
+    course_told = change * (0.3 * np.sin(0.21 * time_s) + 0.2 * np.sin(0.9 * time_s))
+    speed_told = 20.0 + change * (1.5 * np.sin(0.13 * time_s) + 0.8 * np.sin(0.7 * time_s))
+    course = first_order(course_told, 0.8, 0.3, 0.0)
+    speed = first_order(speed_told, 0.6, 0.5, 20.0)
+    nothing = np.zeros_like(time_s)
+    vehicle = VehicleRecord(
+        name="f1",
+        role="follower",
+        system_id=2,
+        slot_forward_m=0.0,
+        slot_right_m=0.0,
+        north_m=nothing,
+        east_m=nothing,
+        altitude_amsl_m=nothing,
+        course_rad=course,
+        ground_speed_m_s=speed,
+        heading_rad=course,
+        airspeed_m_s=speed,
+        bank_rad=nothing,
+        wind_north_m_s=nothing,
+        wind_east_m_s=nothing,
+        path_cross_track_error_m=nothing,
+        path_course_rad=nothing,
+        course_setpoint_rad=course_told,
+        airspeed_setpoint_m_s=speed_told,
+        ground_speed_setpoint_m_s=nothing,
+        mode=np.ones(len(time_s), dtype=np.int8),
+        limited=np.zeros(len(time_s), dtype=bool),
+        lyapunov=nothing,
+    )
+    return time_s, vehicle
+
+
+def answers(time_s: FloatArray, vehicle: VehicleRecord) -> tuple[Answer, Answer]:
+    return flown_responses(time_s, vehicle, vehicle.mode == 1, AIRFRAME)
+
+
+def test_bandwidth_and_dead_time_are_found_from_setpoints_that_were_no_steps() -> None:
+    course, speed = answers(*flight())
+    for answer, bandwidth, dead_time in ((course, 0.8, 0.3), (speed, 0.6, 0.5)):
+        assert answer.response is not None
+        assert answer.good
+        found = answer.response
+        assert found.bandwidth.value == pytest.approx(bandwidth, rel=0.05)
+        assert abs(found.bandwidth.value - bandwidth) < found.bandwidth.half_width
+        assert found.dead_time.value == pytest.approx(dead_time, abs=0.06)
+
+
+def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
+    time_s, vehicle = flight()
+    course, speed = answers(time_s, vehicle)
+    assert "known well; the mission says 1.00" in answer_sentence(course)
+    assert "the mission's 0.50 fits" not in answer_sentence(speed)
+    near = replace(AIRFRAME, alpha=0.8)
+    fits, _ = flown_responses(time_s, vehicle, vehicle.mode == 1, near)
+    assert "the mission's 0.80 fits" in answer_sentence(fits)
+    lines = flown_profile([course, speed]).splitlines()
+    assert lines[0].startswith("f1:")
+    assert [line.split(":")[0].strip() for line in lines[1:]] == [
+        "alpha_1_s",
+        "course_dead_time_s",
+        "course_lag_s",
+        "beta_1_s",
+        "speed_dead_time_s",
+        "speed_lag_s",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "change", "why"),
+    [
+        (15.0, 1.0, "15 s of setpoints and answers are too short"),
+        (60.0, 0.01, "hardly any other course was asked for"),
+    ],
+)
+def test_what_cannot_be_told_is_not_told(duration_s: float, change: float, why: str) -> None:
+    course, speed = answers(*flight(duration_s, change=change))
+    assert course.response is speed.response is None
+    assert answer_sentence(course) == (
+        f"f1: course: cannot be told, {why}; fly `vfguide identify` to know it"
+    )
+    assert flown_profile([course, speed]) == ""
+
+
+def test_moments_that_are_not_guided_are_not_fitted() -> None:
+    time_s, vehicle = flight()
+    # By hand in the first half: whatever was set then was not flown.
+    by_hand = time_s < 60.0
+    wild = replace(
+        vehicle,
+        course_setpoint_rad=np.where(by_hand, 2.0, vehicle.course_setpoint_rad),
+        mode=np.where(by_hand, 0, vehicle.mode),
+    )
+    course, _ = answers(time_s, wild)
+    assert course.response is not None
+    assert course.response.bandwidth.value == pytest.approx(0.8, rel=0.05)

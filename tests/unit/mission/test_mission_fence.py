@@ -1,0 +1,114 @@
+"""Every slot is held against the fence along the whole path, and rooms are those worked out by hand."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from vfguide.mission.conditions import conditions_of
+from vfguide.mission.fence import Fence
+from vfguide.mission.fence_check import beyond_the_fence
+from vfguide.mission.finding import Finding
+from vfguide.mission.load import load_mission
+from vfguide.mission.model import Mission
+from vfguide.mission.path_frame import least_radius
+
+SQUARE = [
+    {"north_m": north, "east_m": east}
+    for north, east in ((-100, -100), (100, -100), (100, 100), (-100, 100))
+]
+
+
+def room(fence: dict[str, Any], north: float, east: float) -> float:
+    found = Fence.model_validate(fence).room(np.array([north]), np.array([east]), None)
+    return float(found[0])
+
+
+def findings(**fields: object) -> list[Finding]:
+    content = load_mission(Path("circle-calm")).model_dump(exclude_unset=True) | fields
+    mission = Mission.model_validate(content)
+    return [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
+
+
+def test_the_room_in_a_polygon_is_that_to_its_nearest_edge() -> None:
+    square = {"polygons": [{"points": SQUARE}]}
+    assert room(square, 0.0, 70.0) == pytest.approx(30.0)
+    assert room(square, 0.0, 130.0) == pytest.approx(-30.0)
+    assert room(square, 130.0, 140.0) == pytest.approx(-50.0)
+    keep_out = {"polygons": [{"points": SQUARE, "inclusion": False}]}
+    assert room(keep_out, 0.0, 70.0) == pytest.approx(-30.0)
+    assert room(keep_out, 130.0, 140.0) == pytest.approx(50.0)
+
+
+def test_the_notch_of_a_polygon_is_outside() -> None:
+    notched = [*SQUARE[:2], {"north_m": 0, "east_m": 0}, *SQUARE[2:]]
+    fence = {"polygons": [{"points": notched}]}
+    assert room(fence, 60.0, 0.0) == pytest.approx(-60.0 / math.sqrt(2.0))
+    assert room(fence, -50.0, 0.0) == pytest.approx(50.0)
+
+
+def test_of_all_areas_the_one_with_the_least_room_counts() -> None:
+    circles = [
+        {"centre": {"north_m": 0, "east_m": 0}, "radius_m": 500},
+        {"centre": {"north_m": 0, "east_m": 100}, "radius_m": 20, "inclusion": False},
+    ]
+    assert room({"circles": circles}, 0.0, 50.0) == pytest.approx(30.0)
+    assert room({"circles": circles}, 0.0, -460.0) == pytest.approx(40.0)
+
+
+def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot() -> None:
+    path = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
+    centre = {"north_m": 0, "east_m": 0}
+    followers = [{"vehicle": "f1", "slot": {"forward_m": 0, "right_m": -40, "up_m": 10}}]
+    vehicles = {"leader": {"system_id": 1}, "f1": {"system_id": 2}}
+    mission: dict[str, Any] = {
+        "path": path,
+        "followers": followers,
+        "vehicles": vehicles,
+        "rehearsal": {},
+    }
+
+    def fenced(radius_m: float, **fields: object) -> list[Finding]:
+        fence = {"circles": [{"centre": centre, "radius_m": radius_m}], **fields}
+        return findings(**mission, fence=fence)
+
+    assert fenced(260.0) == []
+    (near,) = fenced(245.0)
+    assert (near.severity, near.field) == ("warning", "followers[0].slot")
+    assert "'f1' comes within 5 m of the fence" in near.message
+    (beyond,) = fenced(225.0)
+    assert beyond.severity == "error"
+    assert "'f1' leaves the fence by 15 m near north" in beyond.message
+    (high,) = fenced(300.0, max_height_m=105.0)
+    assert "'f1' flies 110 m above the origin" in high.message
+
+
+def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed() -> None:
+    mission = {
+        "leader": {"vehicle": "a", "airspeed_m_s": 20.0},
+        "vehicles": {"a": {"max_bank_deg": 45.0}, "b": {"airspeed_range_m_s": [12.0, 32.0]}},
+    }
+    # 20² / (g tan 30°) = 70.6 m
+    assert least_radius(mission) == 71.0
+    # an inner slot 40 m aside loses V y / R: 20 * 40 / (8 - 1) = 114.3 m
+    followers = [{"vehicle": "b", "slot": {"forward_m": 0.0, "right_m": 40.0}}]
+    assert least_radius(mission | {"followers": followers}) == 115.0
+    # at 28 m/s with the wind from behind 28² / (g tan 30°) = 138.5 m; the outer slot is faster and takes
+    # the root of R² = 138.5 (R + 40)
+    assert least_radius(mission | {"followers": followers, "wind": {"type": "article"}}) == 171.0
+
+
+def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path: Path) -> None:
+    content = load_mission(Path("circle-calm")).model_dump(mode="json", exclude_unset=True)
+    origin = content["origin"]
+    centre = {name: origin[name] for name in ("latitude_deg", "longitude_deg")}
+    content["fence"] = {"circles": [{"centre": centre, "radius_m": 50}]}
+    file = tmp_path / "fenced.yaml"
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    mission = load_mission(file)
+    found = [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
+    assert {one.severity for one in found} == {"error"}
+    assert len(found) == 1 + len(mission.followers)

@@ -1,0 +1,159 @@
+"""How high to fly: the leader along its path, followers by what the leader means and what it really does.
+
+A path says how high its leader is to be, and a follower knows the path. So it climbs at the leader's command
+and not after it: two aircraft that answer alike then stay at one height through every bend of the profile.
+What the leader really flies beside that, since it cannot climb so fast or its pilot flies it elsewhere, is
+filtered: in level flight noise is to move no follower.
+
+An autopilot follows a height that climbs steadily some seconds late. What is asked of it is the height that
+is to be flown so much later.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vfguide.guidance.low_pass import low_pass
+from vfguide.guidance.path import Path, PathPoint
+from vfguide.guidance.path_field import tangent_rate_per_speed
+from vfguide.state import LeaderState
+
+PLANNED_S = 5.0
+"""Memory of what a leader flies beside its plan: bends of the profile, to which all answer alike, are over by
+then."""
+
+UNPLANNED_S = 1.5
+"""The same of a leader without a plan: its heights are all that is known."""
+
+GAP_S = 1.0
+"""After a silence longer than this a leader's deviation starts anew."""
+
+LEAST_SHARE = 0.5
+"""No leader takes its followers below this share of the flying height, unless its path leads there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightTarget:
+    """A height, now and when it takes effect."""
+
+    height: float
+    """To be flown now, m above the mission's origin."""
+    climb_rate: float
+    """With it, m/s, positive up."""
+    ahead: float
+    """To be flown once a setpoint takes effect, m above the mission's origin."""
+
+
+def held_height(height: float) -> HeightTarget:
+    """Level flight at a height, m above the mission's origin."""
+    return HeightTarget(height=height, climb_rate=0.0, ahead=height)
+
+
+def path_speed(point: PathPoint[float], motion: LeaderState[float]) -> float:
+    """How fast the nearest point of a path runs along it, m/s."""
+    if point.curvature == 0.0:
+        return motion.ground_speed * math.cos(motion.course - point.course)
+    return motion.ground_speed * tangent_rate_per_speed(point, motion.course) / point.curvature
+
+
+def path_height(
+    path: Path,
+    point: PathPoint[float],
+    motion: LeaderState[float],
+    *,
+    flying: float,
+    ahead_s: float,
+) -> HeightTarget:
+    """The height that a path asks of a leader beside a point of it.
+
+    Args:
+        path: the leader's.
+        point: of it, nearest to the leader.
+        motion: of the leader at that place.
+        flying: the mission's flying height, m above the origin, from which the path's heights count.
+        ahead_s: from the motion's time to when a setpoint takes effect, s.
+    """
+    speed = path_speed(point, motion)
+    growth = motion.acceleration / max(motion.ground_speed, 1.0)
+    run = speed * ahead_s * (1.0 + 0.5 * growth * ahead_s)
+    return HeightTarget(
+        height=flying + point.height,
+        climb_rate=point.slope * speed,
+        ahead=flying + path.at(point.progress + run).height,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightDeviation:
+    """By how much a leader flies above what is planned."""
+
+    time_s: float
+    """Of the newest leader state, s."""
+    height: float = 0.0
+    """m."""
+    climb_rate: float = 0.0
+    """m/s."""
+
+    def at(self, time_s: float) -> float:
+        """The deviation at another time (s), m."""
+        return self.height + self.climb_rate * (time_s - self.time_s)
+
+
+def height_deviation(
+    before: HeightDeviation | None,
+    leader: LeaderState[float],
+    planned: HeightTarget,
+    *,
+    memory_s: float,
+) -> HeightDeviation:
+    """The deviation after another state of the leader; one without a height changes nothing.
+
+    The measured climb rate carries it on, so that a leader that climbs steadily beside its plan is followed
+    without a lasting error.
+
+    Args:
+        before: the deviation before; None at first.
+        leader: as it was heard.
+        planned: for the leader at that place.
+        memory_s: of the filters, s.
+    """
+    time_s = leader.time_s
+    if not math.isfinite(leader.height):
+        return before or HeightDeviation(time_s=time_s)
+    found, rate = leader.height - planned.height, leader.climb_rate - planned.climb_rate
+    if before is None or not 0.0 < time_s - before.time_s <= GAP_S:
+        return HeightDeviation(time_s=time_s, height=found)
+    period = time_s - before.time_s
+    climb_rate = low_pass(before.climb_rate, rate, period, memory_s)
+    carried = before.height + 0.5 * (before.climb_rate + climb_rate) * period
+    return HeightDeviation(
+        time_s=time_s, height=low_pass(carried, found, period, memory_s), climb_rate=climb_rate
+    )
+
+
+def followed_height(
+    planned: HeightTarget,
+    deviation: HeightDeviation,
+    *,
+    flying: float,
+    now_s: float,
+    ahead_s: float,
+) -> HeightTarget:
+    """The height that followers count their slots from.
+
+    Args:
+        planned: for the leader.
+        deviation: of the leader from that.
+        flying: the mission's flying height, m above the origin.
+        now_s: time of the target's present, s.
+        ahead_s: from then to when a setpoint takes effect, s.
+    """
+    lowest = LEAST_SHARE * flying
+
+    def kept(height: float, off: float) -> float:
+        return max(height + off, min(height, lowest))
+
+    return HeightTarget(
+        height=kept(planned.height, deviation.at(now_s)),
+        climb_rate=planned.climb_rate + deviation.climb_rate,
+        ahead=kept(planned.ahead, deviation.at(now_s + ahead_s)),
+    )

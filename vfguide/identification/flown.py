@@ -1,0 +1,242 @@
+"""How an autopilot answered on a flight that was flown for another purpose, and how sure that is.
+
+Nobody has stepped courses and speeds: the setpoints of the flight have to do, and where they hardly changed
+nothing can be told.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.identification.fit import Model, Response, fit_response
+from vfguide.identification.models import Samples, course_response, mean_told, speed_response
+from vfguide.identification.profile import response_lines
+from vfguide.identification.recording import is_good, smoothed
+from vfguide.record.vehicle import VehicleRecord
+from vfguide.state import Airframe
+
+LONGEST_S = 240.0
+"""s of flight that are fitted: more takes minutes, and says little more."""
+
+LEAST_S = 20.0
+"""Less says nothing."""
+
+FITTED_HZ = 10.0
+"""Samples a second that are fitted: responses take longer than a tenth of a second."""
+
+FORGOTTEN_S = 5.0
+"""s at the beginning that are not fitted: the vehicle was on its way to something that is not known."""
+
+MODEL_SHARE = 0.1
+"""By which a bandwidth is uncertain at least: a steady turn shows only the sum of its inverse and the dead
+time, and no autopilot is quite of the model's kind."""
+
+OTHER_SHARES = (-0.4, -0.25, -0.15, 0.15, 0.25, 0.4)
+"""Of the bandwidth's inverse: what a dead time might be longer by in its place."""
+
+AS_GOOD = 1.2
+"""What leaves up to so many times as much explains a flight nearly as well."""
+
+DOUBT = 4.0
+"""Times the share of the motion that the model leaves unexplained by which its bandwidth is uncertain: with a
+twentieth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
+
+WIND_S = 1.0
+"""The wind is the mean over so long: a log knows it at each moment, and it may swing within seconds."""
+
+LEAST_TURN = 0.1
+"""rad: courses that were asked for have to change by so much..."""
+
+LEAST_CHANGE = 0.7
+"""m/s: ... and speeds by so much, from the greatest to the least, for anything to be told."""
+
+Loop = Literal["course", "speed"]
+
+BANDWIDTHS: dict[Loop, str] = {"course": "alpha_1_s", "speed": "beta_1_s"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """How one loop of one vehicle answered."""
+
+    vehicle: str
+    """Its name."""
+    loop: Loop
+    """Which."""
+    response: Response | None
+    """None where nothing can be told."""
+    why: str
+    """Why nothing can be told; empty where something can."""
+    mission: float
+    """Bandwidth in the mission, 1/s."""
+
+    @property
+    def good(self) -> bool:
+        """Whether it is known well enough to be flown by."""
+        return self.response is not None and is_good(self.response)
+
+
+def flown_responses(
+    time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray, airframe: Airframe
+) -> tuple[Answer, Answer]:
+    """How course and speed of a vehicle answered to their setpoints.
+
+    Args:
+        time_s: of the samples, s, evenly apart.
+        vehicle: what it did.
+        guided: whether setpoints were flown, one for each sample.
+        airframe: what the mission says of it.
+    """
+    stretch = fitted_stretch(time_s, vehicle, guided)
+    return (
+        loop_answer("course", time_s, vehicle, stretch, airframe),
+        loop_answer("speed", time_s, vehicle, stretch, airframe),
+    )
+
+
+def fitted_stretch(time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray) -> slice:
+    """The beginning of the longest guided stretch of which everything is known; samples FITTED_HZ apart."""
+    known = guided.copy()
+    for values in (
+        vehicle.heading_rad,
+        vehicle.course_rad,
+        vehicle.airspeed_m_s,
+        vehicle.wind_north_m_s,
+        vehicle.wind_east_m_s,
+        vehicle.course_setpoint_rad,
+        vehicle.airspeed_setpoint_m_s,
+    ):
+        known &= np.isfinite(values)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(np.int8), [0]))))
+    begins, ends = edges[::2], edges[1::2]
+    if not len(begins) or len(time_s) < 2:
+        return slice(0, 0)
+    longest = int(np.argmax(ends - begins))
+    rate = (len(time_s) - 1) / float(time_s[-1] - time_s[0])
+    begin, end = int(begins[longest]), int(ends[longest])
+    return slice(begin, min(end, begin + round(LONGEST_S * rate)), max(1, round(rate / FITTED_HZ)))
+
+
+def loop_answer(
+    loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice, airframe: Airframe
+) -> Answer:
+    """How one loop answered on a stretch, or why that cannot be told."""
+    mission = airframe.alpha if loop == "course" else airframe.beta
+    response, why = None, unknown_because(loop, time_s, vehicle, stretch)
+    if not why:
+        samples = samples_of(loop, time_s, vehicle, stretch, airframe)
+        model = course_response if loop == "course" else speed_response
+        seen = samples.direction if loop == "course" else samples.speed
+        skipped = forgotten(samples)
+        response = fit_response(
+            lambda values: model(samples, values, airframe)[skipped:], seen[skipped:]
+        )
+        response = with_doubt(
+            response, lambda values: model(samples, values, airframe)[skipped:], seen[skipped:]
+        )
+    return Answer(vehicle=vehicle.name, loop=loop, response=response, why=why, mission=mission)
+
+
+def with_doubt(response: Response, model: Model, seen: FloatArray) -> Response:
+    """The same, its bandwidth no surer than a flight without steps can tell.
+
+    Slow changes show the sum of the bandwidth's inverse and the dead time, and hardly which of them it is: a
+    bandwidth with another dead time that explains the flight nearly as well is within the interval.
+    """
+    known, late, lag = response.bandwidth, response.dead_time.value, response.lag.value
+    unexplained = response.residual / max(float(np.std(seen)), response.residual, 1e-9)
+    widest = math.hypot(known.half_width, max(MODEL_SHARE, DOUBT * unexplained) * known.value)
+    for share in OTHER_SHARES:
+        other, dead_time = known.value / (1.0 - share), late + share / known.value
+        if dead_time < 0.0:
+            continue
+        rest = seen - model((other, dead_time, lag))
+        if math.sqrt(float(rest @ rest) / len(rest)) < AS_GOOD * response.residual:
+            widest = max(widest, abs(other - known.value))
+    return replace(response, bandwidth=replace(known, half_width=widest))
+
+
+def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice) -> str:
+    """Why nothing can be told of a loop; empty where something can."""
+    lasts_s = float(np.ptp(time_s[stretch])) if len(time_s[stretch]) else 0.0
+    if lasts_s < LEAST_S:
+        return f"{lasts_s:.0f} s of setpoints and answers are too short"
+    told = vehicle.course_setpoint_rad if loop == "course" else vehicle.airspeed_setpoint_m_s
+    asked = told[stretch]
+    if loop == "course" and float(np.ptp(np.unwrap(asked))) < LEAST_TURN:
+        return "hardly any other course was asked for"
+    if loop == "speed" and float(np.ptp(asked)) < LEAST_CHANGE:
+        return "hardly any other speed was asked for"
+    return ""
+
+
+def samples_of(
+    loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice, airframe: Airframe
+) -> Samples:
+    """What was asked for and what was seen on a stretch."""
+    ground = airframe.hold == "course-hold"
+    times = time_s[stretch]
+    calm = np.zeros(len(times))
+    north = calm if ground else smoothed(times, vehicle.wind_north_m_s[stretch], WIND_S)
+    east = calm if ground else smoothed(times, vehicle.wind_east_m_s[stretch], WIND_S)
+    course = loop == "course"
+    # Every setpoint, also those between the samples that are fitted: half a step would look like a delay.
+    whole = slice(stretch.start, stretch.stop)
+    told = (vehicle.course_setpoint_rad if course else vehicle.airspeed_setpoint_m_s)[whole]
+    samples = Samples(
+        time_s=times,
+        direction=np.unwrap((vehicle.course_rad if ground else vehicle.heading_rad)[stretch]),
+        speed=(vehicle.ground_speed_m_s if ground else vehicle.airspeed_m_s)[stretch],
+        wind_north=north,
+        wind_east=east,
+        told_s=time_s[whole],
+        told=np.unwrap(told) if course else told,
+    )
+    return samples if course else rescaled(samples)
+
+
+def forgotten(samples: Samples) -> int:
+    """How many samples at the beginning are not fitted."""
+    return int(np.searchsorted(samples.time_s, samples.time_s[0] + FORGOTTEN_S))
+
+
+def rescaled(samples: Samples) -> Samples:
+    """The same, with speeds that were asked for on the scale of those that were seen: sensors are off."""
+    apart = samples.speed[1:] - mean_told(samples, 0.0)
+    return replace(samples, told=samples.told + float(np.median(apart[forgotten(samples) :])))
+
+
+def answer_sentence(answer: Answer) -> str:
+    """What was found of one loop, in words."""
+    head = f"{answer.vehicle}: {answer.loop}"
+    remedy = "fly `vfguide identify` to know it"
+    if answer.response is None:
+        return f"{head}: cannot be told, {answer.why}; {remedy}"
+    bandwidth, dead_time = answer.response.bandwidth, answer.response.dead_time
+    name = "alpha" if answer.loop == "course" else "beta"
+    low, high = bandwidth.value - bandwidth.half_width, bandwidth.value + bandwidth.half_width
+    found = (
+        f"{head}: {name} {bandwidth.value:.2f} 1/s, probably within {max(low, 0.0):.2f} to {high:.2f},"
+        f" {dead_time.value:.2f} s late (+- {dead_time.half_width:.2f})"
+    )
+    if not answer.good:
+        return f"{found}: not known well enough to fly by; {remedy}"
+    if low <= answer.mission <= high:
+        return f"{found}: known well; the mission's {answer.mission:.2f} fits"
+    return f"{found}: known well; the mission says {answer.mission:.2f}"
+
+
+def flown_profile(answers: list[Answer]) -> str:
+    """The fields that are known well, as YAML to be put under each vehicle's name in `vehicles`."""
+    lines: list[str] = []
+    for name in dict.fromkeys(answer.vehicle for answer in answers):
+        known = [one for one in answers if one.vehicle == name and one.good]
+        if known:
+            lines.append(f"{name}:  # +- is for 95 %")
+        for one in known:
+            if one.response is not None:
+                lines += response_lines(one.response, BANDWIDTHS[one.loop], one.loop)
+    return "\n".join(lines)

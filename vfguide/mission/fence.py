@@ -1,0 +1,91 @@
+"""Where a formation may fly: areas it has to stay in, areas it has to stay out of, and how high.
+
+A vehicle has to be inside of every area of inclusion and outside of every other, as ArduPlane has it; PX4 is
+content with one area of inclusion.
+"""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.mission.place import MissionFrame, Place
+from vfguide.mission.quantity import Positive, Section, Switch
+
+MOST_AREAS, MOST_CORNERS = 100, 500
+
+
+class FencePolygon(Section):
+    """An area with straight edges."""
+
+    inclusion: Switch = True
+    """Whether vehicles have to stay in it; false: out of it."""
+
+    points: Annotated[tuple[Place, ...], Field(min_length=3, max_length=MOST_CORNERS)]
+    """Its corners, in their order."""
+
+    def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far inside of its edges places (m) are, m; negative outside."""
+        corners = np.array([one.local(frame) for one in self.points])
+        shape = north.shape
+        inside: BoolArray = np.zeros(shape, dtype=bool)
+        nearest = np.full(shape, math.inf)
+        for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            edge = there - here
+            span = max(float(edge @ edge), 1e-12)
+            away_north, away_east = north - here[0], east - here[1]
+            run = np.clip((away_north * edge[0] + away_east * edge[1]) / span, 0.0, 1.0)
+            distance = np.hypot(away_north - run * edge[0], away_east - run * edge[1])
+            nearest = np.minimum(nearest, distance)
+            # A ray due north crosses the edge where it lies on both sides of the place's east.
+            crosses = (here[1] > east) != (there[1] > east)
+            rise = np.divide(edge[0], edge[1], where=edge[1] != 0.0, out=np.zeros(()))
+            inside ^= crosses & (here[0] + rise * away_east > north)
+        return np.where(inside, nearest, -nearest)
+
+
+class FenceCircle(Section):
+    """A round area."""
+
+    inclusion: Switch = True
+    """Whether vehicles have to stay in it; false: out of it."""
+
+    centre: Place
+    """Its middle."""
+
+    radius_m: Annotated[Positive, Field(le=1000e3)]
+    """m."""
+
+    def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far inside of it places (m) are, m; negative outside."""
+        middle = self.centre.local(frame)
+        return np.asarray(self.radius_m - np.hypot(north - middle[0], east - middle[1]))
+
+
+class Fence(Section):
+    """Where every vehicle of the formation has to stay; `vfguide check` holds all slots against it."""
+
+    polygons: Annotated[tuple[FencePolygon, ...], Field(max_length=MOST_AREAS)] = ()
+    """Areas with straight edges."""
+
+    circles: Annotated[tuple[FenceCircle, ...], Field(max_length=MOST_AREAS)] = ()
+    """Round areas."""
+
+    max_height_m: Annotated[Positive, Field(le=12000.0)] | None = None
+    """Above the mission's origin, m; any height if absent."""
+
+    @property
+    def exists(self) -> bool:
+        """Whether it limits anything."""
+        return bool(self.polygons or self.circles or self.max_height_m)
+
+    def room(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far places (m) are from what they may not cross, m; negative where they are beyond it."""
+        least = np.full(north.shape, math.inf)
+        areas: list[FencePolygon | FenceCircle] = [*self.polygons, *self.circles]
+        for area in areas:
+            inward = area.inward(north, east, frame)
+            least = np.minimum(least, inward if area.inclusion else -inward)
+        return least

@@ -1,0 +1,254 @@
+"""A line over the ground as a chain of pieces, and the paths that are one.
+
+Every place is worked out from the piece that it lies on, so that a straight leg of ten kilometres is one
+piece and as exact as a bend. The nearest piece is found by a tree; the foot of the perpendicular then by
+going along the chain until the vehicle is abeam.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vfguide.elementwise import FloatArray, Number
+from vfguide.guidance.path import Path, PathPlace, PathPoint
+from vfguide.paths.height_profile import HeightProfile
+from vfguide.paths.piece_tree import PieceTree
+from vfguide.paths.pieces import GAUSS, Pieces, displacement
+
+FEW = 16
+"""Vehicles that are looked for one by one."""
+
+COURSE_M = 100.0
+"""m: a branch that runs the other way counts as twice this further away, on small curves as less."""
+
+FARTHEST_M = 1e7
+"""A vehicle that is further away is taken to be so far."""
+
+NEAR_CENTRE = 0.05
+"""Least 1 - curvature times error: nearer to the centre of a turn, no point of it is abeam."""
+
+LONGEST_STEP_M = 20.0
+STEPS = 12
+ABEAM_M = 1e-5
+"""Going along the chain until the vehicle is abeam."""
+
+
+class Chain:
+    """Pieces in a row; after the last one they go on with the first, or with a later one."""
+
+    def __init__(self, pieces: Pieces, *, again: float | None = 0.0) -> None:
+        """Make a chain.
+
+        Args:
+            pieces: each begins where the one before ends.
+            again: progress of the piece that follows the last one, m; None where nothing follows, and the
+                last piece runs on.
+        """
+        self.pieces, self.length, self.again = pieces, pieces.total, again
+        self._closed = again == 0.0
+        self._starts = pieces.progress.tolist()
+        self._rows = list(
+            zip(
+                pieces.north.tolist(),
+                pieces.east.tolist(),
+                pieces.course.tolist(),
+                pieces.curvature.tolist(),
+                pieces.growth.tolist(),
+                strict=True,
+            )
+        )
+        self._course_m = min(COURSE_M, self.length / (4.0 * math.pi))
+        self._tree = PieceTree(pieces)
+
+    def wrapped(self, progress: Any) -> Any:  # noqa: ANN401
+        """The same progress within the chain; before the beginning of one that is not closed, as it is."""
+        if self.again is None:
+            return progress
+        span = self.length - self.again
+        if self._closed:
+            return progress % span
+        if isinstance(progress, float):
+            return (
+                progress if progress < self.length else self.again + (progress - self.again) % span
+            )
+        return np.where(
+            progress < self.length, progress, self.again + (progress - self.again) % span
+        )
+
+    def at(self, progress: Number) -> tuple[Number, Number, Number, Number]:
+        """(north, east, course, curvature) at a progress, in m, rad and 1/m."""
+        if isinstance(progress, float):
+            return self._place(self.wrapped(progress))[:4]
+        return self._places(self.wrapped(np.asarray(progress, dtype=float)))[:4]
+
+    def nearest(
+        self, north: Number, east: Number, course: Number | None
+    ) -> tuple[Number, Number, Number, Number]:
+        """(course, cross-track error, curvature, progress) of the chain abeam of a vehicle.
+
+        Args:
+            north: of the vehicle, m.
+            east: m.
+            course: of the vehicle, rad, which tells the branch; None where none is meant.
+        """
+        weight = 0.0 if course is None else self._course_m
+        if isinstance(north, float) and isinstance(east, float):
+            return self._nearest_one(north, east, course, weight)
+        return self._nearest_all(north, east, course, weight)
+
+    def _place(self, progress: float) -> tuple[float, float, float, float, float]:
+        index = max(bisect_right(self._starts, progress) - 1, 0)
+        north, east, course, curvature, growth = self._rows[index]
+        run = progress - self._starts[index]
+        if curvature == 0.0 and growth == 0.0:
+            return north + run * math.cos(course), east + run * math.sin(course), course, 0.0, 0.0
+        for place, weight in GAUSS:
+            at = place * run
+            direction = course + at * (curvature + 0.5 * growth * at)
+            north += weight * run * math.cos(direction)
+            east += weight * run * math.sin(direction)
+        direction = course + run * (curvature + 0.5 * growth * run)
+        return north, east, direction, curvature + growth * run, growth
+
+    def _places(
+        self, progress: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        pieces = self.pieces
+        index = np.maximum(np.searchsorted(pieces.progress, progress, side="right") - 1, 0)
+        run = progress - pieces.progress[index]
+        course, bend, growth = pieces.course[index], pieces.curvature[index], pieces.growth[index]
+        north, east = displacement(course, bend, growth, run)
+        return (
+            pieces.north[index] + north,
+            pieces.east[index] + east,
+            course + run * (bend + 0.5 * growth * run),
+            bend + growth * run,
+            growth,
+        )
+
+    def _nearest_one(
+        self, north: float, east: float, course: float | None, weight: float
+    ) -> tuple[float, float, float, float]:
+        if math.isnan(north) or math.isnan(east) or not math.isfinite(course or 0.0):
+            return math.nan, math.nan, math.nan, math.nan
+        north = min(max(north, -FARTHEST_M), FARTHEST_M)
+        east = min(max(east, -FARTHEST_M), FARTHEST_M)
+        ahead, aside = (0.0, 0.0) if course is None else (math.cos(course), math.sin(course))
+        progress = self._tree.closest(north, east, ahead, aside, weight)
+        for left in range(STEPS, -1, -1):
+            at_north, at_east, tangent, bend, growth = self._place(progress)
+            away_north, away_east = north - at_north, east - at_east
+            ahead, aside = math.cos(tangent), math.sin(tangent)
+            along = away_north * ahead + away_east * aside
+            right = away_east * ahead - away_north * aside
+            inward = max(1.0 - bend * right, NEAR_CENTRE)
+            turn = math.atan2(bend * along, inward)
+            run = turn / bend if abs(bend) > 1e-9 else along / inward
+            if abs(run) < ABEAM_M or not left:
+                break
+            longest = math.inf if bend == 0.0 else LONGEST_STEP_M
+            progress = self.wrapped(progress + min(max(run, -longest), longest))
+        distance = math.hypot(bend * along, 1.0 - bend * right)
+        error = (2.0 * right - bend * (along * along + right * right)) / (1.0 + distance)
+        return (
+            tangent + turn + 0.5 * growth * run * run,
+            error,
+            bend + growth * run,
+            self.wrapped(progress + run),
+        )
+
+    def _nearest_all(
+        self, north: FloatArray, east: FloatArray, course: FloatArray | None, weight: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        shapes = [np.shape(one) for one in (north, east, course) if one is not None]
+        shape = np.broadcast_shapes(*shapes)
+        north, east = (
+            np.clip(np.broadcast_to(one, shape).astype(float).ravel(), -FARTHEST_M, FARTHEST_M)
+            for one in (north, east)
+        )
+        facing = np.zeros(north.size) if course is None else np.broadcast_to(course, shape).ravel()
+        known = ~np.isnan(north) & ~np.isnan(east) & np.isfinite(facing)
+        found = np.full((4, north.size), math.nan)
+        if north.size > FEW:
+            found[:, known] = self._abeam(north[known], east[known], facing[known], weight)
+        else:
+            vehicles = zip(north.tolist(), east.tolist(), facing.tolist(), strict=True)
+            found.T[:] = [self._nearest_one(*vehicle, weight) for vehicle in vehicles]
+        first, second, third, fourth = found.reshape(4, *shape)
+        return first, second, third, fourth
+
+    def _abeam(
+        self, north: FloatArray, east: FloatArray, course: FloatArray, weight: float
+    ) -> FloatArray:
+        progress = self._tree.closest_all(north, east, np.cos(course), np.sin(course), weight)
+        for left in range(STEPS, -1, -1):
+            at_north, at_east, tangent, bend, growth = self._places(progress)
+            away_north, away_east = north - at_north, east - at_east
+            ahead, aside = np.cos(tangent), np.sin(tangent)
+            along = away_north * ahead + away_east * aside
+            right = away_east * ahead - away_north * aside
+            inward = np.maximum(1.0 - bend * right, NEAR_CENTRE)
+            turn = np.arctan2(bend * along, inward)
+            bent = np.abs(bend) > 1e-9
+            run = np.where(bent, turn / np.where(bent, bend, 1.0), along / inward)
+            moving = np.abs(run) >= ABEAM_M
+            if not left or not moving.any():
+                break
+            longest = np.where(bend == 0.0, math.inf, LONGEST_STEP_M)
+            step = np.where(moving, np.clip(run, -longest, longest), 0.0)
+            progress = self.wrapped(progress + step)
+        distance = np.hypot(bend * along, 1.0 - bend * right)
+        error = (2.0 * right - bend * (along * along + right * right)) / (1.0 + distance)
+        return np.stack(
+            [
+                tangent + turn + 0.5 * growth * run * run,
+                error,
+                bend + growth * run,
+                self.wrapped(progress + run),
+            ]
+        )
+
+
+class ChainedPath(Path):
+    """A path that is a chain."""
+
+    chain: Chain
+
+    heights: HeightProfile | None = None
+    """None where all of it is as high as the mission's flying height."""
+
+    @property
+    def length(self) -> float:
+        """Once round, or to where it goes round again, m."""
+        return self.chain.length
+
+    def nearest(
+        self, north: Number, east: Number, course: Number | None = None
+    ) -> PathPoint[Number]:
+        """The path abeam of the vehicle, on the branch that it flies along."""
+        point = PathPoint(*self.chain.nearest(north, east, course))
+        if self.heights is None:
+            return point
+        height, slope = self.heights.at(point.progress)
+        return replace(point, height=height, slope=slope)
+
+    def at(self, progress: Number) -> PathPlace[Number]:
+        """The path at a distance from its beginning."""
+        place = PathPlace(*self.chain.at(progress))
+        if self.heights is None:
+            return place
+        height, slope = self.heights.at(self.chain.wrapped(progress))
+        return replace(place, height=height, slope=slope)
+
+    def outline(self, count: int) -> FloatArray:
+        """Half of the places by the distance and half by the turn: the tightest bend is among them."""
+        pieces = self.chain.pieces
+        ends = np.append(pieces.progress, self.length)
+        bends = np.abs(pieces.curvature) + np.abs(pieces.curvature + pieces.growth * pieces.length)
+        turned = np.concatenate([[0.0], np.cumsum(bends * pieces.length)])
+        even = 0.5 * turned / max(float(turned[-1]), 1e-9) + 0.5 * ends / self.length
+        places = np.interp(np.linspace(0.0, even[-1], count - 1), even, ends)
+        return np.sort(np.append(places, ends[int(bends.argmax())]))

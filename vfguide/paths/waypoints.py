@@ -1,0 +1,379 @@
+"""A route of straight legs between waypoints, with fillets at its corners, and what comes at its end."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic.json_schema import SkipJsonSchema
+from pydantic_core import PydanticCustomError
+
+from vfguide.angles import wrap_angle
+from vfguide.mission import quantity
+from vfguide.mission.flight_path import Misfit, PathShape, shape_of
+from vfguide.mission.place import MissionFrame, Place
+from vfguide.mission.quantity import NotNegative
+from vfguide.paths.chain import Chain, ChainedPath
+from vfguide.paths.circle import Radius
+from vfguide.paths.fillet import Bend, circle_entry, eased_turn, tangent_length, turn_back
+from vfguide.paths.height_profile import HeightProfile
+from vfguide.paths.pieces import Element, Pieces
+from vfguide.registry import paths
+
+SHARPEST_RAD = math.radians(160.0)
+"""A corner that turns by more is none: the route comes back along its own leg."""
+
+NEAREST_M = 1.0
+"""Between two waypoints."""
+
+LEAST_M = 1e-6
+"""Elements that are shorter are none."""
+
+MOST_WAYPOINTS = 2000
+
+USUAL_EASEMENT = 1.0
+"""In parts of the radius."""
+
+End = Literal["repeat", "reverse", "loiter"]
+
+
+class Waypoint(Place):
+    """A corner of a route."""
+
+    up_m: Annotated[quantity.Number, Field(ge=-9000.0, le=9000.0)] = 0.0
+    """Above the mission's flying height, m; negative is below."""
+
+    altitude_amsl_m: Annotated[quantity.Number, Field(ge=-500.0, le=12000.0)] | None = None
+    """Instead of `up_m`: above mean sea level, m."""
+
+    radius_m: Radius | None = None
+    """Of the fillet at this waypoint, m; that of the path if absent."""
+
+    @model_validator(mode="after")
+    def _one_height(self) -> Self:
+        if self.altitude_amsl_m is not None and "up_m" in self.model_fields_set:
+            raise PydanticCustomError("waypoint_height", "has both up_m and altitude_amsl_m")
+        return self
+
+    def up(self, frame: MissionFrame | None) -> float:
+        """Above the mission's flying height, m."""
+        if self.altitude_amsl_m is None or frame is None:
+            return self.up_m
+        return self.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
+
+
+class RouteShape(PathShape):
+    """What routes have in common."""
+
+    radius_m: Radius | None = None
+    """Of the fillets, m; if absent the least that every vehicle of the formation flies with something to
+    spare, at the mission's airspeed and in its wind."""
+
+    easement_m: Annotated[NotNegative, Field(le=100e3)] | None = None
+    """Length over which the curvature comes at the beginning of a fillet, and goes at its end, m; as long as
+    the radius if absent."""
+
+    loiter_radius_m: Annotated[quantity.Number, Field(ge=-100e3, le=100e3)] | None = None
+    """`loiter`: radius of the circle, m, negative counter-clockwise; if absent that of the fillets,
+    clockwise."""
+
+    frame: SkipJsonSchema[MissionFrame | None] = Field(default=None, exclude=True)
+    """What coordinates and radii count from; the mission fills it in."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> tuple[Waypoint, ...]:
+        """The waypoints."""
+
+    @property
+    @abstractmethod
+    def after(self) -> End:
+        """What comes after the last of them."""
+
+    @property
+    def circle_radius_m(self) -> float:
+        """Of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
+        return self.loiter_radius_m or 0.0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel with the frame, which is no field of a mission."""
+        return shape_of, (self.model_dump(exclude_unset=True) | {"frame": self.frame},)
+
+    @property
+    def bend(self) -> Bend:
+        """How the route turns where a waypoint does not say otherwise."""
+        usual = self.frame.radius_m if self.frame is not None else FALLBACK_RADIUS_M
+        return self.bend_of(self.radius_m if self.radius_m is not None else usual)
+
+    def bend_of(self, radius_m: float) -> Bend:
+        """Turns of this radius."""
+        easement_m = USUAL_EASEMENT * radius_m if self.easement_m is None else self.easement_m
+        return Bend(radius_m, easement_m)
+
+    def misfits(self) -> Iterator[Misfit]:
+        """What keeps the route from being flown."""
+        yield from Route(self).misfits()
+
+
+class WaypointsShape(RouteShape):
+    """A route of straight legs between waypoints, with eased fillets at its corners."""
+
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
+    """The corners in their order."""
+
+    end: End = "loiter"
+    """After the last waypoint. `repeat`: on to the first. `reverse`: turn, and back along the route, again
+    and again. `loiter`: circle around the last one."""
+
+    @property
+    def corners(self) -> tuple[Waypoint, ...]:
+        """The waypoints."""
+        return self.waypoints
+
+    @property
+    def after(self) -> End:
+        """What comes after the last of them."""
+        return self.end
+
+
+FALLBACK_RADIUS_M = 100.0
+"""Where the mission does not say how fast anything flies."""
+
+
+@dataclass(frozen=True, slots=True)
+class Corner:
+    """A waypoint as the route turns there."""
+
+    north: float
+    """m."""
+    east: float
+    """m."""
+    up: float
+    """m."""
+    bend: Bend
+    """Its fillet."""
+    turn: float = 0.0
+    """rad, positive clockwise; 0 where the route begins or ends."""
+    reach: float = 0.0
+    """How far before and behind the corner the fillet begins and ends, m."""
+
+
+class Route:
+    """The geometry of a shape: corners, and the legs between them."""
+
+    def __init__(self, shape: RouteShape) -> None:
+        """Place the waypoints in the plane, and turn at each."""
+        self.shape = shape
+        self.closed = shape.after == "repeat"
+        self.circles = shape.after == "loiter"
+        self.places = [(*one.local(shape.frame), one.up(shape.frame)) for one in shape.corners]
+        self.loiter = self._loiter_bend()
+        self.entry = circle_entry(self.loiter, self._sense())
+        self.legs = self._legs()
+        self.corners = [self._corner(index) for index in range(len(self.places))]
+
+    def _sense(self) -> float:
+        return math.copysign(1.0, self.shape.circle_radius_m or 1.0)
+
+    def _loiter_bend(self) -> Bend:
+        given = self.shape.circle_radius_m
+        return self.shape.bend if not given else self.shape.bend_of(abs(given))
+
+    def _legs(self) -> list[tuple[float, float]]:
+        """(length, course) of the line from each waypoint to the next."""
+        ends = [*self.places[1:], *self.places[:1]] if self.closed else self.places[1:]
+        legs = [
+            (
+                math.hypot(there[0] - here[0], there[1] - here[1]),
+                math.atan2(there[1] - here[1], there[0] - here[0]),
+            )
+            for here, there in zip(self.places, ends, strict=False)
+        ]
+        if self.circles and legs[-1][0] > self.entry.aside:
+            # The last leg runs to where it touches the circle, not to its centre.
+            length, course = legs[-1]
+            off = math.asin(self.entry.aside / length)
+            legs[-1] = (length * math.cos(off), course - self._sense() * off)
+        return legs
+
+    def _corner(self, index: int) -> Corner:
+        north, east, up = self.places[index]
+        waypoint = self.shape.corners[index]
+        bend = (
+            self.shape.bend if waypoint.radius_m is None else self.shape.bend_of(waypoint.radius_m)
+        )
+        if not self.closed and index in {0, len(self.places) - 1}:
+            return Corner(north, east, up, bend)
+        turn = wrap_angle(self.legs[index][1] - self.legs[index - 1][1])
+        reach = tangent_length(turn, bend) if abs(turn) <= SHARPEST_RAD else 0.0
+        return Corner(north, east, up, bend, turn, reach)
+
+    def misfits(self) -> Iterator[Misfit]:
+        """Waypoints that coincide, corners that are too sharp, legs too short for their fillets."""
+        for index, (length, _) in enumerate(self.legs):
+            if length < NEAREST_M:
+                yield Misfit(
+                    ("waypoints", self._next(index)),
+                    f"is the same place as {self._named(index)}",
+                    f"remove it, or move it {NEAREST_M:g} m away or more",
+                )
+                return
+        sharp = [at for at, one in enumerate(self.corners) if abs(one.turn) > SHARPEST_RAD]
+        for index in sharp:
+            yield Misfit(
+                ("waypoints", index),
+                f"the route turns back by {math.degrees(abs(self.corners[index].turn)):.0f}° here",
+                f"a corner turns by {math.degrees(SHARPEST_RAD):.0f}° at most: put a waypoint beside it, or"
+                " end: reverse where the route ends",
+            )
+        if not sharp:
+            for index in range(len(self.legs)):
+                yield from self._short_leg(index)
+
+    def _short_leg(self, index: int) -> Iterator[Misfit]:
+        length, last = self.legs[index][0], index == len(self.legs) - 1
+        if (
+            last
+            and self.circles
+            and math.dist(self.places[-2][:2], self.places[-1][:2]) <= self.entry.aside
+        ):
+            yield Misfit(
+                ("waypoints", index + 1),
+                f"the circle of {self.loiter.radius:.0f} m around it reaches beyond the waypoint before it",
+                "move it further away, or make loiter_radius_m smaller",
+            )
+            return
+        needed = self.corners[index].reach + self.corners[self._next(index)].reach
+        needed += self.entry.before if last and self.circles else 0.0
+        if needed <= length:
+            return
+        fits = self._radius_that_fits(index)
+        remedy = f"radius_m: {fits} fits, " if fits >= 1 else ""
+        radius_m = self.corners[self._next(index)].bend.radius
+        yield Misfit(
+            ("waypoints", self._next(index)),
+            f"the leg from {self._named(index)} to {self._named(self._next(index))} is {length:.0f} m long,"
+            f" its fillets need {needed:.0f} m at a radius of {radius_m:.0f} m",
+            f"{remedy}or move the waypoints further apart, or fly slower",
+        )
+
+    def _radius_that_fits(self, index: int) -> int:
+        """The greatest radius (whole m) with which a leg has room for its fillets; 0 for none."""
+        turns = [self.corners[at].turn for at in (index, self._next(index))]
+        length, last = self.legs[index][0], index == len(self.legs) - 1
+
+        def needed(radius: float) -> float:
+            bend = self.shape.bend_of(radius)
+            entry = circle_entry(bend, 1.0).before if last and self.circles else 0.0
+            return entry + sum(tangent_length(turn, bend) for turn in turns)
+
+        least, most = 0, max(1, math.floor(self.shape.bend.radius))
+        while least < most:
+            middle = (least + most + 1) // 2
+            least, most = (middle, most) if needed(middle) <= length else (least, middle - 1)
+        return least
+
+    def _next(self, index: int) -> int:
+        return (index + 1) % len(self.places)
+
+    def _named(self, index: int) -> str:
+        north, east, _ = self.places[index]
+        return f"waypoint {index + 1} (north {north:.0f} m, east {east:.0f} m)"
+
+    def line(self) -> "Line":
+        """All of the route as one line."""
+        first = self.corners[0]
+        course = self.legs[0][1]
+        begin = (
+            first.north + first.reach * math.cos(course),
+            first.east + first.reach * math.sin(course),
+        )
+        line = Line(*begin, course)
+        if not self.closed:
+            line.note(first.up)
+        for index in range(len(self.legs)):
+            self._leg(line, index)
+        if self.closed:
+            progress, up = line.knots[-1]
+            line.knots.insert(0, (progress - line.run, up))
+        elif self.circles:
+            line.note(self.corners[-1].up)
+            line.add(self.entry.elements)
+            line.again = line.run
+            curvature = self._sense() / self.loiter.radius
+            line.add([Element(2.0 * math.pi * self.loiter.radius, curvature)])
+        else:
+            self._turn_back(line, self.corners[-1])
+            for index in reversed(range(len(self.legs))):
+                self._leg(line, index, -1.0)
+            self._turn_back(line, first)
+        return line
+
+    def _leg(self, line: "Line", index: int, way: float = 1.0) -> None:
+        """Fly a leg there, or back (-1.0), and turn at its end."""
+        near, far = self.corners[index], self.corners[self._next(index)]
+        length = self.legs[index][0] - near.reach - far.reach
+        if self.circles and index == len(self.legs) - 1:
+            length -= self.entry.before
+        line.add([Element(max(length, 0.0))])
+        end, ends = (far, self._next(index)) if way > 0.0 else (near, index)
+        if self.closed or 0 < ends < len(self.places) - 1:
+            turn = eased_turn(way * end.turn, end.bend)
+            before = line.run
+            line.add(turn)
+            line.note(end.up, 0.5 * (before + line.run))
+        elif not self.circles:
+            line.note(end.up)
+
+    def _turn_back(self, line: "Line", corner: Corner) -> None:
+        """Turn beyond an end of the route, and come back to it."""
+        elements = turn_back(corner.bend)
+        line.add(elements)
+        line.add([Element(Pieces.of(0.0, 0.0, 0.0, elements).end()[0])])
+        line.note(corner.up)
+
+
+class Line:
+    """Elements that are put together one by one."""
+
+    def __init__(self, north: float, east: float, course: float) -> None:
+        """Begin at a place (m) on a course (rad)."""
+        self.begin = (north, east, course)
+        self.elements: list[Element] = []
+        self.knots: list[tuple[float, float]] = []
+        """(progress, height) of the waypoints, m."""
+        self.run = 0.0
+        """Length so far, m."""
+        self.again = 0.0
+        """Progress that follows the end, m."""
+
+    def add(self, elements: Iterable[Element]) -> None:
+        """Go on."""
+        for one in elements:
+            if one.length >= LEAST_M:
+                self.elements.append(one)
+                self.run += one.length
+
+    def note(self, up: float, progress: float | None = None) -> None:
+        """The line has a height (m) here, or at a progress."""
+        self.knots.append((self.run if progress is None else progress, up))
+
+
+@paths.register("waypoints")
+class Waypoints(ChainedPath):
+    """A route; after its last waypoint it goes round as its end says."""
+
+    Shape: ClassVar[type[RouteShape]] = WaypointsShape
+
+    def __init__(self, shape: RouteShape) -> None:
+        """The route of a shape that has no misfits."""
+        line = Route(shape).line()
+        self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
+        self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
+
+    @classmethod
+    def of(cls, shape: RouteShape) -> Self:
+        """The route of a mission."""
+        return cls(shape)
