@@ -152,7 +152,7 @@ class Flight(RuleBasedStateMachine):
 
 
 Flight.TestCase.settings = settings(
-    max_examples=5,
+    max_examples=3,
     stateful_step_count=8,
     deadline=None,
     suppress_health_check=list(HealthCheck),

@@ -90,7 +90,7 @@ def test_a_deputy_leads_when_the_leaders_companion_is_killed(
             steering = logs.times_steering("f3")
             await flight.companions["f3"].start()
             await logs.until(lambda: logs.times_steering("f3") > steering)
-            assert logs.of("f3").count(LEAD) == 2
+            await logs.until(lambda: logs.of("f3").count(LEAD) == 2)
 
             # Whose companion comes back finds another leader, and follows.
             steering = logs.times_steering("leader")
