@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.logs import LogFormat, log_to_standard_error
-from vfguide.commands.vehicles import check_flies
+from vfguide.commands.vehicles import check_deputies, check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
@@ -53,11 +53,13 @@ def run_companion(
         raise InputError(f"--follow-target: {vehicle!r} does not lead {mission.name}; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
     addresses = parse_links(links)
+    check_deputies(mission, addresses)
     credentials = keys.of_vehicle(vehicle)
     trust = Trust(
         formation=mission.name,
         name=vehicle,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         session=new_session(),
         roster=credentials.roster,
         key=credentials.key,

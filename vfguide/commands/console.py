@@ -46,6 +46,7 @@ def show_formation(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=credentials.roster,
         key=credentials.key,
     )

@@ -56,6 +56,7 @@ def judge_flight(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=credentials.roster,
         key=credentials.key,
     )

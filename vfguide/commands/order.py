@@ -112,6 +112,7 @@ def give(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=credentials.roster,
         key=credentials.key,
     )

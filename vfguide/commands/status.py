@@ -60,6 +60,7 @@ def show_status(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=credentials.roster,
         key=credentials.key,
     )

@@ -135,6 +135,7 @@ class Daemon:
         self._foreign = plan.foreign_leader is not None
         self._timekeeper = plan.timekeeper
         self._neighbours = plan.neighbours
+        self._own_member: Member | None = None
         key = surroundings.signing_key
         signing = None if key is None else Signing(key, time.time)
         self._introduction = Introduction(plan.system_id, plan.component_id, signing=signing)
@@ -194,7 +195,7 @@ class Daemon:
                 open_link(
                     where.links,
                     formation=where.formation,
-                    member=self._member(where.trust),
+                    member=self._joined(where.trust),
                     random=random,
                 )
             )
@@ -219,10 +220,18 @@ class Daemon:
     def _poll(self) -> None:
         """What is done again and again."""
         self._dispatch(self._companion.poll(self._clock.now()))
+        self._stand_in()
         self._announce()
         self._tell_of_record()
         self._tell_of_links()
         self._complain_of_others()
+
+    def _stand_in(self) -> None:
+        """While this deputy leads it answers what the formation's clock shows."""
+        leadership = self._companion.leadership
+        if self._own_member is not None and leadership is not None:
+            holder, term = leadership
+            self._own_member.stands_in = term > 0 and holder == self._name
 
     def _guarded(self, step: Callable[[], None]) -> None:
         """Do something in flight; should it fail, hand back and end, instead of flying on without a step."""
@@ -230,6 +239,11 @@ class Daemon:
             step()
         except Exception as error:  # noqa: BLE001 - of whatever was loaded
             self._failure = self._failure or error
+
+    def _joined(self, trust: Trust) -> Member:
+        """The member that this companion is from now on."""
+        self._own_member = self._member(trust)
+        return self._own_member
 
     def _member(self, trust: Trust) -> Member:
         """This vehicle as the others hear it."""
@@ -244,6 +258,7 @@ class Daemon:
             receive=ignore if self._peer_clock is None else receive,
             neighbours=neighbours,
             receive_neighbour=self._take_neighbour,
+            receive_lead=self._take_lead if trust.deputies else None,
             receive_order=self._take_order,
             receive_reply=self._take_reply,
             peer_clock=self._peer_clock,
@@ -297,6 +312,9 @@ class Daemon:
     def _take_neighbour(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_neighbour(vehicle, data, self._clock.now())
 
+    def _take_lead(self, vehicle: str, data: bytes) -> None:
+        self._companion.receive_lead(vehicle, data, self._clock.now())
+
     def _take_order(self, data: bytes, sealed: bytes) -> None:
         self._companion.receive_order(data, sealed, self._clock.now())
 
@@ -318,10 +336,13 @@ class Daemon:
         if self._link is not None:
             for data in out.to_link:
                 self._link.publish(data)
-            for data in out.replies:
-                self._link.say(Kind.REPLY, data)
-            for data in out.repeats:
-                self._link.say(Kind.REPEAT, data)
+            for kind, said in (
+                (Kind.LEADER, out.to_followers),
+                (Kind.REPLY, out.replies),
+                (Kind.REPEAT, out.repeats),
+            ):
+                for data in said:
+                    self._link.say(kind, data)
         self._note(out.events)
 
     def _note(self, events: Sequence[Event]) -> None:

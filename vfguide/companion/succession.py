@@ -31,7 +31,7 @@ WORKS_S = 0.6
 LATER_S = 0.3
 """Another that was heard by so much later than the leader shows that the link works without it."""
 
-LISTEN_S = 1.0
+LISTEN_S = 1.5
 """A leader that has just started listens for so long: it may have been succeeded."""
 
 VACANT_S = 3.0

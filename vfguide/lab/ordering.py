@@ -269,6 +269,7 @@ async def at_desk(
         session=new_session(),
         roster=watched.roster,
         key=watched.key,
+        deputies=watched.deputies,
     )
     desk = OrderDesk(mission)
     desk.member = Member(

@@ -54,6 +54,8 @@ class Kind(IntEnum):
     """That the sender is gone, to be said by a broker that has lost it."""
     ORDER = 6
     """What an operator wants."""
+    LEADER = 7
+    """How the leader moves by which the sender leads, in the place of the mission's."""
     REPLY = 8
     """What a vehicle says to an order, or an operator who asks for the one that is flown."""
     REPEAT = 9

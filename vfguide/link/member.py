@@ -73,6 +73,7 @@ class Member:
         neighbours: Collection[str] = (),
         receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
         receive_presence: Callable[[str, Presence], None] | None = None,
+        receive_lead: Callable[[str, bytes], None] | None = None,
         receive_order: Callable[[bytes, bytes], None] | None = None,
         receive_reply: Callable[[str, bytes], None] | None = None,
         peer_clock: PeerClock | None = None,
@@ -86,6 +87,8 @@ class Member:
             neighbours: other vehicles whose states are wanted.
             receive_neighbour: called with the name of one of them and its new state.
             receive_presence: called with a vehicle and what it says about itself; None if that is of no use.
+            receive_lead: called with a vehicle that leads in the place of the mission's leader, and how the
+                leader moves by which it does; None if that is of no use.
             receive_order: called with an operator's order and its envelope; None if orders are of no use.
             receive_reply: called with a member and what it says to an order; None if that is of no use.
             peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
@@ -107,12 +110,16 @@ class Member:
         self._believed_s = -math.inf
         self._receive_presence = receive_presence or ignore_presence
         self._receive_order, self._receive_reply = receive_order, receive_reply
+        self._receive_lead = receive_lead
+        self.stands_in = False
+        """Whether this deputy leads: it answers what the formation's clock shows while the leader cannot."""
         self._useful = frozenset(
             kind
             for kind, useful in (
                 (Kind.QUESTION, trust.leads),
                 (Kind.PRESENCE, self.watches),
                 (Kind.WILL, self.watches),
+                (Kind.LEADER, receive_lead is not None),
                 (Kind.ORDER, receive_order is not None),
                 (Kind.REPEAT, receive_order is not None),
                 (Kind.REPLY, receive_reply is not None),
@@ -121,6 +128,17 @@ class Member:
         )
         self.heeds_orders = receive_order is not None or receive_reply is not None
         """Whether orders and what is said to them are wanted."""
+
+    @property
+    def candidates(self) -> tuple[str, ...]:
+        """All others who may lead or do."""
+        others = self.trust.deputies - {self.name, self.trust.leader}
+        return (*([] if self.trust.leads else [self.trust.leader]), *sorted(others))
+
+    @property
+    def hears_leads(self) -> bool:
+        """Whether it is of use how those move by whom deputies lead."""
+        return self._receive_lead is not None and bool(self.trust.deputies)
 
     @property
     def name(self) -> str:
@@ -225,6 +243,8 @@ class Member:
         match kind:
             case Kind.STATE:
                 return (leads and self.listens) or sender in self.neighbours or sender == self.name
+            case Kind.QUESTION:
+                return kind in self._useful or self.stands_in
             case Kind.ANSWER:
                 # On a wire that all share, others' answers are no news: they are not worth a look at the
                 # signature.
@@ -243,6 +263,8 @@ class Member:
                 self._answer(message)
             case Kind.ANSWER:
                 self._learn(message)
+            case Kind.LEADER if self._receive_lead is not None:
+                self._receive_lead(message.sender, message.body)
             case Kind.ORDER | Kind.REPEAT if self._receive_order is not None:
                 order = message if message.kind is Kind.ORDER else self.trust.vouch(message.body)
                 self._receive_order(order.body, order.sealed)
@@ -252,7 +274,9 @@ class Member:
                 self._note_presence(message)
 
     def _answer(self, message: Message) -> None:
-        now = self.clock()
+        now = self.formation_time()
+        if math.isnan(now):
+            return
         try:
             answer = PeerClock.answer(message.body, now, now)
         except LinkDataError:
@@ -265,7 +289,8 @@ class Member:
         if self.peer_clock is None:
             return
         # The number that it answers was made up by this member, by chance: no recording has it.
-        self.trust.prove(message.session, now)
+        leads = message.sender == self.trust.leader
+        self.trust.prove(message.session if leads else message.epoch, now)
         if self.peer_clock.take(message.body, now):
             logger.warning("the clock of %r has stepped", self.trust.leader)
 

@@ -62,6 +62,8 @@ class Parts:
                 return topics.about_orders(parcel.kind)
             case Kind.STATE:
                 return topics.state(topics.vehicle)
+            case Kind.LEADER:
+                return topics.lead(topics.vehicle)
             case Kind.PRESENCE | Kind.WILL:
                 return topics.presence(topics.vehicle)
 
@@ -72,9 +74,14 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
     wanted = [topics.state(leader)] if member.listens else []
     wanted += [topics.state(vehicle) for vehicle in sorted(member.neighbours)]
     if member.peer_clock is not None:
-        wanted.append(topics.answer_of(leader))
+        wanted += [topics.answer_of(one) for one in member.candidates]
     if member.trust.leads:
-        wanted.append(topics.every_ask())
+        wanted.append(topics.every_ask(member.name))
+    elif member.name in member.trust.deputies:
+        # A deputy answers in the leader's place while it leads.
+        wanted.append(topics.every_ask(leader))
+    if member.hears_leads:
+        wanted += [topics.lead(one) for one in member.candidates]
     if member.watches:
         wanted.append(topics.every_presence())
     if member.heeds_orders:

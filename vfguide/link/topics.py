@@ -24,6 +24,10 @@ class Topics:
         """Where a vehicle's states are."""
         return f"{self._of(vehicle)}/state"
 
+    def lead(self, vehicle: str) -> str:
+        """Where the states are by which a vehicle leads in the place of the mission's leader."""
+        return f"{self._of(vehicle)}/lead"
+
     def presence(self, vehicle: str) -> str:
         """Where a vehicle says whether it is there."""
         return f"{self._of(vehicle)}/presence"
@@ -36,9 +40,9 @@ class Topics:
         """Where this vehicle asks a leader what its clock shows."""
         return f"{self._of(leader)}/clock/ask/{level(self.vehicle)}"
 
-    def every_ask(self) -> str:
-        """Filter for all that others ask of this vehicle's clock."""
-        return f"{self._of(self.vehicle)}/clock/ask/+"
+    def every_ask(self, leader: str) -> str:
+        """Filter for all that others ask of a leader's clock."""
+        return f"{self._of(leader)}/clock/ask/+"
 
     def answer_of(self, leader: str) -> str:
         """Where a leader answers to this vehicle."""

@@ -7,6 +7,7 @@ repeat, change and make up whatever it likes, and all that comes of it is silenc
 import math
 import secrets
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from cryptography.exceptions import InvalidSignature
@@ -32,6 +33,7 @@ the new one one after the other."""
 
 VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
 LEADER_MAY = VEHICLES_MAY | {Kind.ANSWER}
+DEPUTY_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER, Kind.LEADER}
 FOLLOWER_MAY = VEHICLES_MAY | {Kind.QUESTION}
 OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER, Kind.REPLY})
 """Kinds of messages that a part in the formation may send."""
@@ -75,6 +77,8 @@ class Message:
     """In which run."""
     body: bytes
     """What is said."""
+    epoch: int = 0
+    """The leader's session that it was said under."""
     sealed: bytes = b""
     """The whole envelope, of an order: others may have to be shown it."""
 
@@ -106,6 +110,7 @@ class Trust:
         roster: Roster | None,
         key: Ed25519PrivateKey | None = None,
         watches: bool = False,
+        deputies: Collection[str] = (),
     ) -> None:
         """Make it, with nothing heard.
 
@@ -119,6 +124,7 @@ class Trust:
             watches: whether this is no vehicle, but somebody who wants to know how the vehicles are: also
             of one that
                 has not found its leader, and, while no leader has answered, of all that sounds right.
+            deputies: who may lead in the leader's place, and answer in it what its clock shows.
 
         Raises:
             InputError: the roster is another formation's, the leader has no key in it, or the own key is
@@ -127,6 +133,8 @@ class Trust:
         """
         self.name = name
         self.leader = leader
+        self.deputies = frozenset(deputies)
+        """Who may lead in the leader's place."""
         self.counters: Counter[str] = Counter()
         """Messages that were not believed, by reason."""
         self._formation = formation_number(formation)
@@ -253,6 +261,7 @@ class Trust:
             sender=envelope.sender,
             session=envelope.session,
             body=envelope.body,
+            epoch=envelope.epoch,
             sealed=envelope.signed + envelope.tag if envelope.kind is Kind.ORDER else b"",
         )
 
@@ -340,7 +349,9 @@ class Trust:
 
     def _may(self, sender: str) -> frozenset[Kind]:
         if sender == self.leader:
-            return LEADER_MAY
+            return LEADER_MAY | {Kind.LEADER} if self.deputies else LEADER_MAY
+        if sender in self.deputies:
+            return DEPUTY_MAY
         if self._roster is None:
             return FOLLOWER_MAY | OPERATOR_MAY
         return FOLLOWER_MAY if sender in self._roster.vehicles else OPERATOR_MAY
@@ -358,13 +369,8 @@ class Trust:
             return None
         asks = envelope.kind is Kind.QUESTION
         heard = (self._asked if asks else self._heard).get(envelope.sender)
-        if envelope.sender == self.leader:
-            # Whether an answer is one to this member's question is for its number to say.
-            known = envelope.kind is Kind.ANSWER or envelope.session == self._epoch
-            if not (known or self.takes_all):
-                raise RefusedError("another session of the leader")
-        elif not asks and not self._under(envelope.epoch, now):
-            raise RefusedError("another flight")
+        if not asks:
+            self._check_flight(envelope, now)
         if heard is None or heard.session != envelope.session:
             if heard is not None and not asks and envelope.sender != self.leader:
                 self._check_newer(envelope, heard)
@@ -373,6 +379,22 @@ class Trust:
         if envelope.sequence <= newest and envelope.kind not in REPEATABLE:
             raise RefusedError(HEARD_BEFORE)
         return heard
+
+    def _check_flight(self, envelope: Envelope, now: float) -> None:
+        """See that a message is of this flight.
+
+        Raises:
+            RefusedError: it is of another, or of another run of the leader.
+        """
+        # Whether an answer is one to this member's question is for its number to say.
+        answers = envelope.kind is Kind.ANSWER
+        if envelope.sender == self.leader:
+            if not (answers or envelope.session == self._epoch or self.takes_all):
+                raise RefusedError("another session of the leader")
+            return
+        # A deputy answers under which of the leader's sessions the formation flies.
+        if not (answers and envelope.epoch) and not self._under(envelope.epoch, now):
+            raise RefusedError("another flight")
 
     def _under(self, epoch: int, now: float) -> bool:
         """Whether a message that was said under a leader's session is of this flight."""
@@ -401,7 +423,10 @@ class Trust:
     def _note(self, heard: Heard | None, envelope: Envelope) -> None:
         """Keep in mind what was just believed."""
         if heard is None:
-            if envelope.kind is Kind.ANSWER and envelope.session != self._epoch:
+            if envelope.kind is Kind.ANSWER and self._epoch not in (
+                envelope.session,
+                envelope.epoch,
+            ):
                 # It may prove this session, and is kept in mind once it has.
                 return
             book = self._asked if envelope.kind is Kind.QUESTION else self._heard

@@ -36,6 +36,8 @@ class Watched:
     """Everybody's public keys; None to believe anybody."""
     key: Ed25519PrivateKey | None = None
     """An operator's private key, with which the leader can be asked whether it lives."""
+    deputies: tuple[str, ...] = ()
+    """Who may lead in its place, and answer in it."""
 
 
 def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
@@ -163,6 +165,7 @@ def watching_member(
         roster=watched.roster,
         key=watched.key,
         watches=True,
+        deputies=watched.deputies,
     )
     return Member(
         trust,

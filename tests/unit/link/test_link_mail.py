@@ -106,7 +106,7 @@ def test_topics_of_a_vehicle() -> None:
     assert TOPICS.presence("f1") == "p/q/circle/f1/presence"
     assert TOPICS.ask("lead") == "p/q/circle/lead/clock/ask/f1"
     assert TOPICS.answer_of("lead") == "p/q/circle/lead/clock/tell/f1"
-    assert TOPICS.every_ask() == "p/q/circle/f1/clock/ask/+"
+    assert TOPICS.every_ask("f1") == "p/q/circle/f1/clock/ask/+"
 
 
 def test_questions_are_answered_where_they_belong() -> None:

@@ -158,6 +158,7 @@ def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=None,
     )
 

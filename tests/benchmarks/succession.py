@@ -1,0 +1,82 @@
+"""How a formation takes it that the companion of its leader is killed for good, in lockstep.
+
+Run with `.venv/bin/python -m tests.benchmarks.succession [MISSION ...]`; a minute for each line. Errors
+are those of the slots behind the leader that the deputy carries on. Followers that are in the way of the
+leader's aircraft, which flies on without its companion, leave their slots for it: they have a column of
+their own.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from vfguide.lab.rehearsal.lockstep import Flight, fly_lockstep
+from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.mission import Mission, load_mission
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+NAMES = ("line-wind", "circle-wind")
+WINDS = ("none", "moderate")
+LOST_S = (40.0, 47.0, 54.0)
+WATCHED_S = 15.0
+WAY = re.compile("keeping clear of|too near to")
+
+
+def flown(name: str, turbulence: str, lost_s: float) -> Flight:
+    """A flight whose leader's companion is killed at a time."""
+    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+    content["deputies"] = [one["vehicle"] for one in content["followers"][:2]]
+    content["wind"]["turbulence"] = turbulence
+    loss = {"vehicle": content["leader"]["vehicle"], "at_s": lost_s}
+    content["rehearsal"] |= {"duration_s": lost_s + WATCHED_S, "start": {}, "losses": [loss]}
+    return fly_lockstep(Mission.model_validate(content))
+
+
+def figures(flight: Flight, lost_s: float) -> tuple[float, float, float, float, float]:
+    """(s until a deputy leads, greatest error before, after of who makes no way, of all, nearest; m)."""
+    record = flight.record
+    before, after = record.time_s < lost_s, record.time_s >= lost_s
+    before &= record.time_s > lost_s - WATCHED_S
+    led_s = min(
+        float(record.time_s[np.isfinite(one.lead_term)].min())
+        for one in record.followers
+        if one.lead_term is not None and np.isfinite(one.lead_term).any()
+    )
+    reference, errors = record.reference, {}
+    for one in record.followers:
+        errors[one.name] = slot_error(reference, one).distance_m
+    makes_way = {
+        name
+        for name, events in flight.events.items()
+        if any(one.time_s >= lost_s and WAY.search(one.text) for one in events)
+    }
+    undisturbed = [error[after].max() for name, error in errors.items() if name not in makes_way]
+    return (
+        led_s - lost_s,
+        max(float(error[before].max()) for error in errors.values()),
+        max(undisturbed, default=float("nan")),
+        max(float(error[after].max()) for error in errors.values()),
+        min(float(pair.distance_m[after].min()) for pair in pair_separations(record)),
+    )
+
+
+def main() -> None:
+    """Fly and print, a line for each flight."""
+    sys.stdout.write(
+        "| mission | turbulence | lost at, s | a deputy leads after, s | error before, m"
+        " | after, not in the way, m | after, all, m | nearest two, m |\n"
+        "|---|---|---|---|---|---|---|---|\n"
+    )
+    for name in sys.argv[1:] or NAMES:
+        for turbulence in WINDS:
+            for lost_s in LOST_S:
+                found = figures(flown(name, turbulence, lost_s), lost_s)
+                cells = " | ".join(f"{value:.2f}" for value in found)
+                sys.stdout.write(f"| {name} | {turbulence} | {lost_s:g} | {cells} |\n")
+                sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

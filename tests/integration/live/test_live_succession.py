@@ -1,0 +1,100 @@
+"""A leader that is killed over the real link: a deputy leads, others start anew, the leader comes back."""
+
+import asyncio
+import re
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.lab.rehearsal.live import LiveFlight, live_flight
+from vfguide.lab.rehearsal.processes import free_port
+from vfguide.mission import Mission
+
+LEADS_S = 3.0
+"""Simulation time within which a deputy has to lead."""
+
+PATIENCE_S = 120.0
+"""Real time."""
+
+LEAD = "f1 leads the formation now"
+
+Broker = Callable[[Path], AbstractAsyncContextManager[Any]]
+
+
+@pytest.fixture
+def with_deputies(mission: Mission) -> Mission:
+    """The article's circle in wind, with two who may lead in the leader's place."""
+    content = mission.model_dump(exclude_unset=True)
+    return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
+
+
+@asynccontextmanager
+async def link_of(kind: str, directory: Path, broker_in: Broker) -> AsyncIterator[str]:
+    """A link of this kind for as long as the context lasts."""
+    if kind == "udp":
+        port = free_port(socket.SOCK_DGRAM)
+        yield f"udp://239.255.79.16:{port}?interface=127.0.0.1"
+        return
+    async with broker_in(directory) as broker:
+        yield broker.url
+
+
+class Logs:
+    """What the companions of a flight have said."""
+
+    def __init__(self, flight: LiveFlight, directory: Path) -> None:
+        self.flight = flight
+        self._directory = directory
+
+    def of(self, vehicle: str) -> str:
+        """Of one of them, so far."""
+        return (self._directory / f"{vehicle}.companion.log").read_text()
+
+    def times_steering(self, vehicle: str) -> int:
+        """How often it began to steer."""
+        return len(re.findall(r"waiting -> (?:joining|tracking)", self.of(vehicle)))
+
+    async def until(self, condition: Callable[[], object]) -> float:
+        """Wait for a condition; simulation time that it took, s."""
+        began_s = self.flight.time_s
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                await asyncio.sleep(0.02)
+        return self.flight.time_s - began_s
+
+
+@pytest.mark.parametrize("kind", ["udp", "mqtt"])
+def test_a_deputy_leads_when_the_leaders_companion_is_killed(
+    kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker
+) -> None:
+    async def fly() -> None:
+        async with (
+            link_of(kind, tmp_path, broker_in) as link,
+            live_flight(with_deputies, directory=tmp_path, links=[link]) as flight,
+        ):
+            logs = Logs(flight, tmp_path)
+            await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
+            await flight.companions["leader"].kill()
+            led_s = await logs.until(lambda: "leads the formation in place of" in logs.of("f1"))
+            assert led_s < LEADS_S
+            await logs.until(lambda: all(LEAD in logs.of(name) for name in ("f2", "f3")))
+
+            # The formation's time and the leader's session are to be had of the deputy now.
+            await flight.companions["f3"].kill()
+            steering = logs.times_steering("f3")
+            await flight.companions["f3"].start()
+            await logs.until(lambda: logs.times_steering("f3") > steering)
+            await logs.until(lambda: logs.of("f3").count(LEAD) == 2)
+
+            # Whose companion comes back finds another leader, and follows.
+            steering = logs.times_steering("leader")
+            await flight.companions["leader"].start()
+            await logs.until(lambda: LEAD in logs.of("leader"))
+            await logs.until(lambda: logs.times_steering("leader") > steering)
+            assert "breakaway" not in "".join(logs.of(name) for name in flight.names)
+
+    asyncio.run(fly())
