@@ -78,6 +78,9 @@ def test_a_deputy_leads_when_the_leaders_companion_is_killed(
         ):
             logs = Logs(flight, tmp_path)
             await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
+            # It has to be heard that its companion steers it: else there is no leader to succeed.
+            steered_s = flight.time_s
+            await logs.until(lambda: flight.time_s > steered_s + 3.0)
             await flight.companions["leader"].kill()
             led_s = await logs.until(lambda: "leads the formation in place of" in logs.of("f1"))
             assert led_s < LEADS_S
