@@ -99,9 +99,9 @@ class Succession:
         return self.holder == self._name and not self.listens
 
     @property
-    def was_steered(self) -> bool:
-        """Whether a leader of this term was heard that its companion steered: only it can be succeeded."""
-        return self._steered
+    def was_heard(self) -> bool:
+        """Whether a leader was heard: only it can be succeeded."""
+        return math.isfinite(self._heard_s)
 
     def is_leaving(self, now: float) -> bool:
         """Whether the leader was steered by its companion, and is not any more since a short while."""
@@ -152,7 +152,7 @@ class Succession:
             return self._listen(now)
         if self.leads or self._name not in self._order:
             return False
-        if not (eligible and self._steered and self._is_gone(now)):
+        if not (eligible and self._is_gone(now)):
             return False
         return self._take_lead()
 
@@ -174,7 +174,8 @@ class Succession:
         works = now - self._others_s <= WORKS_S and self._others_s > self._heard_s + LATER_S
         silent_s = min(absent_s, now - self._works_since) if works else 0.0
         silent = silent_s >= silence_s or absent_s >= DEAF_S + silence_s
-        return silent or now - self._unsteered_s >= UNSTEERED_S + wait_s
+        left = self._steered and now - self._unsteered_s >= UNSTEERED_S + wait_s
+        return left or (silent and self.was_heard)
 
     def _take_lead(self) -> bool:
         """Lead in a term of one's own above all that were heard of; not where there is none left."""

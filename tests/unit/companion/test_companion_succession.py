@@ -107,10 +107,16 @@ def test_a_follower_never_leads() -> None:
     assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
 
 
-def test_a_leader_that_was_never_steered_is_not_succeeded() -> None:
+def test_a_leader_that_was_never_steered_is_followed_and_succeeded_once_it_is_silent() -> None:
     one = deputy("f1")
     hear_until(one, 10.0, steered=False)
-    assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
+    assert not one.leads
+    led_s = lead_time(one, from_s=10.0, until_s=30.0, others=True)
+    assert led_s == pytest.approx(10.0 + SILENCE_S, abs=2.0 * STEP_S)
+
+
+def test_no_leader_is_succeeded_that_was_never_heard() -> None:
+    assert lead_time(deputy("f1"), from_s=0.0, until_s=30.0, others=True) == math.inf
 
 
 def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard() -> None:
@@ -291,7 +297,7 @@ class Formation(RuleBasedStateMachine):
             able = [
                 one
                 for name, one in self.vehicles.items()
-                if one in part and (one.was_steered or name == "leader") and name in ORDER
+                if one in part and (one.was_heard or name == "leader") and name in ORDER
             ]
             leaders = [one for one in part if one.leads]
             assert len(leaders) <= 1
