@@ -213,6 +213,24 @@ def show_nothing(time_s: float, rows: object) -> None:
     del time_s, rows
 
 
+def check_virtual_time(mission: Mission) -> None:
+    """See that nothing happens to a mission at times that its programs could not keep.
+
+    Raises:
+        InputError: it has a time table of orders, or companions or links that are lost.
+    """
+    if mission.orders:
+        raise InputError(
+            "orders: only a flight in virtual time has a time table; leave --live out, or take the orders"
+            " out of the mission and give them with `vfguide order`"
+        )
+    if mission.rehearsal.losses:
+        raise InputError(
+            "rehearsal.losses: only a flight in virtual time has them; leave --live out, or take them out of"
+            " the mission and end the companion's process yourself"
+        )
+
+
 async def flown_live(
     mission: Mission,
     links: Sequence[str],
@@ -237,14 +255,10 @@ async def flown_live(
         console: whether to show the flight on a page.
 
     Raises:
-        InputError: the mission has a time table of orders.
+        InputError: the mission has something that only virtual time has.
         VfguideError: a process that should not has ended, or none of the links stands.
     """
-    if mission.orders:
-        raise InputError(
-            "orders: only a flight in virtual time has a time table; leave --live out, or take the orders"
-            " out of the mission and give them with `vfguide order`"
-        )
+    check_virtual_time(mission)
     async with AsyncExitStack() as stack:
         if not links:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))
