@@ -147,3 +147,13 @@ def test_a_flight_that_breaks_ends_with_3(
     outcome = command("fly", alone_with())
     assert outcome.status == 3
     assert outcome.lines == ["a flight process died (exit code -9)"]
+
+
+@pytest.mark.parametrize(
+    ("name", "field"), [("shapes", "orders"), ("leader-lost", "rehearsal.losses")]
+)
+def test_what_only_virtual_time_has_is_refused_live(command: Make, name: str, field: str) -> None:
+    outcome = command("fly", name, "--live")
+    assert outcome.status == 2
+    assert outcome.err.startswith(f"{field}: only a flight in virtual time")
+    assert outcome.err.count("\n") == 1
