@@ -109,6 +109,12 @@ def fly(
     max_acceleration: Annotated[
         float, option("Limit of the rate of change of speed, m/s2.", FLIES, "A")
     ] = 3.0,
+    climb_range: Annotated[
+        str, option("Fastest sink, negative, and climb, m/s.", FLIES, "LO,HI")
+    ] = "-3,3",
+    height_delay: Annotated[
+        float, option("How far the height is behind one that climbs.", FLIES, "S")
+    ] = 2.0,
     wind: Annotated[str, option("calm, article or steady:SPEED,TOWARD_DEG.", AIR, "WIND")] = "calm",
     turbulence: Annotated[
         Turbulence, option("Dryden's, by MIL-F-8785C; shared by all of one seed.", AIR)
@@ -242,6 +248,8 @@ def fly(
                 airspeed_range=airspeed_range,
                 max_bank_deg=max_bank,
                 max_acceleration_m_s2=max_acceleration,
+                climb_range=climb_range,
+                height_delay_s=height_delay,
                 options=tuple(plant_option or ()),
                 plugins=tuple(plugin or ()),
             ),

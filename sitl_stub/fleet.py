@@ -67,6 +67,10 @@ class Aircraft:
     """Limit of the bank."""
     max_acceleration_m_s2: float
     """Limit of the rate of change of speed."""
+    climb_range: str = "-3,3"
+    """LO,HI in m/s, sinking and climbing."""
+    height_delay_s: float = 2.0
+    """How far the height is behind one that climbs steadily."""
     options: tuple[str, ...] = ()
     """NAME=VALUE of a plant of one's own."""
     plugins: tuple[Path, ...] = ()
@@ -86,6 +90,11 @@ class Aircraft:
         if self.plant not in PLANTS:
             raise OptionError(f"--plant: {self.plant} is not one of {', '.join(PLANTS)}")
         slowest, fastest = parse_numbers("--airspeed-range", self.airspeed_range, "LO,HI")
+        sink, climb = parse_numbers("--climb-range", self.climb_range, "LO,HI")
+        if not sink < 0.0 < climb:
+            raise OptionError(
+                f"--climb-range: {self.climb_range} does not reach from below to above 0"
+            )
         if not 0.0 < self.max_bank_deg < 90.0:
             raise OptionError(f"--max-bank: {self.max_bank_deg:g} is not between 0 and 90")
         return PlantParameters(
@@ -96,6 +105,9 @@ class Aircraft:
             airspeed_max_m_s=fastest,
             max_bank_rad=math.radians(self.max_bank_deg),
             max_acceleration_m_s2=self.max_acceleration_m_s2,
+            climb_rate_max_m_s=climb,
+            sink_rate_max_m_s=-sink,
+            height_delay_s=self.height_delay_s,
             guided_p_cdeg_rad=self.guided_p,
             roll_time_s=self.roll_time_s,
             turn_efficiency=self.turn_efficiency,

@@ -42,7 +42,8 @@ def with_frame(data: object) -> object:
 
 def takes_frame(kind: object) -> bool:
     """Whether a kind of path asks for it."""
-    return kind in paths.own and "frame" in paths.find(str(kind)).Shape.model_fields
+    known = isinstance(kind, str) and kind in paths.own
+    return known and "frame" in paths.find(str(kind)).Shape.model_fields
 
 
 def frame_of(data: Mapping[str, object]) -> MissionFrame | None:

@@ -50,7 +50,10 @@ def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
     assert checked.returncode == 0, checked.stderr
     unknown = run("check", "own.yaml", plugin=None)
     assert unknown.returncode == 2
-    assert "'lissajous' is not known; use one of: line, circle, racetrack" in unknown.stderr
+    assert (
+        "'lissajous' is not known; use one of: line, circle, helix, racetrack, figure-eight, waypoints, plan"
+        in unknown.stderr
+    )
 
 
 def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
@@ -99,7 +102,10 @@ def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(
         ("{type: lissajous, half_lenght_m: 3}", "did you mean 'half_length_m'?"),
         ("{type: lissajous, centre: {north: 3}}", "did you mean 'north_m'?"),
         ("{type: lissajoux}", "did you mean 'lissajous'?"),
-        ("{half_length_m: 3}", "add one of: line, circle, racetrack, lissajous"),
+        (
+            "{half_length_m: 3}",
+            "add one of: line, circle, helix, racetrack, figure-eight, waypoints, plan, lissajous",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(run: Run, fields: str, said: str) -> None:

@@ -105,6 +105,7 @@ def test_names_fit_their_field() -> None:
             distance=1.0,
             lyapunov=1.0,
             publish=None,
+            height=100.0,
             along_track=along,
             cross_track=1.0,
         )

@@ -169,12 +169,12 @@ def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
     seen = traffic.possibilities(beside(13.0), led(13.0))
     assert seen is not None
     others, rows = seen
-    straight = others.tracks[-1]
-    assert list(rows) == [0, 0]
-    # Its autopilot, left alone, ends the turn one second ahead.
-    assert np.angle(straight[1] - straight[0]) == pytest.approx(TURN)
-    assert np.angle(straight[-1] - straight[-2]) == pytest.approx(TURN)
-    assert list(others.keep) == pytest.approx([8.0 + DRIFT_M_S * (3.0 - SILENT_S)] * 2)
+    assert list(rows) == [0, 0, 0]
+    # Its autopilot, left alone, ends the turn one second ahead and holds course or heading, the same in still air.
+    for straight in others.tracks[-2:]:
+        assert np.angle(straight[1] - straight[0]) == pytest.approx(TURN)
+        assert np.angle(straight[-1] - straight[-2]) == pytest.approx(TURN)
+    assert list(others.keep) == pytest.approx([8.0 + DRIFT_M_S * (3.0 - SILENT_S)] * 3)
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(

@@ -99,12 +99,14 @@ def line_of(text: str) -> int:
         (
             "type: circle",
             "type: cirle",
-            "path.type: 'cirle' is not known; did you mean 'circle'? use one of: line, circle, racetrack",
+            "path.type: 'cirle' is not known; did you mean 'circle'? use one of: line, circle, helix,"
+            " racetrack, figure-eight, waypoints, plan",
         ),
         (
             "type: circle, ",
             "",
-            "path.type: is missing; add one of: line, circle, racetrack",
+            "path.type: is missing; add one of: line, circle, helix, racetrack, figure-eight, waypoints,"
+            " plan",
         ),
         (
             "type: slot",

@@ -18,6 +18,8 @@ UNUSUAL_VEHICLE = {
     "airspeed_range_m_s": [13, 29],
     "max_bank_deg": 40,
     "max_acceleration_m_s2": 1.7,
+    "climb_range_m_s": [-2, 2.5],
+    "height_delay_s": 1.5,
 }
 UNUSUAL_EMULATOR = {
     "plant": "bank",

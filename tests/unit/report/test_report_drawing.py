@@ -83,7 +83,7 @@ def test_all_plots_of_a_flight_are_small_pictures(
     circle_flight: FlightRecord, circle_report: Path
 ) -> None:
     pictures = [circle_report.parent / f"{plot.name}.png" for plot in plots_for(circle_flight)]
-    assert len(pictures) == 5
+    assert len(pictures) == 6
     for picture in pictures:
         assert picture.read_bytes().startswith(b"\x89PNG")
         assert picture.stat().st_size < 300_000
@@ -104,7 +104,7 @@ def test_a_perfect_flight_with_names_like_formulas_is_drawn(
     time_s = np.arange(3.0)
     leader = make_vehicle("$\\frac$", "leader", time_s)
     follower = make_vehicle("_f$1", "follower", time_s)
-    assert len(write_plots(make_flight(time_s, leader, follower), tmp_path)) == 5
+    assert len(write_plots(make_flight(time_s, leader, follower), tmp_path)) == 6
 
 
 def test_states_that_are_not_known_are_left_out_of_the_drawing(
@@ -115,7 +115,7 @@ def test_states_that_are_not_known_are_left_out_of_the_drawing(
     leader = replace(leader, north_m=unknown, wind_north_m_s=unknown)
     follower = replace(follower, lyapunov=unknown, course_setpoint_rad=unknown)
     broken = replace(circle_flight, vehicles=(leader, follower))
-    assert len(write_plots(broken, tmp_path)) == 5
+    assert len(write_plots(broken, tmp_path)) == 6
 
 
 @pytest.mark.parametrize("samples", [0, 1])

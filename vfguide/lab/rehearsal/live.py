@@ -107,6 +107,8 @@ def emulator_command(
         "airspeed-range": f"{lowest},{highest}",
         "max-bank": vehicle.max_bank_deg,
         "max-acceleration": vehicle.max_acceleration_m_s2,
+        "climb-range": "{},{}".format(*vehicle.climb_range_m_s),
+        "height-delay": vehicle.height_delay_s,
         "home-altitude": ground,
         "position-noise": mission.rehearsal.position_noise_m,
         "speedup": speedup,

@@ -291,7 +291,7 @@ def test_the_whole_report_fits_a_phone_and_shows_the_narrow_plots(
     page = open_page(circle_report, phone=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     widths = page.locator(".plot img").evaluate_all("all => all.map((one) => one.naturalWidth)")
-    assert widths == [874] * 5
+    assert widths == [874] * 6
     shown = page.locator(".plot img").evaluate_all(
         "all => all.map((one) => one.getBoundingClientRect()).flatMap(({ left, right }) => [left, right])"
     )
