@@ -170,7 +170,7 @@ def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
     assert seen is not None
     others, rows = seen
     assert list(rows) == [0, 0, 0]
-    # Its autopilot, left alone, ends the turn one second ahead and holds course or heading, the same in still air.
+    # Its autopilot, left alone, ends the turn one second ahead; course or heading is the same in still air.
     for straight in others.tracks[-2:]:
         assert np.angle(straight[1] - straight[0]) == pytest.approx(TURN)
         assert np.angle(straight[-1] - straight[-2]) == pytest.approx(TURN)

@@ -38,6 +38,9 @@ def line_of(text: str) -> int:
     return CIRCLE_WIND[: CIRCLE_WIND.index(text)].count("\n") + 1
 
 
+PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
@@ -99,14 +102,12 @@ def line_of(text: str) -> int:
         (
             "type: circle",
             "type: cirle",
-            "path.type: 'cirle' is not known; did you mean 'circle'? use one of: line, circle, helix,"
-            " racetrack, figure-eight, waypoints, plan",
+            f"path.type: 'cirle' is not known; did you mean 'circle'? use one of: {PATHS}",
         ),
         (
             "type: circle, ",
             "",
-            "path.type: is missing; add one of: line, circle, helix, racetrack, figure-eight, waypoints,"
-            " plan",
+            f"path.type: is missing; add one of: {PATHS}",
         ),
         (
             "type: slot",
