@@ -129,7 +129,7 @@ def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
     duration = mission.rehearsal.duration_s
     for index, loss in enumerate(mission.rehearsal.losses):
         if loss.at_s >= duration:
-            message = f"'{loss.vehicle}' loses its {loss.what} at {loss.at_s:g} s, after the end of the rehearsal"
+            message = f"'{loss.vehicle}' loses its {loss.what} at {loss.at_s:g} s, when all is over"
             remedy = f"lengthen rehearsal.duration_s, {duration:g} s, or let it happen earlier"
             yield Finding("warning", ("rehearsal", "losses", index), message, remedy)
 
