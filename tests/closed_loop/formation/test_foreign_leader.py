@@ -200,6 +200,7 @@ def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
         least_delay_s=0.0,
         airframe=plan.airframe,
         rate_filter_s=0.6,
+        height=plan.height,
     )
     follower = LeaderTelemetry(foreign, plan.frame, moved_s=5.0, system_id=99)
     replies, heard, off = b"", 0, 0.0
