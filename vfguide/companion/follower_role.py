@@ -51,7 +51,7 @@ from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
 from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
-from vfguide.state import LeaderState, Setpoint, VehicleState
+from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 
 CARRY_S = 0.25
 """Longest step in which a silent leader is carried on."""
@@ -164,9 +164,10 @@ class FollowerRole(Role):
         if isinstance(known, ForeignLeader):
             self._note_height(heard, held_height(known.height), UNPLANNED_S)
             return
+        measured, heard = heard, self._with_height(heard)
         planned = planned_motion(heard, known, self._wind)
         at_once = self._planned_height(heard, planned.point, 0.0)
-        self._note_height(heard, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
+        self._note_height(measured, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -175,6 +176,17 @@ class FollowerRole(Role):
         else:
             as_planned = slot_frame == "plan"
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
+
+    def _with_height(self, heard: HeardState) -> HeardState:
+        """A state of the leader; one whose altitude is doubted with the height that was known last.
+
+        A path that climbs is searched by height, and a deputy that leads on says a height.
+        """
+        if math.isfinite(heard.height):
+            return heard
+        planned = self._task.leader.height if self._leader_height is None else self._leader_height
+        off = 0.0 if self._deviation is None else self._deviation.height
+        return replace(heard, height=planned + off)
 
     def _note_height(
         self, heard: LeaderState[float], planned: HeightTarget, memory_s: float

@@ -1,16 +1,22 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode
-from vfguide.link.codec import LeaderMessage, decode
+from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.mavlink.reports import PositionReport
+from vfguide.paths.circle import Circle
+from vfguide.paths.climb import Climb
+from vfguide.paths.helix import Helix
 
 MakePlan = Callable[..., FlightPlan]
 Make = Callable[..., Any]
@@ -224,3 +230,39 @@ def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: Ma
     role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
     (navigated,) = fixes(plan(), 0.5, [3.0])
     assert role.step(navigated, Mode.TRACKING).publish is None
+
+
+def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakePlan) -> None:
+    circle = Circle(north=0.0, east=0.0, radius=300.0, direction=1)
+    helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
+    made = plan(vehicle="f1")
+    assert isinstance(made.task, FollowerTask)
+    assert isinstance(made.task.leader, KnownLeader)
+    task = replace(made.task, leader=replace(made.task.leader, path=helix))
+    role = FollowerRole(made, task, SAME_CLOCK, Arrangements(made, SAME_CLOCK))
+    for step in range(100):
+        # On the second turn, by 20 m/s; from the fourth second on it says 60 m too much.
+        now = 0.1 * step
+        place = helix.at(2000.0 + 20.0 * now)
+        latitude, longitude = made.frame.to_geodetic(place.north, place.east)
+        role.receive(
+            encode(
+                LeaderMessage(
+                    sequence=step,
+                    time_s=now,
+                    latitude_deg=latitude,
+                    longitude_deg=longitude,
+                    altitude_amsl=made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0),
+                    course=math.remainder(place.course, math.tau),
+                    ground_speed=20.0,
+                    acceleration=0.0,
+                    turn_rate=20.0 / 300.0,
+                    turn_acceleration=0.0,
+                    climb_rate=2.0,
+                )
+            ),
+            now,
+        )
+        assert role.leader is not None
+        assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
+        assert role.leader.height == pytest.approx(made.height + place.height, abs=1.0)
