@@ -30,6 +30,17 @@ GAP_S = 1.0
 LEAST_SHARE = 0.5
 """No leader takes its followers below this share of the flying height, unless its path leads there."""
 
+FLOOR_M = 20.0
+"""Nothing lower than this above the origin is asked for, unless the mission itself leads near to it."""
+
+
+def floor_of(planned: float) -> float:
+    """The least height to ask for where the mission's lowest is this; both in m above the origin.
+
+    Of a mission that flies low it is lower than `FLOOR_M`: it leaves room about the mission's own height.
+    """
+    return min(FLOOR_M, planned - (1.0 - LEAST_SHARE) * abs(planned))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightTarget:
