@@ -240,7 +240,11 @@ class FollowerRole(Role):
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
         if self.note_leader(data, now):
-            self._follow(self._leader)
+            self.follow_leader()
+
+    def follow_leader(self) -> None:
+        """Fly by the mission's leader, as it was heard last."""
+        self._follow(self._leader)
 
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
@@ -251,12 +255,20 @@ class FollowerRole(Role):
         return newer
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which a deputy leads."""
+        """Take a state of the leader by which a deputy leads, and fly by it if it is sound and newer."""
+        if self.note_lead(vehicle, data, now):
+            self.follow_lead()
+
+    def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
+        """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
         if vehicle != self._deputy:
             self._deputy = vehicle
             self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
-        if self._carried_on.take(data, now):
-            self._follow(self._carried_on)
+        return self._carried_on.take(data, now)
+
+    def follow_lead(self) -> None:
+        """Fly by the leader by which a deputy leads, as it was heard last."""
+        self._follow(self._carried_on)
 
     def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
         """Fly by the newest state of a receiver."""

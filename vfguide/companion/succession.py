@@ -40,8 +40,8 @@ VACANT_S = 3.0
 GREATEST_TERM = 2**32 - 1
 
 MOST_ROUNDS = 1_000
-"""A state of any vehicle raises the terms that are known by at most so many rounds: a damaged or forged one is
-not to use them all up, after which nobody could lead any more."""
+"""A state of any vehicle raises the terms that are known by at most so many rounds: a damaged or forged one
+is not to use them all up, after which nobody could lead any more."""
 
 LEADERS_ROUNDS = 1_000_000
 """The same of a leader's own. They are known where the leader was not heard for a long time, or never."""

@@ -7,13 +7,15 @@ import pytest
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan, FollowerTask
+from vfguide.companion.plan import FlightPlan, FollowerTask, flight_plan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.mavlink.reports import PositionReport
+from vfguide.mission.model import Mission
 from vfguide.paths.circle import Circle
 from vfguide.paths.climb import Climb
 from vfguide.paths.helix import Helix
@@ -266,3 +268,78 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakeP
         assert role.leader is not None
         assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
         assert role.leader.height == pytest.approx(made.height + place.height, abs=1.0)
+
+
+def deputy_of(mission: Mission, name: str, clock: SharedClock = SAME_CLOCK) -> SuccessionRole:
+    content = mission.model_dump(exclude_unset=True)
+    content["deputies"] = ["f1", "f2"]
+    role = role_of(flight_plan(Mission.model_validate(content), name), clock)
+    assert isinstance(role, SuccessionRole)
+    return role
+
+
+def fly_after(
+    role: SuccessionRole, plan: FlightPlan, state: Callable[[float], bytes | None]
+) -> tuple[str, int]:
+    """Who leads after 20 s at 20 Hz, in which a follower is heard as well; what the leader says at a time."""
+    for navigated in fixes(plan, 0.0, [0.05 * step for step in range(400)]):
+        now = navigated.state.time_s
+        said = state(now)
+        if said is not None:
+            role.receive(said, now)
+        latitude, longitude = plan.frame.to_geodetic(-60.0 + 20.0 * now, 60.0)
+        role.receive_neighbour("f3", leader_says(now, latitude, longitude), now)
+        role.step(navigated, Mode.TRACKING)
+    return role.leadership
+
+
+def leader_says(now: float, latitude: float, longitude: float, time_s: float = math.nan) -> bytes:
+    return encode(
+        LeaderMessage(
+            sequence=round(20.0 * now),
+            time_s=now if math.isnan(time_s) else time_s,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl=588.0,
+            course=0.0,
+            ground_speed=20.0,
+            acceleration=0.0,
+            turn_rate=0.0,
+            turn_acceleration=0.0,
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("north", "ahead_s", "expected"),
+    [
+        (0.0, 0.0, ("leader", 0)),
+        # 5 km off, from the future, and too old.
+        (5000.0, 0.0, ("f1", 2)),
+        (0.0, 30.0, ("f1", 2)),
+        (0.0, -90.0, ("f1", 2)),
+    ],
+)
+def test_a_leader_that_says_what_cannot_be_is_succeeded(
+    mission: Callable[[str], Mission], north: float, ahead_s: float, expected: tuple[str, int]
+) -> None:
+    plan = flight_plan(mission("line-calm"), "f1")
+
+    def state(now: float) -> bytes:
+        # From the fifth second on what it says is wrong.
+        wrong = now > 5.0
+        place = plan.frame.to_geodetic(20.0 * now + (north if wrong else 0.0), 0.0)
+        return leader_says(now, *place, time_s=100.0 + now + (ahead_s if wrong else 0.0))
+
+    clock = SharedClock(to_own=lambda time_s: time_s - 100.0, from_own=lambda now: now + 100.0)
+    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == expected
+
+
+def test_a_leader_is_heard_while_the_time_is_not_known(mission: Callable[[str], Mission]) -> None:
+    plan = flight_plan(mission("line-calm"), "f1")
+    clock = SharedClock(to_own=lambda _: math.nan, from_own=lambda _: math.nan)
+
+    def state(now: float) -> bytes:
+        return leader_says(now, *plan.frame.to_geodetic(20.0 * now, 0.0))
+
+    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == ("leader", 0)
