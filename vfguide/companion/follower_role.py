@@ -22,7 +22,7 @@ from vfguide.companion.plan import (
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
-from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.state_receiver import StateReceiver, with_order
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
@@ -250,7 +250,7 @@ class FollowerRole(Role):
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
         newer = self._leader.take(data, now)
         if newer:
-            self._arrangements.hear(self._leader_name, self._leader.newest, now)
+            self._arrangements.hear(self._leader_name, with_order(self._leader.newest), now)
         self._traffic.note(self._leader_name, self._leader)
         return newer
 
@@ -293,7 +293,8 @@ class FollowerRole(Role):
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
-        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
+        state = self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, with_order(state), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

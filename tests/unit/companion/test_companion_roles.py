@@ -14,6 +14,14 @@ from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
+from vfguide.link.packed import (
+    TAG_SIZE,
+    PackedKind,
+    decode_packet,
+    encode_motion,
+    encode_packet,
+    ticks_of,
+)
 from vfguide.mavlink.reports import PositionReport
 from vfguide.mission.model import Mission
 from vfguide.paths.circle import Circle
@@ -343,3 +351,26 @@ def test_a_leader_is_heard_while_the_time_is_not_known(mission: Callable[[str], 
         return leader_says(now, *plan.frame.to_geodetic(20.0 * now, 0.0))
 
     assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == ("leader", 0)
+
+
+@pytest.mark.parametrize(("tells", "waits"), [(True, True), (False, False)])
+def test_an_order_for_whose_number_a_radio_has_no_room_is_not_waited_for(
+    plan: MakePlan, tells: bool, waits: bool
+) -> None:
+    made = plan(vehicle="f1")
+    assert isinstance(made.task, FollowerTask)
+    arrangements = Arrangements(made, SAME_CLOCK)
+    role = FollowerRole(made, made.task, SAME_CLOCK, arrangements)
+    said = decode(leader_says(1.0, *made.frame.to_geodetic(20.0, 0.0)))
+    packed = replace(said, arrangement=217_000_000)
+    if not tells:
+        body = encode_packet(
+            PackedKind.STATE, formation=4, sender=3, ticks=ticks_of(1.0), body=encode_motion(packed)
+        )
+        received = decode_packet(body + bytes(TAG_SIZE)).state
+        assert received is not None
+        packed = received
+    role.receive(encode(packed), 1.0)
+    role.receive_neighbour("f2", encode(packed), 1.0)
+    assert role.leader is not None
+    assert arrangements.waits(1.0) is waits
