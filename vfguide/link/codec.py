@@ -9,7 +9,7 @@ geodetic, so that no two vehicles have to agree on an origin.
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
 The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
-The third says that the number of its order is not known: the state came over a radio, which had no room for it.
+The third says that the number of its order is not known: the state came over a radio without room for it.
 """
 
 import math
