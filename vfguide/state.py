@@ -92,6 +92,8 @@ class HeardState(LeaderState[float]):
     """Of the leader that it obeys, or is."""
     arrangement: int = 0
     """Number of the newest order that it flies by or is about to; 0 before the first."""
+    tells_order: bool = True
+    """Whether that number is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -262,6 +262,7 @@ class ModeAuthority:
         """The autopilot says that it has started anew: in flight that ends the right to engage it."""
         stands = self._phase.is_over
         self._phase.forget()
+        self._returned = False
         if stands:
             return
         self._spend("the autopilot has rebooted in this flight")
@@ -302,6 +303,9 @@ class ModeAuthority:
             self._returned = False
         else:
             self._note_other_mode(before, handed_back=handed_back, now=now)
+        if self._unseen or report.status in FAILSAFES:
+            # An order back is not to undo what has ended the right to engage meanwhile.
+            self._returned = False
         self._beat, self._beat_time = report, now
 
     def _note_other_mode(

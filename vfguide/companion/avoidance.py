@@ -26,7 +26,7 @@ STEP_M = 20.0
 """Height that is climbed or descended where the plane is not enough."""
 
 STEP_SHARE = 0.25
-"""At most this of the height above the origin is descended."""
+"""At most this of the height above the origin is descended: of the mission's, or of the present one."""
 
 STAY_S = 5.0
 """A step in height is kept for this long after the last reason for it."""
@@ -212,7 +212,8 @@ class KeepClear:
         above = navigated.altitude_amsl - self._traffic.altitude_of(row)
         ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
         up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
-        return STEP_M if up else -min(STEP_M, STEP_SHARE * max(plan.height, 0.0))
+        height = min(plan.height, navigated.altitude_amsl - plan.frame.altitude_m)
+        return STEP_M if up else -min(STEP_M, STEP_SHARE * max(height, 0.0))
 
 
 def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:

@@ -461,13 +461,17 @@ class Companion:
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return []
-        wanted = self._plan.frame.altitude_m + step.height
+        height, complaint = self._guard.height(step.height)
+        out.warn(complaint, now)
+        wanted = self._plan.frame.altitude_m + height
         self._ready = True
         messages: list[MAVLink_message] = []
         if self._mode.steers and self._authority.is_current(now):
             self._authority.note_steering()
             self._setpoint, self._lyapunov = setpoint, step.lyapunov
-            altitude = wanted + step.climb_m
+            height, complaint = self._guard.height(height + step.climb_m)
+            out.warn(complaint, now)
+            altitude = self._plan.frame.altitude_m + height
             if step.climb_m != 0.0 and not self._adapter.holds_altitude:
                 out.warn(CANNOT_CLIMB, now)
             messages += self._steer(self._asked(setpoint, altitude, navigated), now)

@@ -22,7 +22,7 @@ from vfguide.companion.plan import (
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
-from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.state_receiver import StateReceiver, with_order
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
@@ -51,7 +51,7 @@ from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
 from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
-from vfguide.state import LeaderState, Setpoint, VehicleState
+from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 
 CARRY_S = 0.25
 """Longest step in which a silent leader is carried on."""
@@ -164,9 +164,10 @@ class FollowerRole(Role):
         if isinstance(known, ForeignLeader):
             self._note_height(heard, held_height(known.height), UNPLANNED_S)
             return
+        measured, heard = heard, self._with_height(heard)
         planned = planned_motion(heard, known, self._wind)
         at_once = self._planned_height(heard, planned.point, 0.0)
-        self._note_height(heard, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
+        self._note_height(measured, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
         follows_path = slot_frame != "leader" and heard.steered
@@ -175,6 +176,17 @@ class FollowerRole(Role):
         else:
             as_planned = slot_frame == "plan"
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
+
+    def _with_height(self, heard: HeardState) -> HeardState:
+        """A state of the leader; one whose altitude is doubted with the height that was known last.
+
+        A path that climbs is searched by height, and a deputy that leads on says a height.
+        """
+        if math.isfinite(heard.height):
+            return heard
+        planned = self._task.leader.height if self._leader_height is None else self._leader_height
+        off = 0.0 if self._deviation is None else self._deviation.height
+        return replace(heard, height=planned + off)
 
     def _note_height(
         self, heard: LeaderState[float], planned: HeightTarget, memory_s: float
@@ -228,23 +240,35 @@ class FollowerRole(Role):
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
         if self.note_leader(data, now):
-            self._follow(self._leader)
+            self.follow_leader()
+
+    def follow_leader(self) -> None:
+        """Fly by the mission's leader, as it was heard last."""
+        self._follow(self._leader)
 
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
         newer = self._leader.take(data, now)
         if newer:
-            self._arrangements.hear(self._leader_name, self._leader.newest, now)
+            self._arrangements.hear(self._leader_name, with_order(self._leader.newest), now)
         self._traffic.note(self._leader_name, self._leader)
         return newer
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which a deputy leads."""
+        """Take a state of the leader by which a deputy leads, and fly by it if it is sound and newer."""
+        if self.note_lead(vehicle, data, now):
+            self.follow_lead()
+
+    def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
+        """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
         if vehicle != self._deputy:
             self._deputy = vehicle
             self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
-        if self._carried_on.take(data, now):
-            self._follow(self._carried_on)
+        return self._carried_on.take(data, now)
+
+    def follow_lead(self) -> None:
+        """Fly by the leader by which a deputy leads, as it was heard last."""
+        self._follow(self._carried_on)
 
     def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
         """Fly by the newest state of a receiver."""
@@ -269,7 +293,8 @@ class FollowerRole(Role):
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
-        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
+        state = self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, with_order(state), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

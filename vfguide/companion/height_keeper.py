@@ -81,11 +81,14 @@ class HeightKeeper:
         missing = wanted - (airspeed - before) / period
         self._missing = low_pass(self._missing, missing, period, MEMORY_S)
         given = self._climb_given_up(target.climb_rate)
-        if given != 0.0:
+        if given * self._given_up >= 0.0 and given != 0.0:
             self._given_up += given * period
         else:
             catch_up = CATCH_UP_SHARE * period
             up, down = catch_up * airframe.climb_max, catch_up * airframe.sink_max
+            # A target that comes back to the vehicle is waited for: below one that descends nothing is safe.
+            up = max(up, -target.climb_rate * period)
+            down = max(down, target.climb_rate * period)
             self._given_up -= min(max(self._given_up, -down), up)
         self._given_up = min(max(self._given_up, -MOST_M), MOST_M)
         return target.ahead - self._given_up - given * airframe.height_delay

@@ -14,6 +14,7 @@ from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
+from vfguide.companion.state_receiver import with_order
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.height import held_height, path_height
@@ -171,7 +172,8 @@ class LeaderRole(Role):
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of a follower."""
-        self._arrangements.hear(vehicle, self._traffic.receive(vehicle, data, now), now)
+        state = self._traffic.receive(vehicle, data, now)
+        self._arrangements.hear(vehicle, with_order(state), now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import numpy as np
+
 from vfguide.companion.supervisor import Timeouts
 from vfguide.extras import require
 from vfguide.frames import LocalFrame
@@ -31,6 +33,9 @@ from vfguide.state import Airframe
 STOPPED_S = 0.7
 """A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
 under a parachute has: the place where it was last heard is not flown through."""
+
+PLACES = 500
+"""At which a path is looked at for its lowest."""
 
 CREWED_M = 65.0
 """Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
@@ -143,6 +148,8 @@ class FlightPlan:
     """What to fly: a path as the leader, or a slot as a follower."""
     height: float
     """Of the altitude above the mission's origin, m."""
+    lowest: float
+    """The same where the leader's path is lowest, m."""
     up: float
     """Of that what the mission's slot adds to the leader's, m."""
     rank: int
@@ -212,12 +219,22 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
+        lowest=height - mission.origin.altitude_amsl_m + lowest_of_path(task),
         up=up,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
         timekeeper=mission.timekeeper,
         lead=lead_plan(mission, name) if mission.deputies else None,
     )
+
+
+def lowest_of_path(task: LeaderTask | FollowerTask) -> float:
+    """The lowest place of the leader's path, m above the flying height; 0 where it is not known or higher."""
+    known = task if isinstance(task, LeaderTask) else task.leader
+    if isinstance(known, ForeignLeader):
+        return 0.0
+    heights = known.path.at(known.path.outline(PLACES)).height
+    return float(np.min(heights, initial=0.0))
 
 
 def lead_plan(mission: Mission, name: str) -> LeadPlan:

@@ -1,9 +1,13 @@
-"""Nothing behind this guard depends on the laws: setpoints are finite and inside the vehicle's limits."""
+"""Nothing behind this guard depends on the laws: setpoints are finite and inside the vehicle's limits.
+
+Nor on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.
+"""
 
 import math
 from collections import Counter
 
 from vfguide.companion.plan import FlightPlan
+from vfguide.guidance.height import floor_of
 from vfguide.state import Setpoint
 
 PATIENCE_S = 1.0
@@ -14,6 +18,11 @@ STRONGEST_WIND = 0.75
 
 SLOWEST_GROUND = 0.25
 """Least ground speed over the least airspeed: an aircraft that all but stands in a headwind has no course."""
+
+NO_HEIGHT = (
+    "guidance asks for a height that is no number: the last one is held; take over, report the log"
+)
+"""What the pilot hears then."""
 
 
 def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
@@ -33,6 +42,9 @@ class SetpointGuard:
     def __init__(self, plan: FlightPlan) -> None:
         self._plan = plan
         self._closed_s = math.inf
+        self._floor = floor_of(plan.lowest)
+        self._height = max(plan.height, self._floor)
+        self._has_height = True
         self.counters: Counter[str] = Counter()
         """What did not pass."""
 
@@ -56,3 +68,17 @@ class SetpointGuard:
             f" {setpoint.speed:.1f} m/s, which cannot be flown: not passed on, handed back after"
             f" {PATIENCE_S:g} s; take over, and report the log"
         )
+
+    def height(self, asked: float) -> tuple[float, str | None]:
+        """(a height that may be asked for, m above the origin; a complaint once guidance has none).
+
+        In its place the last one is held.
+        """
+        if not math.isfinite(asked):
+            self.counters["height not finite"] += 1
+            complaint, self._has_height = self._has_height, False
+            return self._height, NO_HEIGHT if complaint else None
+        if asked < self._floor:
+            self.counters["height below the floor"] += 1
+        self._has_height, self._height = True, max(asked, self._floor)
+        return self._height, None

@@ -39,6 +39,13 @@ VACANT_S = 3.0
 
 GREATEST_TERM = 2**32 - 1
 
+MOST_ROUNDS = 1_000
+"""A state of any vehicle raises the terms that are known by at most so many rounds: a damaged or forged one
+is not to use them all up, after which nobody could lead any more."""
+
+LEADERS_ROUNDS = 1_000_000
+"""The same of a leader's own. They are known where the leader was not heard for a long time, or never."""
+
 
 def holder_of(term: int, order: tuple[str, ...]) -> str:
     """The vehicle whose a term is.
@@ -107,6 +114,19 @@ class Succession:
         """Whether the leader was steered by its companion, and is not any more since a short while."""
         return self._steered and 0.0 <= now - self._unsteered_s < PATIENCE_S
 
+    def may_obey(self, vehicle: str, term: int) -> bool:
+        """Whether a vehicle that says that it leads in a term is the one to be obeyed."""
+        in_reach = self.term <= term <= self._reach(LEADERS_ROUNDS)
+        return in_reach and self._holds(vehicle, term)
+
+    def _holds(self, vehicle: str, term: int) -> bool:
+        """Whether a term is that of another vehicle."""
+        return vehicle != self._name and vehicle == holder_of(term, self._order)
+
+    def _reach(self, rounds: int) -> int:
+        """The highest term within so many rounds of terms from the one that is obeyed."""
+        return self.term + rounds * len(self._order)
+
     def hear_leader(self, vehicle: str, term: int, now: float, *, steered: bool) -> bool:
         """Take notice of a leader's state.
 
@@ -119,11 +139,12 @@ class Succession:
         Returns:
             Whether it is the one to be obeyed.
         """
-        if vehicle == self._name or vehicle != holder_of(term, self._order):
+        if not self._holds(vehicle, term):
             return False
-        self.hear_other(term, now)
-        if term < self.term:
+        if not self.may_obey(vehicle, term):
+            self.hear_other(term, now)
             return False
+        self._hear(term, now)
         if term > self.term:
             self.term, self._steered, self._unsteered_s = term, False, math.inf
         self.listens = False
@@ -134,6 +155,11 @@ class Succession:
 
     def hear_other(self, term: int, now: float) -> None:
         """Take notice of a state of any other vehicle, which obeys a leader of this term."""
+        # Who has just started knows of no term, and learns it from others.
+        rounds = LEADERS_ROUNDS // 2 if self.listens else MOST_ROUNDS
+        self._hear(term if term <= self._reach(rounds) else 0, now)
+
+    def _hear(self, term: int, now: float) -> None:
         if now - self._others_s > WORKS_S:
             self._works_since = now
         self._others_s, self.highest = now, max(self.highest, term)

@@ -168,31 +168,43 @@ class SuccessionRole(Role):
         )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take a state of the mission's leader, which leads in term 0."""
+        """Take a state of the mission's leader, which leads in term 0.
+
+        A leader is heard where its states are flown by: one who says what cannot be is silent.
+        """
         state = self._read(data, leads=False)
         if state is None:
             return
-        succession, obeys = self._succession, False
+        follower, succession = self._follower_role, self._succession
+        taken = follower.note_leader(data, now)
         if state.term > 0:
             succession.hear_other(state.term, now)
-        else:
+        elif taken or not self._knows_time(state):
             obeys = succession.hear_leader(self._leader_name, 0, now, steered=state.steered)
-        if obeys and not succession.is_leaving(now):
-            self._follower_role.receive(data, now)
-        else:
-            self._follower_role.note_leader(data, now)
+            if taken and obeys and not succession.is_leaving(now):
+                follower.follow_leader()
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of the leader by which another vehicle leads."""
         state = self._read(data, leads=True)
         if state is None or state.term == 0:
             return
-        if not self._succession.hear_leader(vehicle, state.term, now, steered=state.steered):
+        follower, succession = self._follower_role, self._succession
+        taken = False
+        if succession.may_obey(vehicle, state.term):
+            taken = follower.note_lead(vehicle, data, now)
+            if not taken and self._knows_time(state):
+                return
+        if not succession.hear_leader(vehicle, state.term, now, steered=state.steered):
             self._counters["not of the leader"] += 1
             return
-        self._follower_role.leads = False
-        if not self._succession.is_leaving(now):
-            self._follower_role.receive_lead(vehicle, data, now)
+        follower.leads = False
+        if taken and not succession.is_leaving(now):
+            follower.follow_lead()
+
+    def _knows_time(self, state: HeardState) -> bool:
+        """Whether it is known when a state was true: else none is taken yet, and still there is a leader."""
+        return math.isfinite(self._clock.to_own(state.time_s))
 
     def _read(self, data: bytes, *, leads: bool) -> HeardState | None:
         """A state, where it is sound and is what it was sent as."""

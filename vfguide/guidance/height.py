@@ -24,11 +24,34 @@ then."""
 UNPLANNED_S = 1.5
 """The same of a leader without a plan: its heights are all that is known."""
 
+BIAS_S = 5.0
+"""Memory of what a leader's climb rate differs from the change of its height by."""
+
+LEAST_BIAS = 0.1
+"""m/s: less than this is noise of the height."""
+
+GREATEST_RATE = 20.0
+"""m/s: no leader climbs or descends faster, nor does a height that is believed change faster against it."""
+
+MOST_LATE_M = 15.0
+"""The filtered deviation is no farther from the found one: bends of a profile are flown late by less."""
+
 GAP_S = 1.0
 """After a silence longer than this a leader's deviation starts anew."""
 
 LEAST_SHARE = 0.5
 """No leader takes its followers below this share of the flying height, unless its path leads there."""
+
+FLOOR_M = 20.0
+"""Nothing lower than this above the origin is asked for, unless the mission itself leads near to it."""
+
+
+def floor_of(planned: float) -> float:
+    """The least height to ask for where the mission's lowest is this; both in m above the origin.
+
+    Of a mission that flies low it is lower than `FLOOR_M`: it leaves room about the mission's own height.
+    """
+    return min(FLOOR_M, planned - (1.0 - LEAST_SHARE) * abs(planned))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +115,10 @@ class HeightDeviation:
     """m."""
     climb_rate: float = 0.0
     """m/s."""
+    found: float = math.nan
+    """The height as it was found last, not filtered, m."""
+    bias: float = 0.0
+    """By how much the measured climb rate is above the change of the found height, filtered, m/s."""
 
     def at(self, time_s: float) -> float:
         """The deviation at another time (s), m."""
@@ -108,7 +135,8 @@ def height_deviation(
     """The deviation after another state of the leader; one without a height changes nothing.
 
     The measured climb rate carries it on, so that a leader that climbs steadily beside its plan is followed
-    without a lasting error.
+    without a lasting error. One that does not fit to the heights, as of a sensor that is stuck, is set right
+    by them within some seconds.
 
     Args:
         before: the deviation before; None at first.
@@ -119,15 +147,29 @@ def height_deviation(
     time_s = leader.time_s
     if not math.isfinite(leader.height):
         return before or HeightDeviation(time_s=time_s)
-    found, rate = leader.height - planned.height, leader.climb_rate - planned.climb_rate
-    if before is None or not 0.0 < time_s - before.time_s <= GAP_S:
-        return HeightDeviation(time_s=time_s, height=found)
+    found = leader.height - planned.height
+    if before is None or math.isnan(before.found) or not 0.0 < time_s - before.time_s <= GAP_S:
+        return HeightDeviation(time_s=time_s, height=found, found=found)
     period = time_s - before.time_s
-    climb_rate = low_pass(before.climb_rate, rate, period, memory_s)
+    rate = within(leader.climb_rate, GREATEST_RATE) - planned.climb_rate
+    excess = within(rate - (found - before.found) / period, GREATEST_RATE)
+    bias = low_pass(before.bias, excess, period, BIAS_S)
+    true_rate = rate - bias if abs(bias) > LEAST_BIAS else rate
+    climb_rate = low_pass(before.climb_rate, true_rate, period, memory_s)
     carried = before.height + 0.5 * (before.climb_rate + climb_rate) * period
+    height = low_pass(carried, found, period, memory_s)
     return HeightDeviation(
-        time_s=time_s, height=low_pass(carried, found, period, memory_s), climb_rate=climb_rate
+        time_s=time_s,
+        height=min(max(height, found - MOST_LATE_M), found + MOST_LATE_M),
+        climb_rate=climb_rate,
+        found=found,
+        bias=bias,
     )
+
+
+def within(value: float, most: float) -> float:
+    """A value, held within [-most, most]."""
+    return min(max(value, -most), most)
 
 
 def followed_height(

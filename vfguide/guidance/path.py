@@ -98,7 +98,7 @@ class Path(ABC):
             north: m.
             east: m.
             course: of the vehicle, rad.
-            height: of the vehicle, m above the mission's flying height.
+            height: of the vehicle, m above the mission's flying height; NaN where it is not known.
         """
         del height
         return self.nearest(north, east, course)

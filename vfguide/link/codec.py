@@ -9,6 +9,7 @@ geodetic, so that no two vehicles have to agree on an origin.
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
 The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
+The third says that the number of its order is not known: the state came over a radio without room for it.
 """
 
 import math
@@ -25,6 +26,9 @@ NOT_STEERED = 0x01
 
 LEADS = 0x02
 """Flag: the state is that of the leader by which the sender leads, in a term above 0."""
+
+HIDES_ORDER = 0x04
+"""Flag: the number of the order came over a radio, which has no room for it, and is not known."""
 
 FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
@@ -69,6 +73,8 @@ class LeaderMessage:
     """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
     """Whether the sender's companion steers it, and with that keeps it clear of the others."""
+    tells_order: bool = True
+    """Whether `arrangement` is known: a radio has no room for a large number."""
     leads: bool = False
     """Whether this is the leader by which the sender leads, and not the sender itself."""
 
@@ -78,7 +84,9 @@ def encode(message: LeaderMessage) -> bytes:
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
-        (0 if message.steered else NOT_STEERED) | (LEADS if message.leads else 0),
+        (0 if message.steered else NOT_STEERED)
+        | (LEADS if message.leads else 0)
+        | (0 if message.tells_order else HIDES_ORDER),
         message.sequence,
         message.time_s,
         message.latitude_deg,
@@ -132,6 +140,7 @@ def decode(data: bytes) -> LeaderMessage:
         term=term,
         arrangement=arrangement,
         steered=not flags & NOT_STEERED,
+        tells_order=not flags & HIDES_ORDER,
         leads=bool(flags & LEADS),
     )
 

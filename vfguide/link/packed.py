@@ -7,7 +7,7 @@ on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 | body of | holds |
 |---|---|
 | a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 11 zeros, since a slot has to be longer the shorter its shortest packet is |
-| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16) |
+| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16; 65535 is one for which that has no room) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
@@ -55,6 +55,9 @@ NOT_STEERED = 0x80
 
 ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
 """Flags of a presence."""
+
+LARGE_ORDER = 2**16 - 1
+"""In the place of the number of an order that is as large, or larger."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
 """What becomes of the last two."""
@@ -195,7 +198,7 @@ def encode_motion(message: LeaderMessage) -> bytes:
         limited(message.turn_acceleration * 1e3, 15),
         limited(message.climb_rate * 1e2, 15),
         max(limited(message.term, 8), 0),
-        max(limited(message.arrangement, 16), 0),
+        max(limited(message.arrangement, 16), 0) if message.tells_order else LARGE_ORDER,
     )
 
 
@@ -286,7 +289,8 @@ def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
         turn_acceleration=turn_acceleration * 1e-3,
         climb_rate=climb_rate * 1e-2,
         term=term,
-        arrangement=arrangement,
+        arrangement=0 if arrangement == LARGE_ORDER else arrangement,
+        tells_order=arrangement != LARGE_ORDER,
         steered=steered,
     )
 

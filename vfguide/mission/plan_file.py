@@ -136,7 +136,11 @@ class Reader:
                 self._waypoint(item, number)
             elif command == JUMP and self._repeats(item):
                 self.end = "repeat"
+                if number < len(items):
+                    self.left_out.add("what comes after the jump back to the beginning")
                 return
+            elif command == JUMP:
+                self._leave_out_jump(item)
             elif command in TAKEOFFS:
                 self.left_out.add("take-off")
             else:
@@ -175,9 +179,19 @@ class Reader:
             self.loiter_radius_m = float(parameters[0]) if numbers(parameters, 1) else 0.0
 
     def _repeats(self, item: Mapping[str, Any]) -> bool:
-        """Whether a jump leads back to the first waypoint."""
-        target = numbers(item.get("params"), 1)
-        return bool(target) and self._first_id is not None and target[0] == self._first_id
+        """Whether a jump leads back to the first waypoint, and always does."""
+        fields = numbers(item.get("params"), 2)
+        if not fields or self._first_id is None:
+            return False
+        target, count = fields
+        return target == self._first_id and count < 0.0
+
+    def _leave_out_jump(self, item: Mapping[str, Any]) -> None:
+        """A jump that is not flown: to elsewhere, or some times only."""
+        fields = numbers(item.get("params"), 2)
+        count = fields[1] if fields else 0.0
+        often = f"{count:.0f} times" if count > 0.0 else "always" if count < 0.0 else "never"
+        self.left_out.add(f"a jump that is taken {often}")
 
 
 def flat(items: object, depth: int = 0) -> Iterator[Mapping[str, Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from vfguide.elementwise import FloatArray, Number, clip, floor, like, where
+from vfguide.elementwise import FloatArray, Number, clip, floor, isfinite, like, where
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.paths.circle import Circle, CircleShape
 from vfguide.paths.climb import EASE_M, Climb, ClimbAngle, EndHeight, climb_of, is_consistent
@@ -71,17 +71,19 @@ class Helix(Path):
     def nearest_in_space(
         self, north: Number, east: Number, course: Number, height: Number | float
     ) -> PathPoint[Number]:
-        """On the turn whose height is nearest to the vehicle's."""
+        """On the turn whose height is nearest to the vehicle's; on the first where that is not known."""
         level = self.circle.nearest(north, east, course)
+        measured = height + 0.0 * north
+        known = where(isfinite(measured), measured, like(0.0, north))
         turn, climb = self.circle.length, self.climb
         # The progress at which the climb reaches the vehicle's height, and the one within half a turn of it.
-        reached = clip((height + 0.0 * north) / climb.slope, 0.0, climb.run + EASE_M)
+        reached = clip(known / climb.slope, 0.0, climb.run + EASE_M)
         turns = floor((reached - level.progress) / turn + 0.5)
         progress = level.progress + turns * turn
         # Beyond the climb all turns are at one height: there the vehicle is on the level ones.
         here, _ = climb.at(progress)
         later, _ = climb.at(progress + turn)
-        is_level = abs(later - height) < abs(here - height)
+        is_level = abs(later - known) < abs(here - known)
         progress = where(is_level, progress + turn, progress)
         height_there, slope = climb.at(progress)
         return PathPoint(

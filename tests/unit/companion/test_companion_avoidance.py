@@ -1,10 +1,12 @@
 """What a pilot hears of a vehicle that keeps clear of another, and what the vehicle does."""
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from vfguide.companion.avoidance import KeepClear
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -81,3 +83,17 @@ def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_onc
     assert not [text for text in said if "descending" in text or "climbing" in text]
     altitude = flight_of.record.followers[0].altitude_amsl_m
     assert altitude.max() - altitude.min() < 1.0
+
+
+@pytest.mark.parametrize(("height_m", "step_m"), [(100.0, -20.0), (40.0, -10.0), (-3.0, 0.0)])
+def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
+    mission: Callable[[str], Mission], height_m: float, step_m: float
+) -> None:
+    # The mission flies at 100 m; f1 is below another one, which is near.
+    plan = flight_plan(mission("line-calm"), "f1")
+    altitude = plan.frame.altitude_m + height_m
+    traffic = SimpleNamespace(altitude_of=lambda _: altitude + 5.0, vehicle_of=lambda _: plan)
+    navigated = SimpleNamespace(state=SimpleNamespace(time_s=10.0), altitude_amsl=altitude)
+    keep_clear = KeepClear(plan, cast("Any", traffic))
+    step = keep_clear._height_for(0, cast("Any", navigated))  # noqa: SLF001
+    assert step == pytest.approx(step_m)

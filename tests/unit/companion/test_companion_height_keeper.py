@@ -113,3 +113,22 @@ def test_level_flight_gives_nothing_up(keeper: HeightKeeper) -> None:
 def test_nothing_is_learned_while_the_pilot_flies(keeper: HeightKeeper) -> None:
     height = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=25.0, target=CLIMB, steered=False)
     assert height == 156.0
+
+
+def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(
+    keeper: HeightKeeper,
+) -> None:
+    # 20 s of climb without the speed for it: from 96 m to 156 m, and nearly all of that is given up.
+    begin = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
+    assert begin < 130.0
+    lowest = begin
+    for step in range(1200):
+        target = max(156.0 - 3.0 * step * PERIOD_S, 60.0)
+        sink = HeightTarget(height=target, climb_rate=-3.0 if target > 60.0 else 0.0, ahead=target)
+        now = step * PERIOD_S
+        setpoint: Setpoint[float] = Setpoint(course=0.0, speed=20.0, limited=False)
+        height = keeper.step(navigated(now, 20.0), sink, setpoint, steered=True)
+        # Never below both where the climb ended and where the path is.
+        assert height >= min(begin, target) - 1e-6
+        lowest = min(lowest, height)
+    assert lowest == pytest.approx(60.0)

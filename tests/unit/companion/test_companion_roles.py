@@ -1,16 +1,32 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, FollowerTask, flight_plan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
-from vfguide.link.codec import LeaderMessage, decode
+from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.link.codec import LeaderMessage, decode, encode
+from vfguide.link.packed import (
+    TAG_SIZE,
+    PackedKind,
+    decode_packet,
+    encode_motion,
+    encode_packet,
+    ticks_of,
+)
 from vfguide.mavlink.reports import PositionReport
+from vfguide.mission.model import Mission
+from vfguide.paths.circle import Circle
+from vfguide.paths.climb import Climb
+from vfguide.paths.helix import Helix
 
 MakePlan = Callable[..., FlightPlan]
 Make = Callable[..., Any]
@@ -224,3 +240,137 @@ def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: Ma
     role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
     (navigated,) = fixes(plan(), 0.5, [3.0])
     assert role.step(navigated, Mode.TRACKING).publish is None
+
+
+def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakePlan) -> None:
+    circle = Circle(north=0.0, east=0.0, radius=300.0, direction=1)
+    helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
+    made = plan(vehicle="f1")
+    assert isinstance(made.task, FollowerTask)
+    assert isinstance(made.task.leader, KnownLeader)
+    task = replace(made.task, leader=replace(made.task.leader, path=helix))
+    role = FollowerRole(made, task, SAME_CLOCK, Arrangements(made, SAME_CLOCK))
+    for step in range(100):
+        # On the second turn, by 20 m/s; from the fourth second on it says 60 m too much.
+        now = 0.1 * step
+        place = helix.at(2000.0 + 20.0 * now)
+        latitude, longitude = made.frame.to_geodetic(place.north, place.east)
+        role.receive(
+            encode(
+                LeaderMessage(
+                    sequence=step,
+                    time_s=now,
+                    latitude_deg=latitude,
+                    longitude_deg=longitude,
+                    altitude_amsl=made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0),
+                    course=math.remainder(place.course, math.tau),
+                    ground_speed=20.0,
+                    acceleration=0.0,
+                    turn_rate=20.0 / 300.0,
+                    turn_acceleration=0.0,
+                    climb_rate=2.0,
+                )
+            ),
+            now,
+        )
+        assert role.leader is not None
+        assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
+        assert role.leader.height == pytest.approx(made.height + place.height, abs=1.0)
+
+
+def deputy_of(mission: Mission, name: str, clock: SharedClock = SAME_CLOCK) -> SuccessionRole:
+    content = mission.model_dump(exclude_unset=True)
+    content["deputies"] = ["f1", "f2"]
+    role = role_of(flight_plan(Mission.model_validate(content), name), clock)
+    assert isinstance(role, SuccessionRole)
+    return role
+
+
+def fly_after(
+    role: SuccessionRole, plan: FlightPlan, state: Callable[[float], bytes | None]
+) -> tuple[str, int]:
+    """Who leads after 20 s at 20 Hz, in which a follower is heard as well; what the leader says at a time."""
+    for navigated in fixes(plan, 0.0, [0.05 * step for step in range(400)]):
+        now = navigated.state.time_s
+        said = state(now)
+        if said is not None:
+            role.receive(said, now)
+        latitude, longitude = plan.frame.to_geodetic(-60.0 + 20.0 * now, 60.0)
+        role.receive_neighbour("f3", leader_says(now, latitude, longitude), now)
+        role.step(navigated, Mode.TRACKING)
+    return role.leadership
+
+
+def leader_says(now: float, latitude: float, longitude: float, time_s: float = math.nan) -> bytes:
+    return encode(
+        LeaderMessage(
+            sequence=round(20.0 * now),
+            time_s=now if math.isnan(time_s) else time_s,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl=588.0,
+            course=0.0,
+            ground_speed=20.0,
+            acceleration=0.0,
+            turn_rate=0.0,
+            turn_acceleration=0.0,
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("north", "ahead_s", "expected"),
+    [
+        (0.0, 0.0, ("leader", 0)),
+        # 5 km off, from the future, and too old.
+        (5000.0, 0.0, ("f1", 2)),
+        (0.0, 30.0, ("f1", 2)),
+        (0.0, -90.0, ("f1", 2)),
+    ],
+)
+def test_a_leader_that_says_what_cannot_be_is_succeeded(
+    mission: Callable[[str], Mission], north: float, ahead_s: float, expected: tuple[str, int]
+) -> None:
+    plan = flight_plan(mission("line-calm"), "f1")
+
+    def state(now: float) -> bytes:
+        # From the fifth second on what it says is wrong.
+        wrong = now > 5.0
+        place = plan.frame.to_geodetic(20.0 * now + (north if wrong else 0.0), 0.0)
+        return leader_says(now, *place, time_s=100.0 + now + (ahead_s if wrong else 0.0))
+
+    clock = SharedClock(to_own=lambda time_s: time_s - 100.0, from_own=lambda now: now + 100.0)
+    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == expected
+
+
+def test_a_leader_is_heard_while_the_time_is_not_known(mission: Callable[[str], Mission]) -> None:
+    plan = flight_plan(mission("line-calm"), "f1")
+    clock = SharedClock(to_own=lambda _: math.nan, from_own=lambda _: math.nan)
+
+    def state(now: float) -> bytes:
+        return leader_says(now, *plan.frame.to_geodetic(20.0 * now, 0.0))
+
+    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == ("leader", 0)
+
+
+@pytest.mark.parametrize(("tells", "waits"), [(True, True), (False, False)])
+def test_an_order_for_whose_number_a_radio_has_no_room_is_not_waited_for(
+    plan: MakePlan, tells: bool, waits: bool
+) -> None:
+    made = plan(vehicle="f1")
+    assert isinstance(made.task, FollowerTask)
+    arrangements = Arrangements(made, SAME_CLOCK)
+    role = FollowerRole(made, made.task, SAME_CLOCK, arrangements)
+    said = decode(leader_says(1.0, *made.frame.to_geodetic(20.0, 0.0)))
+    packed = replace(said, arrangement=217_000_000)
+    if not tells:
+        body = encode_packet(
+            PackedKind.STATE, formation=4, sender=3, ticks=ticks_of(1.0), body=encode_motion(packed)
+        )
+        received = decode_packet(body + bytes(TAG_SIZE)).state
+        assert received is not None
+        packed = received
+    role.receive(encode(packed), 1.0)
+    role.receive_neighbour("f2", encode(packed), 1.0)
+    assert role.leader is not None
+    assert arrangements.waits(1.0) is waits

@@ -11,7 +11,7 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.role import RoleStep
-from vfguide.companion.setpoint_guard import is_flyable
+from vfguide.companion.setpoint_guard import SetpointGuard, is_flyable
 from vfguide.mission.model import Mission
 from vfguide.state import Setpoint
 
@@ -116,3 +116,80 @@ def test_an_aircraft_that_stands_on_the_ground_is_borne(
                 if message.get_type() == "COMMAND_INT":
                     assert math.isfinite(message.param2)
         assert companion.snapshot.mode.steers
+
+
+ALTITUDE = 43_001
+ORIGIN_M = 488.0
+"""Altitude of the mission's origin; it flies 100 m above that."""
+
+
+@pytest.mark.parametrize(
+    ("guided", "asked"),
+    [
+        # The floor is 20 m above the origin; without a height the last one is held.
+        ((-300.0, 0.0), ORIGIN_M + 20.0),
+        ((35.0, -20.0), ORIGIN_M + 20.0),
+        ((math.nan, 0.0), ORIGIN_M + 100.0),
+        ((math.inf, 0.0), ORIGIN_M + 100.0),
+        ((100.0, math.nan), ORIGIN_M + 100.0),
+        ((30.0, 0.0), ORIGIN_M + 30.0),
+    ],
+)
+def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(
+    flight: Make,
+    parsed: Make,
+    monkeypatch: pytest.MonkeyPatch,
+    guided: tuple[float, float],
+    asked: float,
+) -> None:
+    step, (height, climb_m) = FollowerRole.step, guided
+
+    def broken(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
+        found = step(role, navigated, *rest)
+        if navigated.state.time_s <= 5.0:
+            return found
+        return replace(found, height=height, climb_m=climb_m)
+
+    monkeypatch.setattr(FollowerRole, "step", broken)
+    flown = flight()
+    flown.run(12.0)
+    sent = [
+        message.z
+        for time, data in flown.sent
+        for message in parsed(data)
+        if time > 6.0 and getattr(message, "command", 0) == ALTITUDE
+    ]
+    assert sent
+    assert sent == pytest.approx([asked] * len(sent), abs=0.05)
+    assert flown.times(HEADING)[-1] > 11.0
+    complaints = [text for _, text in flown.texts() if "a height that is no number" in text]
+    assert len(complaints) == (0 if math.isfinite(height + climb_m) else 1)
+
+
+def with_heights(mission: Mission, flying_m: float, up_m: float, end_m: float) -> FlightPlan:
+    climb = {"climb_deg": math.copysign(5.0, end_m), "end_height_m": end_m}
+    content = mission.model_dump(exclude_unset=True)
+    content["height_above_origin_m"] = flying_m
+    content["path"] = {"type": "line", "course_deg": 0.0, **climb}
+    content["followers"][0]["slot"]["up_m"] = up_m
+    return flight_plan(Mission.model_validate(content), "f1")
+
+
+@pytest.mark.parametrize(
+    ("flying_m", "up_m", "end_m", "floor_m"),
+    [
+        (100.0, 0.0, 50.0, 20.0),
+        (100.0, -30.0, 50.0, 20.0),
+        # The path leads down to 30 m, and the slot to 24 m: half of that is left for what is filtered.
+        (100.0, 0.0, -70.0, 15.0),
+        (100.0, -6.0, -70.0, 12.0),
+        # Low level flight.
+        (18.0, 0.0, 50.0, 9.0),
+    ],
+)
+def test_the_floor_leaves_room_for_the_missions_own_lowest_height(
+    mission: MakeMission, flying_m: float, up_m: float, end_m: float, floor_m: float
+) -> None:
+    guard = SetpointGuard(with_heights(mission("line-calm"), flying_m, up_m, end_m))
+    assert guard.height(-1000.0)[0] == pytest.approx(floor_m)
+    assert guard.height(flying_m + up_m) == (flying_m + up_m, None)

@@ -9,6 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from vfguide.companion.succession import (
     DEAF_S,
+    GREATEST_TERM,
     LISTEN_S,
     STAGGER_S,
     UNSTEERED_S,
@@ -187,6 +188,36 @@ def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term
     assert (one.leads, one.term) == (True, 6)
 
 
+def test_no_state_with_an_impossible_term_ends_succession() -> None:
+    one = deputy("f1")
+    hear_until(one, 10.0)
+    one.hear_other(GREATEST_TERM, 10.0)
+    # Of f3, and of a deputy that would be the holder.
+    assert not one.hear_leader("f3", GREATEST_TERM, 10.0, steered=True)
+    assert not one.hear_leader(holder_of(GREATEST_TERM, ORDER), GREATEST_TERM, 10.0, steered=True)
+    assert lead_time(one, from_s=10.0, until_s=30.0, others=True) < 30.0
+    assert (one.leads, one.term) == (True, 2)
+
+
+def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_term() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    one.hear_other(GREATEST_TERM, 5.1)
+    assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    assert (one.leads, one.term) == (True, 0)
+
+
+def test_a_term_some_rounds_above_is_believed() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    one.hear_other(32, 5.1)
+    assert one.step(5.0 + VACANT_S + STEP_S, eligible=False)
+    # The leader's are 3, 6, ..., 33, 36: the first of the next round.
+    assert one.term == 36
+    late = deputy("f3")
+    assert late.hear_leader("leader", 36, 1.0, steered=True)
+
+
 NAMES = ("leader", "f1", "f2", "f3")
 SETTLED_S = DEAF_S + SILENCE_S + 4.0
 """A part of the formation that stays as it is has one leader after this."""
@@ -267,6 +298,12 @@ class Formation(RuleBasedStateMachine):
         name = data.draw(st.sampled_from(sorted(self.down)))
         self.down.discard(name)
         self.vehicles[name] = self.made(name)
+        self.changed_s = self.now
+
+    @rule(to=st.sampled_from(NAMES), term=st.integers(0, GREATEST_TERM) | st.integers(0, 4000))
+    def forge(self, to: str, term: int) -> None:
+        """A state whose term is damaged."""
+        self.vehicles[to].hear_other(term, self.now)
         self.changed_s = self.now
 
     @rule(delay_s=st.floats(0.0, 0.4))

@@ -117,6 +117,20 @@ def test_noise_of_a_level_leader_hardly_shows() -> None:
     assert greatest < 0.003
 
 
+@pytest.mark.parametrize("rate", [3.0, -3.0, -20.0, -300.0])
+def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate: float) -> None:
+    found, greatest = None, 0.0
+    for step in range(600):
+        state = replace(NORTHBOUND, time_s=0.1 * step, height=100.0, climb_rate=rate)
+        found = height_deviation(found, state, held_height(100.0), memory_s=5.0)
+        greatest = max(greatest, abs(found.height))
+    assert found is not None
+    # A rate of 3 m/s, filtered twice by 5 s: 3 t²/10 exp(-t/5), at most 4.1 m, and after 60 s nothing.
+    assert greatest < (4.5 if abs(rate) <= 3.0 else 15.1)
+    assert abs(found.height) < 0.6
+    assert abs(found.climb_rate) < 0.15
+
+
 def test_a_height_that_is_not_known_changes_nothing() -> None:
     before = HeightDeviation(time_s=10.0, height=2.0)
     unknown = replace(NORTHBOUND, time_s=10.1, height=math.nan)

@@ -276,3 +276,13 @@ def test_a_figure_eight_is_the_lemniscate_of_its_half_length() -> None:
     assert math.degrees(middle.course) == pytest.approx(90.0 + 225.0)
     other = path_of(shape_of(shape | {"direction": "counterclockwise"}))
     assert other.at(other.length / 4.0).curvature == pytest.approx(-3.0 / 300.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name: str) -> None:
+    path = PATHS[name]
+    place = path.at(200.0)
+    point = path.nearest_in_space(place.north, place.east, place.course, math.nan)
+    # Of a helix it is the first turn, whose length is 942 m.
+    assert point.progress == pytest.approx(200.0, abs=0.5)
+    assert point.height == pytest.approx(place.height, abs=0.1)

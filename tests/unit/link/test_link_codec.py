@@ -150,5 +150,5 @@ def test_whether_the_sender_is_under_guidance_crosses_the_link(
 
 def test_flags_that_are_not_known_yet_change_nothing(leader_message: Make) -> None:
     data = bytearray(encode(leader_message())[:100])
-    data[5] = 0xFC
+    data[5] = 0xF8
     assert decode(with_checksum(bytes(data))) == leader_message()

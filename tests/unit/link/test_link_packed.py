@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError
+from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (
     LEADER,
     OBSTACLE_TEXT,
@@ -124,7 +124,10 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
     assert found.turn_acceleration == pytest.approx(expected, abs=0.51e-3)
     assert found.climb_rate == pytest.approx(state.climb_rate, abs=0.51e-2)
     assert found.term == min(state.term, 255)
-    assert found.arrangement == min(state.arrangement, 65535)
+    fits = state.arrangement < 65535
+    assert (found.arrangement, found.tells_order) == (state.arrangement if fits else 0, fits)
+    # And so over the other links, and back.
+    assert decode(encode(found)) == found
 
 
 def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) -> None:

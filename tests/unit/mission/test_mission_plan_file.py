@@ -115,6 +115,26 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
             read_plan(path)
 
 
+@pytest.mark.parametrize(
+    ("jump", "end", "left_out"),
+    [
+        ([1, -1], "repeat", ["what comes after the jump back to the beginning"]),
+        # Twice is not for ever: what comes after it is flown.
+        ([1, 2], "loiter", ["a jump that is taken 2 times"]),
+        ([1, 0], "loiter", ["a jump that is taken never"]),
+        ([2, -1], "loiter", ["a jump that is taken always"]),
+        ([1], "loiter", ["a jump that is taken never"]),
+    ],
+)
+def test_only_a_jump_that_is_always_taken_ends_a_route(
+    jump: list[int], end: str, left_out: list[str]
+) -> None:
+    last = waypoint(47.02, 8.0, 130.0)
+    found = parse_plan(plan(*TWO, {"command": 177, "params": jump}, last))
+    assert (found["end"], found["left_out"]) == (end, left_out)
+    assert len(found["waypoints"]) == (2 if end == "repeat" else 3)
+
+
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
 TREES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=4), max_leaves=6)
 
