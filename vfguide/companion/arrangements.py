@@ -172,7 +172,7 @@ class Arrangements:
             (number for number, _, time_s in self._numbers.values() if now - time_s <= HEARD_S),
             default=0,
         )
-        if newest <= own:
+        if newest <= own or self._expects(newest, now):
             self._waits_since, self._complained = math.inf, False
             return False
         self._waits_since = min(self._waits_since, now)
@@ -184,6 +184,11 @@ class Arrangements:
                 warning=True,
             )
         return True
+
+    def _expects(self, number: int, now: float) -> bool:
+        """Whether an order of this number or a later one was agreed to, and its time has not come."""
+        order = None if self._next is None else self._next.arrangement
+        return order is not None and order.number >= number and self._shared(now) < order.time_s
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
@@ -266,10 +271,11 @@ class Arrangements:
         except LinkDataError:
             self.counters["order: malformed"] += 1
             return
-        if self._is_known(order):
-            return
+        # What the others fly counts, whatever this companion has thought of it before.
         if self._is_missed(order, now):
             self._begin(Order(order, signed), now)
+            return
+        if self._is_known(order):
             return
         if order.number <= self.number:
             self.counters["order: not newer"] += 1
@@ -380,7 +386,8 @@ class Arrangements:
             for vehicle, (number, _, time_s) in self._numbers.items()
         )
         due = self._shared(now) >= order.time_s
-        return flying and due and order.number > self.number
+        newer = self._flown is None or order.number > self._flown.arrangement.number
+        return flying and due and newer
 
     def _begin(self, order: Order, now: float) -> None:
         """Fly by it from now on."""

@@ -313,3 +313,39 @@ def test_an_operator_that_asks_hears_the_order_that_is_flown(
     for time_s in (30.0, 30.5):
         member.receive_reply("operator", asks, time_s)
     assert member.to_say()[1] == [encode_order(further(slots))]
+
+
+def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_order_once_repeated(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    data = encode_order(further(slots))
+    member.receive_order(data, data, 5.0)
+    # Of the leader nothing is heard any more.
+    member.hear("f1", heard(6.0, 1), 6.0)
+    assert not member.waits(6.0)
+    member.hear("f1", heard(10.0, 1), 10.0)
+    member.step(10.1)
+    member.receive_order(data, data, 10.2)
+    assert member.number == 1
+    assert not member.waits(10.2)
+
+
+def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    lost = {"state"}
+    formation = Formation(plan, lost=lambda kind, _, to, __: kind in lost and to == "f2")
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(10.4)
+    # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
+    formation.members["f2"].hear("leader", heard(10.4, 0), 10.4)
+    formation.run(10.7)
+    assert "order 1 is void: the leader has not confirmed it; all fly on as before" in (
+        formation.words
+    )
+    lost.clear()
+    formation.run(14.0)
+    assert formation.flown == dict.fromkeys(NAMES, 1)
+    assert not formation.members["f2"].waits(14.0)
