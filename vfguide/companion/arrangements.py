@@ -44,6 +44,9 @@ SOONEST_S = 1.0
 LATEST_S = 120.0
 """An order's time is from here to there ahead."""
 
+ABORT_S = 30.0
+"""What calls everything off is of now: its time is no further from the present than this."""
+
 SAME_M = 1.0
 """A slot that is nearer than this to where an order begins is the one that it means."""
 
@@ -258,13 +261,17 @@ class Arrangements:
         returned, self._returned = self._returned, False
         return returned
 
-    def receive_order(self, data: bytes, signed: bytes, now: float) -> None:
+    def receive_order(
+        self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
+    ) -> None:
         """Take an order that an operator has given.
 
         Args:
             data: the order.
             signed: how others can be told of it: as the operator has signed it.
             now: s, on one's own clock.
+            repeated: whether another vehicle says it again. When it was given is not proven then, be it an
+                order of an earlier flight: it counts only where it is what the others fly by.
         """
         try:
             order = decode_order(data)
@@ -274,21 +281,27 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         if self._is_missed(order, now):
             self._begin(Order(order, signed), now)
-            return
-        if self._is_known(order):
-            return
+        elif repeated:
+            self.counters["order: repeated, and not what the others fly by"] += 1
+        elif not self._is_known(order):
+            self._consider(Order(order, signed), now)
+
+    def _consider(self, given: Order, now: float) -> None:
+        """Agree to an order, or refuse it; fly it at once where it calls everything off."""
+        order = given.arrangement
         if order.number <= self.number:
             self.counters["order: not newer"] += 1
             return
-        if order.flown is Flown.ABORT:
-            self._begin(Order(order, signed), now)
-            return
-        objection = self._objection(order, now)
+        calls_off = order.flown is Flown.ABORT
+        objection = self._age_objection(order, now) if calls_off else self._objection(order, now)
         if objection is not None:
             self._refuse(order.number, objection)
             return
+        if calls_off:
+            self._begin(given, now)
+            return
         self._say(f"order {order.number} is understood")
-        self._next, self._replied_s = Order(order, signed), -math.inf
+        self._next, self._replied_s = given, -math.inf
         self._answers.clear()
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
@@ -385,7 +398,7 @@ class Arrangements:
             number == order.number and vehicle != self._plan.name and now - time_s <= HEARD_S
             for vehicle, (number, _, time_s) in self._numbers.items()
         )
-        due = self._shared(now) >= order.time_s
+        due = order.flown is Flown.ABORT or self._shared(now) >= order.time_s
         newer = self._flown is None or order.number > self._flown.arrangement.number
         return flying and due and newer
 
@@ -468,6 +481,13 @@ class Arrangements:
         if patient and now - self._repeated_s >= REPEAT_S and flown.signed:
             self._repeated_s = now
             self._repeats.append(flown.signed)
+
+    def _age_objection(self, order: Arrangement, now: float) -> str | None:
+        """Why what calls everything off is not of now, in words; None if it is, or no time is known."""
+        off_s = self._clock.from_own(now) - order.time_s
+        if abs(off_s) > ABORT_S:
+            return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
+        return None
 
     def _objection(self, order: Arrangement, now: float) -> str | None:
         """Why this companion cannot carry out an order, in words; None if it can."""

@@ -108,9 +108,9 @@ class OrderDesk:
         except LinkDataError:
             return
 
-    def heard_order(self, data: bytes, sealed: bytes) -> None:
+    def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
         """Take an order that another gives, or a vehicle repeats."""
-        del sealed
+        del sealed, repeated
         try:
             order = decode_order(data)
         except LinkDataError:

@@ -1,5 +1,6 @@
 """Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from random import Random
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.shared_clock import SAME_CLOCK
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
 from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_order, encode_reply
 from vfguide.state import HeardState
@@ -83,7 +84,7 @@ class Formation:
                 receiver.receive_reply(name, data, self.now)
         for data in repeats:
             if not self.lost("repeat", name, other, self.now):
-                receiver.receive_order(data, data, self.now)
+                receiver.receive_order(data, data, self.now, repeated=True)
         due = name == "leader" or round(self.now / STEP_S) % 5 == 0
         if due and not self.lost("state", name, other, self.now):
             state = heard(self.now, self.members[name].number)
@@ -326,7 +327,7 @@ def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_o
     assert not member.waits(6.0)
     member.hear("f1", heard(10.0, 1), 10.0)
     member.step(10.1)
-    member.receive_order(data, data, 10.2)
+    member.receive_order(data, data, 10.2, repeated=True)
     assert member.number == 1
     assert not member.waits(10.2)
 
@@ -349,3 +350,41 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
     formation.run(14.0)
     assert formation.flown == dict.fromkeys(NAMES, 1)
     assert not formation.members["f2"].waits(14.0)
+
+
+def called_off(*, number: int, time_s: float) -> bytes:
+    """An order that calls everything off."""
+    return encode_order(
+        Arrangement(number=number, time_s=time_s, flown=Flown.ABORT, across_s=0.0, places=())
+    )
+
+
+def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    abort = called_off(number=4, time_s=99.0)
+    for data in (abort, encode_order(further(slots, time_s=104.0))):
+        member.receive_order(data, data, 100.0, repeated=True)
+    assert member.flown is None
+    assert member.to_say() == ([], [])
+    member.hear("leader", heard(100.0, 4), 100.0)
+    member.receive_order(abort, abort, 100.1, repeated=True)
+    assert member.has_left
+
+
+@pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
+def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> None:
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
+    assert member.has_left is flown
+    (data,), _ = member.to_say()
+    reply = decode_reply(data)
+    assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
+
+
+def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
+    unknown = SharedClock(from_own=lambda _: math.nan)
+    member = Arrangements(plan(vehicle="f1"), unknown)
+    member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
+    assert member.has_left
