@@ -47,8 +47,14 @@ LATEST_S = 120.0
 ABORT_S = 30.0
 """What calls everything off is of now: its time is no further from the present than this."""
 
+JUMP_S = 2.0
+"""A formation's clock that steps further is another one: the computer of its leader was started anew."""
+
 SAME_M = 1.0
 """A slot that is nearer than this to where an order begins is the one that it means."""
+
+NO_TIME_S = 1e-3
+"""Less than this is what numbers are rounded by."""
 
 KEEP_M = 5.0
 """Slots come no nearer than this, whatever an operator's program thinks of it."""
@@ -102,6 +108,13 @@ class Order:
     """As it came, to be repeated."""
     confirmed: bool = False
     """Whether the leader has said that it is flown."""
+    offset_s: float = math.nan
+    """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
+
+    def begins(self, time_s: float) -> bool:
+        """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
+        ahead_s = self.arrangement.time_s - time_s
+        return ahead_s <= 0.0 or ahead_s > LATEST_S
 
 
 class Arrangements:
@@ -190,8 +203,10 @@ class Arrangements:
 
     def _expects(self, number: int, now: float) -> bool:
         """Whether an order of this number or a later one was agreed to, and its time has not come."""
-        order = None if self._next is None else self._next.arrangement
-        return order is not None and order.number >= number and self._shared(now) < order.time_s
+        order = self._next
+        if order is None or order.arrangement.number < number:
+            return False
+        return self._time_of(order, now) < order.arrangement.time_s
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
@@ -207,23 +222,23 @@ class Arrangements:
 
         None by the mission's own slots, and for a vehicle that has left.
         """
-        flown = self.flown
-        if flown is None or flown.place_of(vehicle) is None:
+        order = self._flown
+        if order is None or order.arrangement.place_of(vehicle) is None:
             return None
-        return flown.slot(vehicle, self._shared(now))
+        return order.arrangement.slot(vehicle, self._time_of(order, now))
 
     def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
         """(height above the leader in m, its rate in m/s) of a slot that an order has given; see `slot`."""
-        flown = self.flown
-        if flown is None or flown.place_of(vehicle) is None:
+        order = self._flown
+        if order is None or order.arrangement.place_of(vehicle) is None:
             return None
-        return flown.height(vehicle, self._shared(now))
+        return order.arrangement.height(vehicle, self._time_of(order, now))
 
     def others(self, now: float) -> list[OtherSlot] | None:
         """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
-        flown = self.flown
-        if flown is None:
+        if self._flown is None:
             return None
+        flown = self._flown.arrangement
         if self._settled is not None and self._settled[0] is flown:
             return self._settled[1]
         own, own_later = (self.point(self._plan.name, time_s) for time_s in (now, now + AHEAD_S))
@@ -248,7 +263,7 @@ class Arrangements:
                     layered=abs(before.up) >= LAYERED_M,
                 )
             )
-        if self._shared(now) > flown.time_s + flown.duration_s:
+        if self._time_of(self._flown, now) > flown.time_s + flown.duration_s:
             self._settled = flown, found
         return found
 
@@ -279,12 +294,15 @@ class Arrangements:
             self.counters["order: malformed"] += 1
             return
         # What the others fly counts, whatever this companion has thought of it before.
-        if self._is_missed(order, now):
-            self._begin(Order(order, signed), now)
+        given = Order(order, signed)
+        if self._is_missed(given, now):
+            if self._shared(now) < order.time_s:
+                given.offset_s = math.inf
+            self._begin(given, now)
         elif repeated:
             self.counters["order: repeated, and not what the others fly by"] += 1
         elif not self._is_known(order):
-            self._consider(Order(order, signed), now)
+            self._consider(given, now)
 
     def _consider(self, given: Order, now: float) -> None:
         """Agree to an order, or refuse it; fly it at once where it calls everything off."""
@@ -334,7 +352,7 @@ class Arrangements:
         order = self._next
         if order is None:
             return
-        time_s = self._shared(now)
+        time_s = self._time_of(order, now)
         due_s = order.arrangement.time_s
         leads = self.coordinator == self._plan.name
         if leads and not order.confirmed:
@@ -369,6 +387,14 @@ class Arrangements:
         time_s = self._clock.from_own(now)
         return time_s if math.isfinite(time_s) else math.inf
 
+    def _time_of(self, order: Order, now: float) -> float:
+        """The same on the clock by which an order is flown: slots do not jump where the clock does."""
+        time_s, expected_s = self._shared(now), now + order.offset_s
+        if math.isnan(expected_s) or abs(time_s - expected_s) <= JUMP_S:
+            order.offset_s = time_s - now if math.isfinite(time_s) else order.offset_s
+            return time_s
+        return expected_s
+
     def point(self, vehicle: str, now: float) -> Point | None:
         """Where a slot is that was ordered; None by the mission's own, and for a vehicle that has left."""
         if self.flown is None:
@@ -392,13 +418,14 @@ class Arrangements:
             return True
         return False
 
-    def _is_missed(self, order: Arrangement, now: float) -> bool:
+    def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
+        order = given.arrangement
         flying = any(
             number == order.number and vehicle != self._plan.name and now - time_s <= HEARD_S
             for vehicle, (number, _, time_s) in self._numbers.items()
         )
-        due = order.flown is Flown.ABORT or self._shared(now) >= order.time_s
+        due = order.flown is Flown.ABORT or given.begins(self._shared(now))
         newer = self._flown is None or order.number > self._flown.arrangement.number
         return flying and due and newer
 
@@ -505,10 +532,9 @@ class Arrangements:
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
-        flown = self.flown
-        if flown is not None and order.time_s < flown.time_s + flown.duration_s:
-            left_s = flown.time_s + flown.duration_s - order.time_s
-            return f"order {flown.number} is still being carried out {left_s:.0f} s too long for it"
+        left_s = self._left(now) - (order.time_s - self._clock.from_own(now))
+        if left_s > NO_TIME_S:
+            return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
         for one in approaches(order.places, order.climb_s, order.across_s, self._leader):
             if one.distance < KEEP_M:
                 return (
@@ -517,6 +543,13 @@ class Arrangements:
                 )
         place = order.place_of(self._plan.name)
         return None if place is None else self._own_objection(order, place, now)
+
+    def _left(self, now: float) -> float:
+        """How long the slots still move by what is flown, s; not positive once they have arrived."""
+        if self._flown is None:
+            return -math.inf
+        flown = self._flown.arrangement
+        return flown.time_s + flown.duration_s - self._time_of(self._flown, now)
 
     def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
         """The same about this vehicle's own part, by its own limits."""

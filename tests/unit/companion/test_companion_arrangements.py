@@ -388,3 +388,71 @@ def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
     member = Arrangements(plan(vehicle="f1"), unknown)
     member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
     assert member.has_left
+
+
+class RebootedClock:
+    """A follower's view of the formation's clock: 1000 s ahead of its own until the leader's starts anew."""
+
+    def __init__(self) -> None:
+        self.ahead_s = 1000.0
+        self.shared = SharedClock(from_own=lambda own_s: own_s + self.ahead_s)
+
+
+@pytest.mark.parametrize(
+    ("at_s", "share"), [(15.0, 0.5), (60.0, 1.0)], ids=["on the way", "all done"]
+)
+def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
+    plan: MakePlan, slots: dict[str, Point], at_s: float, share: float
+) -> None:
+    clock = RebootedClock()
+    member = Arrangements(plan(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member.hear("leader", heard(6.0, 1), 6.0)
+    member.step(10.0)
+    before = member.slot("f1", at_s)
+    clock.ahead_s = -20.0
+    member.step(at_s)
+    after = member.slot("f1", at_s)
+    assert before is not None
+    assert after is not None
+    assert after.forward == pytest.approx(before.forward)
+    assert after.forward == pytest.approx((1.0 + 0.5 * share) * slots["f1"].forward)
+    # What is on its way goes on; then the next order is taken by the new clock.
+    member.to_say()
+    now = at_s + 30.0
+    onward = tuple(
+        Place(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
+        for name, slot in slots.items()
+    )
+    order = Arrangement(number=2, time_s=now - 20.0 + 6.0, across_s=10.0, places=onward)
+    member.receive_order(encode_order(order), b"", now)
+    member.step(now)
+    assert [decode_reply(data).verdict for data in member.to_say()[0]] == [Verdict.READY]
+
+
+def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    clock = RebootedClock()
+    member = Arrangements(plan(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member.step(5.0)
+    clock.ahead_s = -4.0
+    for time_s in (6.0, 10.4, 10.6):
+        member.hear("leader", heard(time_s, 0), time_s)
+        member.step(time_s)
+    verdicts = [decode_reply(data).verdict for data in member.to_say()[0]]
+    assert verdicts[-1] is Verdict.VOID
+
+
+def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    leader = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+    leader.hear("f1", heard(20.0, 7), 20.0)
+    data = encode_order(further(slots, number=7, time_s=100010.0))
+    leader.receive_order(data, data, 20.0, repeated=True)
+    assert not leader.waits(20.0)
+    slot = leader.slot("f1", 20.0)
+    assert slot is not None
+    assert slot.forward == 1.5 * slots["f1"].forward
