@@ -10,12 +10,13 @@ from functools import partial
 from random import Random
 
 from vfguide.companion.state_receiver import motion_of
+from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement, Flown, ends
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import LinkDataError, is_leaders
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore_presence
 from vfguide.link.opening import Link, open_link
@@ -94,6 +95,8 @@ class OrderDesk:
         self._frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
         self.states = dict[str, HeardState]()
         """Newest state of each vehicle, times on the formation's clock."""
+        self._may_lead = (mission.leader.vehicle, *mission.deputies)
+        self._lead: HeardState | None = None
         self.flown: Arrangement | None = None
         """The newest order that was repeated."""
         self.replies: dict[str, Reply] = {}
@@ -107,6 +110,27 @@ class OrderDesk:
             self.states[vehicle] = motion_of(data, self._frame)
         except LinkDataError:
             return
+
+    def heard_lead(self, vehicle: str, data: bytes) -> None:
+        """Take a state of the leader by which a vehicle leads in the place of the mission's."""
+        try:
+            state = motion_of(data, self._frame)
+        except LinkDataError:
+            return
+        if not is_leaders(data) or holder_of(state.term, self._may_lead) != vehicle:
+            return
+        if self._lead is None or state.term >= self._lead.term:
+            self._lead = state
+
+    @property
+    def leader(self) -> HeardState | None:
+        """How the leader moves by which all fly; None while none was heard."""
+        return self._lead or self.states.get(self._mission.leader.vehicle)
+
+    def awaited_from(self, formation: Formation, order: Arrangement) -> set[str]:
+        """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
+        succeeded = self._lead is not None and formation.leader not in self.states
+        return {*formation.slots, *order.vehicles, *([] if succeeded else [formation.leader])}
 
     def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
         """Take an order that another gives, or a vehicle repeats."""
@@ -151,7 +175,7 @@ class OrderDesk:
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
         """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
-        state = self.states.get(self._mission.leader.vehicle)
+        state = self.leader
         if state is None:
             return None
         run = state.ground_speed * (time_s - state.time_s)
@@ -191,8 +215,8 @@ async def give_order(
             " `vfguide keys make MISSION`"
         )
     async with at_desk(mission, watched, random or Random()) as (desk, link):
-        await _listen(desk, link)
-        formation = desk.formation()
+        await _listen(desk, link, order)
+        formation = _present(desk, mission, order)
         number = max(int(time.time() - EPOCH_S), desk.newest_number + 1)
         arrangement = _resolved(mission, order, desk, formation, number)
         prediction = None
@@ -207,7 +231,7 @@ async def give_order(
             return Outcome(number=0, arrangement=arrangement, prediction=prediction)
         tell(f"order {number}: given, to begin in {LEAD_S:g} s")
         await _give(desk, link, arrangement, formation, tell)
-        waited = {formation.leader, *formation.slots, *arrangement.vehicles}
+        waited = desk.awaited_from(formation, arrangement)
         return Outcome(
             number=number,
             arrangement=arrangement,
@@ -236,19 +260,30 @@ def _now(desk: OrderDesk) -> float:
     return desk.member.formation_time()
 
 
+def _present(desk: OrderDesk, mission: Mission, order: Order) -> Formation:
+    """The formation as it is; to call everything off it need not be known.
+
+    Raises:
+        VfguideError: the order that is flown is not known.
+    """
+    if order.action == "abort":
+        return formation_of_mission(mission)
+    return desk.formation()
+
+
 def _resolved(
     mission: Mission, order: Order, desk: OrderDesk, formation: Formation, number: int
 ) -> Arrangement:
     """The arrangement of an order that begins a while from now."""
     time_s = _now(desk) + LEAD_S
-    leader = desk.states[mission.leader.vehicle]
+    leader = desk.leader
     found, _ = resolve(
         mission,
         order,
         formation,
         number=number,
         time_s=time_s,
-        term=leader.term,
+        term=0 if leader is None else leader.term,
         leader=desk.leader_place(time_s),
     )
     return found
@@ -278,6 +313,7 @@ async def at_desk(
         receive=partial(desk.heard_state, watched.leader),
         neighbours=list(mission.followers_by_name),
         receive_neighbour=desk.heard_state,
+        receive_lead=desk.heard_lead,
         # Who wants presences says none about itself.
         receive_presence=ignore_presence,
         receive_order=desk.heard_order,
@@ -292,22 +328,27 @@ async def at_desk(
         yield desk, link
 
 
-async def _listen(desk: OrderDesk, link: Link) -> None:
-    """Wait until the leader, the formation's time and the order that is flown are known.
+async def _listen(desk: OrderDesk, link: Link, order: Order) -> None:
+    """Wait until all is known that an order needs: the formation's time, the leader, the order that is flown.
+
+    To call everything off the time is enough.
 
     Raises:
         VfguideError: they are not heard.
     """
     leader, loop = desk.member.trust.leader, asyncio.get_running_loop()
-    began = loop.time()
-    while not (leader in desk.states and math.isfinite(_now(desk))):
+    began, calls_off = loop.time(), order.action == "abort"
+    while not ((calls_off or desk.leader is not None) and math.isfinite(_now(desk))):
         if loop.time() - began > LISTEN_S:
             raise VfguideError(
-                f"the leader {leader!r} is not heard: see that its companion runs; check link and keys"
+                f"neither the leader {leader!r} nor a deputy in its place is heard: see that its companion"
+                " runs; check link and keys"
             )
         await asyncio.sleep(0.05)
     # The others say where they are every half second at least.
     await asyncio.sleep(1.0)
+    if calls_off:
+        return
     while (number := desk.newest_number) and (desk.flown is None or desk.flown.number != number):
         if loop.time() - began > LISTEN_S + KNOWS_S:
             return
@@ -321,7 +362,7 @@ async def _give(
 ) -> None:
     """Give an order again and again until all have said what becomes of it, and tell what they say."""
     data = encode_order(order)
-    waited = {formation.leader, *formation.slots, *order.vehicles}
+    waited = desk.awaited_from(formation, order)
     desk.awaited, desk.replies = order.number, {}
     told: dict[str, Reply] = {}
     last_s = order.time_s + LAST_S
