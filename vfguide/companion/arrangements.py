@@ -24,6 +24,7 @@ from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
+    check_of,
     decode_order,
     decode_reply,
     encode_reply,
@@ -106,10 +107,16 @@ class Order:
     """What it asks for."""
     signed: bytes
     """As it came, to be repeated."""
+    check: int
+    """CRC-32 of its bytes: what it is told by from another of the same number."""
     confirmed: bool = False
     """Whether the leader has said that it is flown."""
     offset_s: float = math.nan
     """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
+
+    def is_meant_by(self, reply: Reply) -> bool:
+        """Whether an answer is about it, and not about another order of its number."""
+        return (reply.number, reply.check) == (self.arrangement.number, self.check)
 
     def begins(self, time_s: float) -> bool:
         """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
@@ -140,8 +147,7 @@ class Arrangements:
         self._circle: Circle | None = None
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = False
-        self._refused = 0
-        self._refusal = ""
+        self._refused: tuple[Order, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
         self._older: dict[str, float] = {}
@@ -294,14 +300,14 @@ class Arrangements:
             self.counters["order: malformed"] += 1
             return
         # What the others fly counts, whatever this companion has thought of it before.
-        given = Order(order, signed)
+        given = Order(order, signed, check_of(data))
         if self._is_missed(given, now):
             if self._shared(now) < order.time_s:
                 given.offset_s = math.inf
             self._begin(given, now)
         elif repeated:
             self.counters["order: repeated, and not what the others fly by"] += 1
-        elif not self._is_known(order):
+        elif not self._is_known(given):
             self._consider(given, now)
 
     def _consider(self, given: Order, now: float) -> None:
@@ -313,7 +319,7 @@ class Arrangements:
         calls_off = order.flown is Flown.ABORT
         objection = self._age_objection(order, now) if calls_off else self._objection(order, now)
         if objection is not None:
-            self._refuse(order.number, objection)
+            self._refuse(given, objection)
             return
         if calls_off:
             self._begin(given, now)
@@ -331,7 +337,7 @@ class Arrangements:
             return
         if reply.verdict is Verdict.UNKNOWN:
             self._note_older(vehicle, reply.number, now)
-        elif self._next is not None and reply.number == self._next.arrangement.number:
+        elif self._next is not None and self._next.is_meant_by(reply):
             self._answers[vehicle] = reply
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
@@ -369,7 +375,7 @@ class Arrangements:
             self._void(order, "the leader was not heard")
         if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
             self._replied_s = now
-            self._reply(order.arrangement.number, Verdict.READY)
+            self._reply(order, Verdict.READY)
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
         """(answers, orders to be repeated as they were signed) since this was asked last."""
@@ -406,15 +412,21 @@ class Arrangements:
             return None
         return Point(slot.forward, slot.right, height[0])
 
-    def _is_known(self, order: Arrangement) -> bool:
-        """Whether an order is a copy of one that was taken already; it is answered again where it was not."""
-        for known in (self._next, self._flown):
-            if known is not None and known.arrangement.number == order.number:
-                if known is self._flown:
-                    self._reply(order.number, Verdict.FLOWN)
-                return True
-        if order.number == self._refused:
-            self._reply(order.number, Verdict.REFUSED, self._refusal)
+    def _is_known(self, given: Order) -> bool:
+        """Whether an order of this number was taken already; it is answered again where that is not to come.
+
+        Another order of the same number is refused: whoever flies by the number would not fly the same.
+        """
+        refused = None if self._refused is None else self._refused[0]
+        for known in (self._next, self._flown, refused):
+            if known is None or known.arrangement.number != given.arrangement.number:
+                continue
+            if known.check != given.check:
+                self._reply(given, Verdict.REFUSED, "another order has this number: give it again")
+            elif known is self._flown:
+                self._reply(given, Verdict.FLOWN)
+            elif self._refused is not None and known is refused:
+                self._reply(given, Verdict.REFUSED, self._refused[1])
             return True
         return False
 
@@ -437,7 +449,7 @@ class Arrangements:
         self._returned = had_left and not self.has_left
         self._circle = self._circle_of(order.arrangement)
         self._older.clear()
-        self._reply(order.arrangement.number, Verdict.FLOWN)
+        self._reply(order, Verdict.FLOWN)
         number, what = order.arrangement.number, order.arrangement.flown
         if what is Flown.ABORT:
             self._say(f"order {number}: everybody back to the autopilot", warning=True)
@@ -460,16 +472,17 @@ class Arrangements:
         )
 
     def _void(self, order: Order, reason: str) -> None:
-        self._next = None
-        number = order.arrangement.number
-        self._refused, self._refusal = number, reason
-        self._reply(number, Verdict.VOID, reason)
-        self._say(f"order {number} is void: {reason}; all fly on as before", warning=True)
+        self._next, self._refused = None, (order, reason)
+        self._reply(order, Verdict.VOID, reason)
+        self._say(
+            f"order {order.arrangement.number} is void: {reason}; all fly on as before",
+            warning=True,
+        )
 
-    def _refuse(self, number: int, reason: str) -> None:
-        self._refused, self._refusal = number, reason
-        self._reply(number, Verdict.REFUSED, reason)
-        self._say(f"order {number} is refused: {reason}", warning=True)
+    def _refuse(self, order: Order, reason: str) -> None:
+        self._refused = order, reason
+        self._reply(order, Verdict.REFUSED, reason)
+        self._say(f"order {order.arrangement.number} is refused: {reason}", warning=True)
 
     def _decide(self, order: Order, time_s: float, now: float) -> None:
         """As the leader: once all have agreed in time, it is certain."""
@@ -581,8 +594,10 @@ class Arrangements:
         slot = self._plan.task.slot
         return Point(slot.forward, slot.right, self._plan.up)
 
-    def _reply(self, number: int, verdict: Verdict, text: str = "") -> None:
-        self._replies.append(encode_reply(Reply(number=number, verdict=verdict, text=text)))
+    def _reply(self, order: Order, verdict: Verdict, text: str = "") -> None:
+        number = order.arrangement.number
+        reply = Reply(number=number, verdict=verdict, check=order.check, text=text)
+        self._replies.append(encode_reply(reply))
 
     def _say(self, text: str, *, warning: bool = False) -> None:
         self._words.append((text, warning))

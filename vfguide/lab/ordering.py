@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from random import Random
+from random import Random, SystemRandom
 
 from vfguide.companion.state_receiver import motion_of
 from vfguide.companion.succession import holder_of
@@ -23,6 +23,7 @@ from vfguide.link.opening import Link, open_link
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
+    check_of,
     decode_order,
     decode_reply,
     encode_order,
@@ -50,8 +51,11 @@ REPEAT_S = 0.5
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""
 
-EPOCH_S = 1_577_836_800.0
-"""The year 2020, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever."""
+EPOCH_S = 1_767_225_600.0
+"""The year 2026, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever ..."""
+
+CHANCE_BITS = 3
+"""... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
 
@@ -101,8 +105,8 @@ class OrderDesk:
         """The newest order that was repeated."""
         self.replies: dict[str, Reply] = {}
         """Newest answers to the order that is given."""
-        self.awaited = 0
-        """Its number."""
+        self.given: tuple[int, int] | None = None
+        """Its number and its CRC-32."""
 
     def heard_state(self, vehicle: str, data: bytes) -> None:
         """Take a vehicle's state."""
@@ -149,7 +153,7 @@ class OrderDesk:
             reply = decode_reply(data)
         except LinkDataError:
             return
-        if reply.number == self.awaited and reply.verdict is not Verdict.UNKNOWN:
+        if (reply.number, reply.check) == self.given and reply.verdict is not Verdict.UNKNOWN:
             self.replies[vehicle] = reply
 
     @property
@@ -217,7 +221,7 @@ async def give_order(
     async with at_desk(mission, watched, random or Random()) as (desk, link):
         await _listen(desk, link, order)
         formation = _present(desk, mission, order)
-        number = max(int(time.time() - EPOCH_S), desk.newest_number + 1)
+        number = new_number(desk.newest_number, time.time(), SystemRandom())
         arrangement = _resolved(mission, order, desk, formation, number)
         prediction = None
         if arrangement.flown is not Flown.ABORT:
@@ -239,6 +243,18 @@ async def give_order(
             replies=dict(desk.replies),
             silent=tuple(sorted(waited - set(desk.replies))),
         )
+
+
+def new_number(newest: int, unix_s: float, chance: Random) -> int:
+    """A number for an order, greater than the newest one; hardly the same as another operator's.
+
+    Args:
+        newest: number that is flown by.
+        unix_s: s since 1970; a clock that is behind does no harm.
+        chance: where its lowest bits come from.
+    """
+    seconds = max(int(unix_s - EPOCH_S), 0)
+    return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)
 
 
 def predicted(prediction: Prediction) -> str:
@@ -363,7 +379,7 @@ async def _give(
     """Give an order again and again until all have said what becomes of it, and tell what they say."""
     data = encode_order(order)
     waited = desk.awaited_from(formation, order)
-    desk.awaited, desk.replies = order.number, {}
+    desk.given, desk.replies = (order.number, check_of(data)), {}
     told: dict[str, Reply] = {}
     last_s = order.time_s + LAST_S
     while _now(desk) < last_s:

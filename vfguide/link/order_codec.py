@@ -6,8 +6,9 @@ to climb and time across (f32, s); with a circle its centre (f64, degrees) and i
 each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end,
 each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
 
-An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the text
-(UTF-8), and the CRC-32 of all that.
+An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
+order's CRC-32 (u32), the text (UTF-8), and the CRC-32 of all that. Two orders of one number are told apart
+that way.
 """
 
 import math
@@ -20,11 +21,11 @@ from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Poi
 from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
-VERSION = 1
+VERSION = 2
 HEADER = struct.Struct("<4sBBBBIIdff")
 CIRCLE = struct.Struct("<ddf")
 OFFSETS = struct.Struct("<7h")
-REPLY = struct.Struct("<4sBBBxI")
+REPLY = struct.Struct("<4sBBBxII")
 CHECKSUM = struct.Struct("<I")
 
 STEP_M = 0.1
@@ -71,6 +72,8 @@ class Reply:
     """Of the order."""
     verdict: Verdict
     """What becomes of it."""
+    check: int = 0
+    """CRC-32 at the end of the order's bytes; 0 where none is known."""
     text: str = ""
     """Why, in one sentence."""
 
@@ -104,6 +107,11 @@ def encode_order(order: Arrangement) -> bytes:
     if len(body) + CHECKSUM.size > LARGEST:
         raise ValueError(f"an order of {len(body)} bytes is too long: name vehicles shorter")
     return body + CHECKSUM.pack(zlib.crc32(body))
+
+
+def check_of(data: bytes) -> int:
+    """What the bytes of an order end with: their CRC-32."""
+    return int(CHECKSUM.unpack(data[-CHECKSUM.size :])[0])
 
 
 def rounded(point: Point) -> Point:
@@ -162,7 +170,8 @@ def decode_order(data: bytes) -> Arrangement:
 def encode_reply(reply: Reply) -> bytes:
     """Bytes of an answer; a text that is too long loses its end."""
     text = reply.text.encode()[:LONGEST_TEXT].decode(errors="ignore").encode()
-    body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number) + text
+    body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number, reply.check)
+    body += text
     return body + CHECKSUM.pack(zlib.crc32(body))
 
 
@@ -173,14 +182,14 @@ def decode_reply(data: bytes) -> Reply:
         LinkDataError: they are none.
     """
     body = _checked(data, REPLY_MAGIC, REPLY.size)
-    _, version, verdict, length, number = REPLY.unpack_from(body)
+    _, version, verdict, length, number, check = REPLY.unpack_from(body)
     if version != VERSION:
         raise LinkDataError(f"an answer of version {version}, this program reads {VERSION}")
     text = body[REPLY.size :]
     if len(text) != length or length > LONGEST_TEXT:
         raise LinkDataError("an answer whose text does not fit")
     try:
-        return Reply(number=number, verdict=Verdict(verdict), text=text.decode())
+        return Reply(number=number, verdict=Verdict(verdict), check=check, text=text.decode())
     except ValueError:
         raise LinkDataError("an answer whose verdict or text is none") from None
 

@@ -13,7 +13,14 @@ from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
-from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_order, encode_reply
+from vfguide.link.order_codec import (
+    Reply,
+    Verdict,
+    check_of,
+    decode_reply,
+    encode_order,
+    encode_reply,
+)
 from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]
@@ -456,3 +463,26 @@ def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_other
     slot = leader.slot("f1", 20.0)
     assert slot is not None
     assert slot.forward == 1.5 * slots["f1"].forward
+
+
+def test_two_orders_of_one_number_are_not_both_flown(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    first, second = (
+        encode_order(replace(further(slots), across_s=across_s)) for across_s in (10.0, 12.0)
+    )
+    for name, member in formation.members.items():
+        for data in (second, first) if name == "f1" else (first, second):
+            member.receive_order(data, data, 5.0)
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    verdicts = {
+        check: {reply.verdict for _, reply in formation.said if reply.check == check}
+        for check in (check_of(first), check_of(second))
+    }
+    assert verdicts == {
+        check_of(first): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
+        check_of(second): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
+    }

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,10 +13,10 @@ import pytest
 from vfguide.formation.arrangement import Arrangement, Flown
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
-from vfguide.lab.ordering import OrderDesk, Outcome, give_order
+from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
-from vfguide.link.order_codec import Reply, Verdict, decode_order, encode_reply
+from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
 from vfguide.link.watch import Watched
 from vfguide.mission import Mission, load_mission
 
@@ -72,8 +73,11 @@ class Air:
             return
         self.orders.append(decode_order(body))
         for name in FOLLOWERS:
-            reply = Reply(number=self.orders[-1].number, verdict=Verdict.FLOWN)
-            self.desk.heard_reply(name, encode_reply(reply))
+            number, check = self.orders[-1].number, check_of(body)
+            # What is said to another order of the same number is none of this operator's business.
+            for verdict, meant in ((Verdict.FLOWN, check), (Verdict.REFUSED, check ^ 1)):
+                reply = Reply(number=number, verdict=verdict, check=meant)
+                self.desk.heard_reply(name, encode_reply(reply))
 
 
 def outcome_of(
@@ -141,3 +145,15 @@ def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(
     assert after is not None
     # A tenth of a degree of latitude.
     assert after.north - before.north == pytest.approx(11_120.0, abs=20.0)
+
+
+def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_greater() -> None:
+    chance = Random(1)
+    for newest, unix_s in ((0, EPOCH_S + 1e7), (2**31, EPOCH_S + 1e7), (5, 0.0)):
+        numbers = {new_number(newest, unix_s, chance) for _ in range(100)}
+        assert len(numbers) == 8
+        assert min(numbers) > newest
+        later = new_number(newest, unix_s + 1.0, chance)
+        assert unix_s == 0.0 or newest == 2**31 or later > max(numbers)
+    # 16 years on they still fit into 32 bits.
+    assert new_number(0, EPOCH_S + 16 * 366 * 86400.0, chance) < 2**32

@@ -49,7 +49,7 @@ def test_a_hold_carries_its_circle() -> None:
 
 
 @given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
-                 text=st.text(max_size=40)))  # fmt: skip
+                 check=st.integers(0, 2**32 - 1), text=st.text(max_size=40)))  # fmt: skip
 def test_an_answer_survives_the_link(reply: Reply) -> None:
     assert decode_reply(encode_reply(reply)) == reply
 
@@ -62,7 +62,7 @@ def test_a_long_text_loses_its_end_and_no_character_is_cut() -> None:
 @given(st.binary(max_size=300))
 def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data: bytes) -> None:
     for decode in (decode_order, decode_reply):
-        for known in (b"", b"VFOR\x01\x01\x00\x01", b"VFRY\x01\x01\x04\x00"):
+        for known in (b"", b"VFOR\x02\x01\x00\x01", b"VFRY\x02\x01\x04\x00"):
             body = known + data
             with pytest.raises(LinkDataError):
                 decode(body)
