@@ -5,14 +5,14 @@ import math
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from random import Random, SystemRandom
 
 from vfguide.companion.state_receiver import motion_of
 from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown, ends
+from vfguide.formation.arrangement import Arrangement, Flown
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
@@ -175,7 +175,7 @@ class OrderDesk:
             raise VfguideError(
                 f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
             )
-        return replace(first, slots=ends(self.flown.places), number=number, flown=self.flown.flown)
+        return first.after(self.flown)
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
         """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
