@@ -90,8 +90,6 @@ class Arrangement:
 
     number: int
     """Rises from order to order: a newer one counts."""
-    term: int = 0
-    """Of the leader under which it was given."""
     time_s: float
     """When slots begin to move, s on the formation's clock."""
     flown: Flown = Flown.FORMATION

@@ -101,7 +101,6 @@ def arrangement_of(
     *,
     number: int,
     time_s: float,
-    term: int = 0,
     circle: Circle | None = None,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to, and how everybody gets there.
@@ -112,7 +111,6 @@ def arrangement_of(
         limits: how fast slots may move.
         number: of the arrangement, greater than that of any before.
         time_s: when it begins, s on the formation's clock.
-        term: of the leader.
         circle: where to hold, for an order to hold; any other order in a hold keeps the circle that is flown.
 
     Raises:
@@ -147,7 +145,6 @@ def arrangement_of(
         flown = Flown.HOLD
     arrangement = Arrangement(
         number=number,
-        term=term,
         time_s=time_s,
         flown=flown,
         climb_s=found.climb_s,

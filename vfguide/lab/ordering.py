@@ -292,14 +292,12 @@ def _resolved(
 ) -> Arrangement:
     """The arrangement of an order that begins a while from now."""
     time_s = _now(desk) + LEAD_S
-    leader = desk.leader
     found, _ = resolve(
         mission,
         order,
         formation,
         number=number,
         time_s=time_s,
-        term=0 if leader is None else leader.term,
         leader=desk.leader_place(time_s),
     )
     return found

@@ -1,7 +1,7 @@
 """Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
 
 An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
-1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), term (u32), time (f64, s), time
+1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), time (f64, s), time
 to climb and time across (f32, s); with a circle its centre (f64, degrees) and its radius (f32, m); then for
 each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end,
 each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
@@ -22,7 +22,7 @@ from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
 VERSION = 2
-HEADER = struct.Struct("<4sBBBBIIdff")
+HEADER = struct.Struct("<4sBBBBIdff")
 CIRCLE = struct.Struct("<ddf")
 OFFSETS = struct.Struct("<7h")
 REPLY = struct.Struct("<4sBBBxII")
@@ -94,7 +94,6 @@ def encode_order(order: Arrangement) -> bytes:
             flags,
             len(order.places),
             order.number,
-            order.term,
             order.time_s,
             order.climb_s,
             order.across_s,
@@ -126,9 +125,7 @@ def decode_order(data: bytes) -> Arrangement:
         LinkDataError: they are none, are damaged, or a value is out of its range.
     """
     body = _checked(data, ORDER_MAGIC, HEADER.size)
-    _, version, flown, flags, count, number, term, time_s, climb_s, across_s = HEADER.unpack_from(
-        body
-    )
+    _, version, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
     if version != VERSION:
         raise LinkDataError(f"an order of version {version}, this companion reads {VERSION}")
     if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE):
@@ -157,7 +154,6 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError("a circle belongs to a hold, and only there")
     return Arrangement(
         number=number,
-        term=term,
         time_s=time_s,
         flown=what,
         climb_s=climb_s,

@@ -61,7 +61,6 @@ def resolve(
     *,
     number: int,
     time_s: float,
-    term: int = 0,
     leader: LeaderPlace | None = None,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to in a mission, with its vehicles, its path and its wind.
@@ -72,7 +71,6 @@ def resolve(
         formation: as it is.
         number: of the arrangement.
         time_s: when it begins, s on the formation's clock.
-        term: of the leader.
         leader: where it will be then, for an order to hold; as planned if absent.
 
     Raises:
@@ -86,9 +84,7 @@ def resolve(
     conditions = conditions_of(mission.path, mission.wind)
 
     def attempt(limits: MotionLimits) -> tuple[Arrangement, Transition]:
-        return arrangement_of(
-            order, formation, limits, number=number, time_s=time_s, term=term, circle=circle
-        )
+        return arrangement_of(order, formation, limits, number=number, time_s=time_s, circle=circle)
 
     slow = MotionLimits(forward=2.0, back=2.0, aside=2.0, acceleration=0.5)
     found, way = attempt(slow)

@@ -26,7 +26,6 @@ SECONDS = st.floats(0.0, 3600.0, width=32)
 ORDERS = st.builds(
     Arrangement,
     number=st.integers(1, 2**32 - 1),
-    term=st.integers(0, 2**32 - 1),
     time_s=st.floats(-1e9, 1e9),
     flown=st.sampled_from([Flown.FORMATION, Flown.ABORT]),
     climb_s=SECONDS,
@@ -88,3 +87,9 @@ def test_two_followers_of_one_name_are_no_order() -> None:
         decode_order(
             encode_order(Arrangement(number=1, time_s=0.0, across_s=1.0, places=(place, place)))
         )
+
+
+def test_an_order_says_nothing_but_what_companions_heed() -> None:
+    order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=())
+    # Mark 4, version to followers 4, number 4, time 8, two durations 8, checksum 4.
+    assert len(encode_order(order)) == 32
