@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.formation.arrangement import PEAK, Arrangement, Flown, Place, Point
+from vfguide.formation.arrangement import PEAK, Arrangement, Flown, Place, Point, agreed_number
 from vfguide.formation.transition import approaches, nearest_on
 from vfguide.guidance.formation import Slot
 from vfguide.laws.leader import LeaderTask
@@ -190,10 +190,7 @@ class Arrangements:
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
         own = self.number
-        newest = max(
-            (number for number, _, time_s in self._numbers.values() if now - time_s <= HEARD_S),
-            default=0,
-        )
+        newest = self._newest(now)
         if newest <= own or self._expects(newest, now):
             self._waits_since, self._complained = math.inf, False
             return False
@@ -206,6 +203,15 @@ class Arrangements:
                 warning=True,
             )
         return True
+
+    def _newest(self, now: float) -> int:
+        """Number of the newest order that the others fly by, or are about to."""
+        heard = {
+            vehicle: number
+            for vehicle, (number, _, time_s) in self._numbers.items()
+            if vehicle != self._plan.name and now - time_s <= HEARD_S
+        }
+        return agreed_number(heard, self.coordinator)
 
     def _expects(self, number: int, now: float) -> bool:
         """Whether an order of this number or a later one was agreed to, and its time has not come."""
@@ -433,10 +439,7 @@ class Arrangements:
     def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
         order = given.arrangement
-        flying = any(
-            number == order.number and vehicle != self._plan.name and now - time_s <= HEARD_S
-            for vehicle, (number, _, time_s) in self._numbers.items()
-        )
+        flying = self._newest(now) == order.number
         due = order.flown is Flown.ABORT or given.begins(self._shared(now))
         newer = self._flown is None or order.number > self._flown.arrangement.number
         return flying and due and newer

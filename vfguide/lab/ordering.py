@@ -12,7 +12,7 @@ from random import Random, SystemRandom
 from vfguide.companion.state_receiver import motion_of
 from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Arrangement, Flown, agreed_number
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
@@ -159,7 +159,9 @@ class OrderDesk:
     @property
     def newest_number(self) -> int:
         """Of the order that is flown, as states say."""
-        return max((state.arrangement for state in self.states.values()), default=0)
+        term = 0 if self._lead is None else self._lead.term
+        numbers = {name: state.arrangement for name, state in self.states.items()}
+        return agreed_number(numbers, holder_of(term, self._may_lead))
 
     def formation(self) -> Formation:
         """As it is.

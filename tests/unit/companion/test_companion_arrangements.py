@@ -486,3 +486,31 @@ def test_two_orders_of_one_number_are_not_both_flown(
         check_of(first): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
         check_of(second): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
     }
+
+
+def test_the_number_of_one_vehicle_stops_nobody(plan: MakePlan) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    for name, number in (("leader", 0), ("f3", 0), ("f1", 2**32 - 1)):
+        member.hear(name, heard(5.0, number), 5.0)
+    assert not member.waits(5.0)
+    assert member.obstacle(5.0) is None
+    # Nor does it bring back what was called off in another flight.
+    old = called_off(number=2**32 - 1, time_s=5.0)
+    member.receive_order(old, old, 5.0, repeated=True)
+    assert member.flown is None
+
+
+@pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
+def test_the_leaders_number_counts_and_that_of_two_others(
+    plan: MakePlan, others: tuple[str, ...]
+) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    for name in {*NAMES} - {"f2"}:
+        member.hear(name, heard(5.0, 7 if name in others else 0), 5.0)
+    assert member.waits(5.0)
+
+
+def test_one_vehicles_number_counts_where_no_second_is_heard(plan: MakePlan) -> None:
+    member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+    member.hear("f1", heard(5.0, 7), 5.0)
+    assert member.waits(5.0)
