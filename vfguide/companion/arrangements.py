@@ -14,9 +14,10 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from vfguide.companion.order_limits import circle_objection, motion_objection
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.formation.arrangement import PEAK, Arrangement, Flown, Place, Point, agreed_number
+from vfguide.formation.arrangement import Arrangement, Flown, Place, Point, agreed_number
 from vfguide.formation.transition import approaches, nearest_on
 from vfguide.guidance.formation import Slot
 from vfguide.laws.leader import LeaderTask
@@ -150,6 +151,7 @@ class Arrangements:
         self._refused: tuple[Order, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
+        self._places: dict[str, tuple[float, float]] = {}
         self._older: dict[str, float] = {}
         self._replied_s = self._repeated_s = -math.inf
         self._waits_since = math.inf
@@ -352,6 +354,7 @@ class Arrangements:
             return
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
+        self._places[vehicle] = (state.north, state.east)
         order = self._next
         # A deputy may hear of a decision by another vehicle that has heard it of a leader that is lost since.
         decides = vehicle == self.coordinator or self._plan.lead is not None
@@ -557,6 +560,12 @@ class Arrangements:
                     f"{one.first} and {one.second} would come within {one.distance:.1f} m of each other"
                     f" {one.time_s:.0f} s after its beginning, less than {KEEP_M:g} m"
                 )
+        circle = self._circle_of(order)
+        if circle is not None:
+            places = self._places.values() if self._places else [(0.0, 0.0)]
+            objection = circle_objection(circle, self._plan.airframe, places)
+            if objection is not None:
+                return objection
         place = order.place_of(self._plan.name)
         return None if place is None else self._own_objection(order, place, now)
 
@@ -576,12 +585,9 @@ class Arrangements:
                 f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
                 f" right of the leader, but its slot is at {begin.forward:.0f} m and {begin.right:.0f} m"
             )
-        way = place.end.minus(place.begin)
-        rate = way.forward * PEAK / max(order.across_s, 0.1)
-        fastest = airframe.cruise + rate
-        if fastest > airframe.airspeed_max or fastest < airframe.airspeed_min:
-            limit = airframe.airspeed_max if rate > 0.0 else airframe.airspeed_min
-            return f"{name} would have to fly {fastest:.1f} m/s, and its limit is {limit:g} m/s"
+        objection = motion_objection(order, place, airframe)
+        if objection is not None:
+            return objection
         lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
         height = self._plan.height - self._plan.up + lowest
         if height < LOWEST_M and lowest < self._plan.up:

@@ -10,6 +10,7 @@ from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot as GuidanceSlot
+from vfguide.guidance.limits import GRAVITY
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import path_of
@@ -31,6 +32,12 @@ ASIDE_SHARE = 0.35
 
 ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
 """Of what the aircraft have, for the motion of slots; and m/s²."""
+
+GREATEST_CLIMB_M_S = 2.0
+"""Slots climb and sink no faster than this."""
+
+STEEPEST = 0.5
+"""Share of the lateral acceleration of the aircraft that has least, for a hold."""
 
 RADIUS_S, WIDTHS = 10.0, 5.0
 """Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
@@ -111,10 +118,12 @@ def motion_limits(
     """
     cruise = mission.leader.airspeed_m_s
     forward = back = FASTEST_M_S
-    acceleration = GREATEST_ACCELERATION
+    acceleration, climb = GREATEST_ACCELERATION, GREATEST_CLIMB_M_S
     for name, points in slots.items():
         vehicle = mission.vehicles[name]
         lowest, highest = vehicle.airspeed_range_m_s
+        sink, rise = vehicle.climb_range_m_s
+        climb = min(climb, rise, -sink)
         acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.max_acceleration_m_s2)
         for point in points:
             needed = conditions.slot_airspeed(
@@ -128,6 +137,7 @@ def motion_limits(
         back=max(back, slowest),
         aside=ASIDE_SHARE * cruise,
         acceleration=acceleration,
+        climb=climb,
     )
 
 
@@ -140,7 +150,11 @@ def planned_place(mission: Mission, time_s: float) -> LeaderPlace:
 def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
     """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
-    radius = max(RADIUS_S * mission.leader.airspeed_m_s, WIDTHS * widest)
+    speed = mission.leader.airspeed_m_s
+    names = [mission.leader.vehicle, *formation.slots]
+    bank = math.radians(min(mission.vehicles[name].max_bank_deg for name in names))
+    tightest = speed**2 / (STEEPEST * GRAVITY * math.tan(bank))
+    radius = max(RADIUS_S * speed, WIDTHS * widest, tightest)
     origin = mission.origin
     frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
     latitude, longitude = frame.to_geodetic(

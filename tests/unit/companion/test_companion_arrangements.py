@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -514,3 +514,67 @@ def test_one_vehicles_number_counts_where_no_second_is_heard(plan: MakePlan) -> 
     member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
     member.hear("f1", heard(5.0, 7), 5.0)
     assert member.waits(5.0)
+
+
+@pytest.mark.parametrize(
+    ("to", "layer", "climb_s", "sentence"),
+    [
+        # 1/0.7 of the mean, in 10 s: 42.9 m/s for 300 m.
+        ((300.0, 0.0), None, 0.0, "f1 would have to fly 42.9 m/s aside"),
+        ((0.0, 100.0), None, 0.0, "f1 would have to climb at 14.3 m/s, and its limit is 4"),
+        ((0.0, 30.0), 60.0, 20.0, "f1 would have to climb at 4.3 m/s"),
+        ((0.0, 30.0), 60.0, 0.0, "f1 would have to climb at 857.1 m/s"),
+        ((0.0, 0.0), 54.0, 20.0, "f1 would have to sink at 3.9 m/s, and its limit is 3"),
+        ((0.0, 0.0), 40.0, 20.0, None),
+    ],
+)
+def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(
+    plan: MakePlan,
+    to: tuple[float, float],
+    layer: float | None,
+    climb_s: float,
+    sentence: str | None,
+) -> None:
+    begin = slots_of(plan)["f1"]
+    end = Point(begin.forward, begin.right + to[0], to[1])
+    place = Place(vehicle="f1", begin=begin, end=end, layer=layer)
+    order = Arrangement(number=1, time_s=10.0, climb_s=climb_s, across_s=10.0, places=(place,))
+    assert_refused(Arrangements(plan(vehicle="f1"), SAME_CLOCK), order, sentence)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "radius_m", "away_deg", "sentence"),
+    [
+        # 20 m/s at 45 degrees: 20² / 9.81 = 41 m.
+        ("leader", 20.0, 0.0, "a circle of 20 m is too small: at least 41 m are needed"),
+        ("f1", 20.0, 0.0, "a circle of 20 m is too small"),
+        ("leader", 200.0, 1.0, "the circle is 111 km away, more than 5 km"),
+        ("f1", 200.0, 0.01, None),
+    ],
+)
+def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
+    plan: MakePlan,
+    vehicle: str,
+    radius_m: float,
+    away_deg: float,
+    sentence: str | None,
+) -> None:
+    own = plan(vehicle=vehicle)
+    latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 0.0)
+    circle = Circle(
+        latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
+    )
+    order = Arrangement(
+        number=1, time_s=10.0, flown=Flown.HOLD, across_s=10.0, places=(), circle=circle
+    )
+    assert_refused(Arrangements(own, SAME_CLOCK), order, sentence)
+
+
+def assert_refused(member: Arrangements, order: Arrangement, sentence: str | None) -> None:
+    """See that an order is refused with this in its sentence; with none, that it is agreed to."""
+    member.receive_order(encode_order(order), b"", 5.0)
+    member.step(5.0)
+    (data,), _ = member.to_say()
+    reply = decode_reply(data)
+    assert reply.verdict is (Verdict.READY if sentence is None else Verdict.REFUSED)
+    assert (sentence or "") in reply.text
