@@ -1,16 +1,21 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Arrangement, Circle, Flown
 from vfguide.link.codec import LeaderMessage, decode
+from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import PositionReport
+from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]
 Make = Callable[..., Any]
@@ -224,3 +229,29 @@ def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: Ma
     role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
     (navigated,) = fixes(plan(), 0.5, [3.0])
     assert role.step(navigated, Mode.TRACKING).publish is None
+
+
+def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has(plan: MakePlan) -> None:
+    own = plan(vehicle="leader")
+    arrangements = Arrangements(own, SAME_CLOCK)
+    role = LeaderRole(own, own.task, SAME_CLOCK, arrangements)  # type: ignore[arg-type]
+    first, second = fixes(own, 0.5, [3.0, 3.1])
+    at = [
+        replace(one, state=replace(one.state, height=height))
+        for one, height in ((first, 160.0), (second, 161.5))
+    ]
+    # It waits until the order is repeated, and has not steered yet.
+    role.step(at[0], Mode.WAITING)
+    latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 200.0)
+    circle = Circle(latitude_deg=latitude_deg, longitude_deg=longitude_deg, radius_m=200.0)
+    hold = Arrangement(
+        number=3, time_s=2.0, flown=Flown.HOLD, across_s=0.0, places=(), circle=circle
+    )
+    state = HeardState(
+        time_s=3.0, north=0.0, east=0.0, course=0.0, ground_speed=20.0, acceleration=0.0,
+        turn_rate=0.0, turn_acceleration=0.0, altitude_amsl=588.0, steered=True, arrangement=3,
+    )  # fmt: skip
+    arrangements.hear("f1", state, 3.0)
+    arrangements.receive_order(encode_order(hold), b"", 3.0, repeated=True)
+    assert arrangements.circle is not None
+    assert role.step(at[1], Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)
