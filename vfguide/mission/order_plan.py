@@ -12,6 +12,7 @@ from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot as GuidanceSlot
 from vfguide.guidance.limits import GRAVITY
 from vfguide.mission.conditions import Conditions, conditions_of
+from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
@@ -98,7 +99,8 @@ def resolve(
     if found.flown is Flown.ABORT:
         return found, way
     after = {place.vehicle: place.end for place in found.places}
-    for finding in _misfits(with_slots(mission, after), conditions):
+    ordered = with_slots(mission, after)
+    for finding in (*_misfits(ordered, conditions), *_outside(ordered, found.circle)):
         raise RefusedOrderError(f"{finding.message}; {finding.remedy}")
     slots = {name: [point] for name, point in after.items()}
     for place in found.places:
@@ -201,6 +203,22 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
                 f" {before.duration_s:.0f} s, give it {late_s:.0f} s more"
             )
     return tuple(found)
+
+
+def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
+    """Vehicles that would leave the fence: along the path, or on the circle of a hold."""
+
+    def flown(ordered: Mission) -> Iterable[Track]:
+        if circle is None:
+            return tracks(ordered)
+        origin = ordered.origin
+        frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+        north, east = frame.to_local(circle.latitude_deg, circle.longitude_deg)
+        return hold_tracks(ordered, north, east, circle.radius_m)
+
+    for finding in tracks_beyond_the_fence(mission, flown):
+        if finding.severity == "error":
+            yield finding
 
 
 def _misfits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
