@@ -578,3 +578,13 @@ def assert_refused(member: Arrangements, order: Arrangement, sentence: str | Non
     reply = decode_reply(data)
     assert reply.verdict is (Verdict.READY if sentence is None else Verdict.REFUSED)
     assert (sentence or "") in reply.text
+
+
+def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(Arrangement(number=4, time_s=5.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.run(60.0)
+    formation.start("f2")
+    formation.run(64.0)
+    assert formation.members["f2"].has_left
