@@ -38,7 +38,7 @@ def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Fin
             "error",
             ("path",),
             f"it leads the lowest vehicle {-height:.0f} m below the origin",
-            "raise path.end_height_m or height_above_origin_m",
+            "raise the lowest height of the path, or height_above_origin_m",
         )
 
 
@@ -49,7 +49,7 @@ def _finding(
     if needed <= 0.0:
         return
     location = ("vehicles", name, "climb_range_m_s")
-    remedy = "make path.climb_deg smaller, or fly slower"
+    remedy = "make the path climb less steeply, or fly slower"
     what = f"the path {doing} at up to {needed:.1f} m/s"
     if needed > limit:
         yield Finding("error", location, f"{what}, '{name}' at {limit:g} at most", remedy)

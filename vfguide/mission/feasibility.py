@@ -124,6 +124,16 @@ def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
             yield Finding("warning", ("acceptance", name), message, remedy)
 
 
+def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
+    """Companions and links that would be lost once the rehearsal is over."""
+    duration = mission.rehearsal.duration_s
+    for index, loss in enumerate(mission.rehearsal.losses):
+        if loss.at_s >= duration:
+            message = f"'{loss.vehicle}' loses its {loss.what} at {loss.at_s:g} s, when all is over"
+            remedy = f"lengthen rehearsal.duration_s, {duration:g} s, or let it happen earlier"
+            yield Finding("warning", ("rehearsal", "losses", index), message, remedy)
+
+
 PROMISED_M = 5.0
 """No vehicle under guidance is to come nearer than this to another."""
 
@@ -250,6 +260,7 @@ OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     crowded_starts,
     distant_starts,
     settling_after_the_end,
+    losses_after_the_end,
     orders_that_cannot_be,
     left_out_of_the_plan,
 )

@@ -94,6 +94,8 @@ def parse_plan(content: bytes) -> dict[str, Any]:
     found: dict[str, Any] = {"waypoints": reader.waypoints, "end": reader.end}
     if reader.loiter_radius_m:
         found["loiter_radius_m"] = reader.loiter_radius_m
+    if not isinstance(data.get("geoFence", {}), dict):
+        raise InputError(f"its geoFence is none; {again}")
     fence = fence_of(group(data.get("geoFence")))
     if fence:
         found["fence"] = fence
@@ -125,6 +127,8 @@ class Reader:
         """Take the items in their order, up to a landing or the way home."""
         for number, item in enumerate(items, start=1):
             command = whole(item.get("command"))
+            if command is None and "complexItemType" not in item:
+                raise InputError(f"item {number} has no command; save it again with QGroundControl")
             if command in ENDS or str(item.get("complexItemType")) in LANDINGS:
                 self.left_out.add("the return and the landing")
                 return

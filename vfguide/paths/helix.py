@@ -28,7 +28,9 @@ class HelixShape(CircleShape):
     def _leads_to_its_end(self) -> Self:
         if not is_consistent(self.climb_deg, self.end_height_m):
             kind = "helix_end"
-            message = "climb_deg and end_height_m are both positive, or both negative"
+            message = (
+                "climb_deg and end_height_m go together: write both positive, or both negative"
+            )
             raise PydanticCustomError(kind, message)
         return self
 

@@ -96,7 +96,9 @@ class LineShape(PathShape):
             raise PydanticCustomError(kind, message)
         if not is_consistent(self.climb_deg, self.end_height_m):
             kind = "line_end_height"
-            message = "climb_deg and end_height_m are both positive, or both negative"
+            message = (
+                "climb_deg and end_height_m go together: write both positive, or both negative"
+            )
             raise PydanticCustomError(kind, message)
         return self
 

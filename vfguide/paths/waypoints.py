@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
@@ -24,6 +24,9 @@ from vfguide.registry import paths
 
 SHARPEST_RAD = math.radians(160.0)
 """A corner that turns by more is none: the route comes back along its own leg."""
+
+LEAST_CIRCLE_M = 10.0
+"""Least radius of the circle at the end; what an aircraft can fly is for `check` to say."""
 
 NEAREST_M = 1.0
 """Between two waypoints."""
@@ -64,6 +67,14 @@ class Waypoint(Place):
         return self.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
 
 
+def _round_something(radius_m: float) -> float:
+    if abs(radius_m) < LEAST_CIRCLE_M:
+        kind = "loiter_radius"
+        message = "a circle of less than 10 m; write 10 or more, or -10 or less"
+        raise PydanticCustomError(kind, message)
+    return radius_m
+
+
 class RouteShape(PathShape):
     """What routes have in common."""
 
@@ -75,7 +86,10 @@ class RouteShape(PathShape):
     """Length over which the curvature comes at the beginning of a fillet, and goes at its end, m; as long as
     the radius if absent."""
 
-    loiter_radius_m: Annotated[quantity.Number, Field(ge=-100e3, le=100e3)] | None = None
+    loiter_radius_m: (
+        Annotated[quantity.Number, AfterValidator(_round_something), Field(ge=-100e3, le=100e3)]
+        | None
+    ) = None
     """`loiter`: radius of the circle, m, negative counter-clockwise; if absent that of the fillets,
     clockwise."""
 
@@ -137,6 +151,9 @@ class WaypointsShape(RouteShape):
         """What comes after the last of them."""
         return self.end
 
+
+FARTHEST_M = 100e3
+"""From the mission's origin: no formation of small aircraft flies further away."""
 
 FALLBACK_RADIUS_M = 100.0
 """Where the mission does not say how fast anything flies."""
@@ -211,7 +228,15 @@ class Route:
         return Corner(north, east, up, bend, turn, reach)
 
     def misfits(self) -> Iterator[Misfit]:
-        """Waypoints that coincide, corners that are too sharp, legs too short for their fillets."""
+        """Waypoints far away, that coincide, corners that are too sharp, legs too short for their fillets."""
+        for index, (north, east, *_) in enumerate(self.places):
+            if (distance := math.hypot(north, east)) > FARTHEST_M:
+                yield Misfit(
+                    ("waypoints", index),
+                    f"is {distance / 1e3:.0f} km away from the origin",
+                    f"correct its coordinates: {FARTHEST_M / 1e3:.0f} km at most",
+                )
+                return
         for index, (length, _) in enumerate(self.legs):
             if length < NEAREST_M:
                 yield Misfit(

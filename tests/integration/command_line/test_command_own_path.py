@@ -57,11 +57,10 @@ def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
 
 
 def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
-    # where it is widest it has a radius of 0.209 . 200 = 42 m; the slot 20 m outside flies 20 (1 + 20/42)
-    # = 29.6 m/s at 20/42 = 0.48 rad/s: atan(29.6 . 0.48 / 9.81) = 55 degrees; it is behind, too
+    # its tightest turns have a radius of 23.9 m, beside where it is widest: atan(20²/23.9/9.81) = 60 degrees
     refused = run("check", "circle-calm", "--set", "path={type: lissajous, half_length_m: 200}")
     assert refused.returncode == 2
-    assert "'f2' has to bank 5" in refused.stdout
+    assert "'leader' has to bank 60°" in refused.stdout
     assert "widen the path's turns" in refused.stdout
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -227,7 +227,7 @@ def test_the_nearest_place_of_any_route_is_the_nearest(
         assert away >= least - 0.6
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(legs=ROUTES, right=st.floats(-15.0, 15.0))
 def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(
     legs: list[tuple[float, float, float]], right: float
@@ -237,6 +237,13 @@ def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(
     places = path.at(run)
     north = places.north - right * np.sin(places.course)
     east = places.east + right * np.cos(places.course)
+    # Where another branch of about the same course is as near, either may be meant.
+    others = path.at(np.arange(0.0, path.length, 5.0))
+    apart = np.abs(run[:, None] - np.arange(0.0, path.length, 5.0))
+    alike = np.cos(places.course[:, None] - others.course) > math.cos(2.0)
+    other_branch = alike & (np.minimum(apart, path.length - apart) > 80.0)
+    distances = np.hypot(north[:, None] - others.north, east[:, None] - others.east)
+    assume(np.where(other_branch, distances, np.inf).min() > 3.0 * abs(right) + 5.0)
     point = path.nearest(north, east, places.course)
     away = np.abs(point.progress - run)
     assert np.minimum(away, path.length - away).max() < 1e-3
@@ -286,3 +293,16 @@ def test_what_does_not_fit_together_is_named_with_its_place(
     found = misfits(places, **fields)
     assert found[0][0] == location
     assert message in found[0][1]
+
+
+def test_a_waypoint_on_another_continent_is_named_with_its_distance() -> None:
+    # 80 km north and 60 km east are 100 km away; a metre more is not flown
+    assert route(((0.0, 0.0), (80e3, 60e3))).length > 100e3
+    ((location, message),) = misfits(((0.0, 0.0), (80e3, 60_001.0)))
+    assert location[-2:] == ("waypoints", 1)
+    assert "is 100 km away from the origin" in message
+
+
+def test_a_circle_at_the_end_has_a_radius() -> None:
+    ((_, message),) = misfits(CORNERS, loiter_radius_m=0)
+    assert message == "a circle of less than 10 m; write 10 or more, or -10 or less"

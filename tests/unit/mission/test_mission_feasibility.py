@@ -252,3 +252,9 @@ def test_slots_above_each_other_are_as_far_apart_as_their_heights(
     least = least_guarantee(Mission.model_validate(flown))
     assert least is not None
     assert least.distance_m == pytest.approx(least_m, abs=0.6)
+
+
+def test_a_loss_after_the_end_of_the_rehearsal_is_a_warning() -> None:
+    late = ("duration_s: 240", "duration_s: 60")
+    assert ("warning", "rehearsal.losses[0]") in found("leader-lost", late)
+    assert ("warning", "rehearsal.losses[0]") not in found("leader-lost")

@@ -89,6 +89,8 @@ def test_the_last_item_says_what_comes_at_the_end(
         (plan(waypoint(0.0, 0.0, 9.0), TWO[1]), "item 1 has no position"),
         (plan(waypoint(97.0, 8.0, 9.0), TWO[1]), "nowhere to fly"),
         (plan(waypoint(47.0, 8.0, float("nan")), TWO[1]), "item 1 has no position"),
+        (plan(waypoint(47.0, 8.0, 9.0, command="waypoint"), TWO[1]), "item 1 has no command"),
+        (plan(*TWO, geoFence="none"), "its geoFence is none; save it again"),
         (plan(*TWO, geoFence={"circles": [{}]}), "a circle of the fence has no radius"),
         (plan(*TWO, geoFence={"polygons": [{"polygon": [[1, 2], [3]]}]}), "without a place"),
         (plan(*TWO, geoFence={"polygons": [{"polygon": [[1, 2]]}]}), "fewer than three corners"),
