@@ -14,9 +14,10 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from vfguide.companion.order_limits import circle_objection, motion_objection
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.formation.arrangement import PEAK, Arrangement, Flown, Place, Point
+from vfguide.formation.arrangement import Arrangement, Flown, Place, Point, agreed_number
 from vfguide.formation.transition import approaches, nearest_on
 from vfguide.guidance.formation import Slot
 from vfguide.laws.leader import LeaderTask
@@ -24,6 +25,7 @@ from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
+    check_of,
     decode_order,
     decode_reply,
     encode_reply,
@@ -44,8 +46,17 @@ SOONEST_S = 1.0
 LATEST_S = 120.0
 """An order's time is from here to there ahead."""
 
+ABORT_S = 30.0
+"""What calls everything off is of now: its time is no further from the present than this."""
+
+JUMP_S = 2.0
+"""A formation's clock that steps further is another one: the computer of its leader was started anew."""
+
 SAME_M = 1.0
 """A slot that is nearer than this to where an order begins is the one that it means."""
+
+NO_TIME_S = 1e-3
+"""Less than this is what numbers are rounded by."""
 
 KEEP_M = 5.0
 """Slots come no nearer than this, whatever an operator's program thinks of it."""
@@ -97,8 +108,21 @@ class Order:
     """What it asks for."""
     signed: bytes
     """As it came, to be repeated."""
+    check: int
+    """CRC-32 of its bytes: what it is told by from another of the same number."""
     confirmed: bool = False
     """Whether the leader has said that it is flown."""
+    offset_s: float = math.nan
+    """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
+
+    def is_meant_by(self, reply: Reply) -> bool:
+        """Whether an answer is about it, and not about another order of its number."""
+        return (reply.number, reply.check) == (self.arrangement.number, self.check)
+
+    def begins(self, time_s: float) -> bool:
+        """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
+        ahead_s = self.arrangement.time_s - time_s
+        return ahead_s <= 0.0 or ahead_s > LATEST_S
 
 
 class Arrangements:
@@ -124,10 +148,10 @@ class Arrangements:
         self._circle: Circle | None = None
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = False
-        self._refused = 0
-        self._refusal = ""
+        self._refused: tuple[Order, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
+        self._places: dict[str, tuple[float, float]] = {}
         self._older: dict[str, float] = {}
         self._replied_s = self._repeated_s = -math.inf
         self._waits_since = math.inf
@@ -168,11 +192,8 @@ class Arrangements:
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
         own = self.number
-        newest = max(
-            (number for number, _, time_s in self._numbers.values() if now - time_s <= HEARD_S),
-            default=0,
-        )
-        if newest <= own:
+        newest = self._newest(now)
+        if newest <= own or self._expects(newest, now):
             self._waits_since, self._complained = math.inf, False
             return False
         self._waits_since = min(self._waits_since, now)
@@ -184,6 +205,22 @@ class Arrangements:
                 warning=True,
             )
         return True
+
+    def _newest(self, now: float) -> int:
+        """Number of the newest order that the others fly by, or are about to."""
+        heard = {
+            vehicle: number
+            for vehicle, (number, _, time_s) in self._numbers.items()
+            if vehicle != self._plan.name and now - time_s <= HEARD_S
+        }
+        return agreed_number(heard, self.coordinator)
+
+    def _expects(self, number: int, now: float) -> bool:
+        """Whether an order of this number or a later one was agreed to, and its time has not come."""
+        order = self._next
+        if order is None or order.arrangement.number < number:
+            return False
+        return self._time_of(order, now) < order.arrangement.time_s
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
@@ -199,23 +236,23 @@ class Arrangements:
 
         None by the mission's own slots, and for a vehicle that has left.
         """
-        flown = self.flown
-        if flown is None or flown.place_of(vehicle) is None:
+        order = self._flown
+        if order is None or order.arrangement.place_of(vehicle) is None:
             return None
-        return flown.slot(vehicle, self._shared(now))
+        return order.arrangement.slot(vehicle, self._time_of(order, now))
 
     def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
         """(height above the leader in m, its rate in m/s) of a slot that an order has given; see `slot`."""
-        flown = self.flown
-        if flown is None or flown.place_of(vehicle) is None:
+        order = self._flown
+        if order is None or order.arrangement.place_of(vehicle) is None:
             return None
-        return flown.height(vehicle, self._shared(now))
+        return order.arrangement.height(vehicle, self._time_of(order, now))
 
     def others(self, now: float) -> list[OtherSlot] | None:
         """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
-        flown = self.flown
-        if flown is None:
+        if self._flown is None:
             return None
+        flown = self._flown.arrangement
         if self._settled is not None and self._settled[0] is flown:
             return self._settled[1]
         own, own_later = (self.point(self._plan.name, time_s) for time_s in (now, now + AHEAD_S))
@@ -240,7 +277,7 @@ class Arrangements:
                     layered=abs(before.up) >= LAYERED_M,
                 )
             )
-        if self._shared(now) > flown.time_s + flown.duration_s:
+        if self._time_of(self._flown, now) > flown.time_s + flown.duration_s:
             self._settled = flown, found
         return found
 
@@ -253,36 +290,50 @@ class Arrangements:
         returned, self._returned = self._returned, False
         return returned
 
-    def receive_order(self, data: bytes, signed: bytes, now: float) -> None:
+    def receive_order(
+        self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
+    ) -> None:
         """Take an order that an operator has given.
 
         Args:
             data: the order.
             signed: how others can be told of it: as the operator has signed it.
             now: s, on one's own clock.
+            repeated: whether another vehicle says it again. When it was given is not proven then, be it an
+                order of an earlier flight: it counts only where it is what the others fly by.
         """
         try:
             order = decode_order(data)
         except LinkDataError:
             self.counters["order: malformed"] += 1
             return
-        if self._is_known(order):
-            return
-        if self._is_missed(order, now):
-            self._begin(Order(order, signed), now)
-            return
+        # What the others fly counts, whatever this companion has thought of it before.
+        given = Order(order, signed, check_of(data))
+        if self._is_missed(given, now):
+            if self._shared(now) < order.time_s:
+                given.offset_s = math.inf
+            self._begin(given, now)
+        elif repeated:
+            self.counters["order: repeated, and not what the others fly by"] += 1
+        elif not self._is_known(given):
+            self._consider(given, now)
+
+    def _consider(self, given: Order, now: float) -> None:
+        """Agree to an order, or refuse it; fly it at once where it calls everything off."""
+        order = given.arrangement
         if order.number <= self.number:
             self.counters["order: not newer"] += 1
             return
-        if order.flown is Flown.ABORT:
-            self._begin(Order(order, signed), now)
-            return
-        objection = self._objection(order, now)
+        calls_off = order.flown is Flown.ABORT
+        objection = self._age_objection(order, now) if calls_off else self._objection(order, now)
         if objection is not None:
-            self._refuse(order.number, objection)
+            self._refuse(given, objection)
+            return
+        if calls_off:
+            self._begin(given, now)
             return
         self._say(f"order {order.number} is understood")
-        self._next, self._replied_s = Order(order, signed), -math.inf
+        self._next, self._replied_s = given, -math.inf
         self._answers.clear()
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
@@ -294,7 +345,7 @@ class Arrangements:
             return
         if reply.verdict is Verdict.UNKNOWN:
             self._note_older(vehicle, reply.number, now)
-        elif self._next is not None and reply.number == self._next.arrangement.number:
+        elif self._next is not None and self._next.is_meant_by(reply):
             self._answers[vehicle] = reply
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
@@ -303,6 +354,7 @@ class Arrangements:
             return
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
+        self._places[vehicle] = (state.north, state.east)
         order = self._next
         # A deputy may hear of a decision by another vehicle that has heard it of a leader that is lost since.
         decides = vehicle == self.coordinator or self._plan.lead is not None
@@ -315,7 +367,7 @@ class Arrangements:
         order = self._next
         if order is None:
             return
-        time_s = self._shared(now)
+        time_s = self._time_of(order, now)
         due_s = order.arrangement.time_s
         leads = self.coordinator == self._plan.name
         if leads and not order.confirmed:
@@ -332,7 +384,7 @@ class Arrangements:
             self._void(order, "the leader was not heard")
         if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
             self._replied_s = now
-            self._reply(order.arrangement.number, Verdict.READY)
+            self._reply(order, Verdict.READY)
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
         """(answers, orders to be repeated as they were signed) since this was asked last."""
@@ -350,6 +402,14 @@ class Arrangements:
         time_s = self._clock.from_own(now)
         return time_s if math.isfinite(time_s) else math.inf
 
+    def _time_of(self, order: Order, now: float) -> float:
+        """The same on the clock by which an order is flown: slots do not jump where the clock does."""
+        time_s, expected_s = self._shared(now), now + order.offset_s
+        if math.isnan(expected_s) or abs(time_s - expected_s) <= JUMP_S:
+            order.offset_s = time_s - now if math.isfinite(time_s) else order.offset_s
+            return time_s
+        return expected_s
+
     def point(self, vehicle: str, now: float) -> Point | None:
         """Where a slot is that was ordered; None by the mission's own, and for a vehicle that has left."""
         if self.flown is None:
@@ -361,26 +421,31 @@ class Arrangements:
             return None
         return Point(slot.forward, slot.right, height[0])
 
-    def _is_known(self, order: Arrangement) -> bool:
-        """Whether an order is a copy of one that was taken already; it is answered again where it was not."""
-        for known in (self._next, self._flown):
-            if known is not None and known.arrangement.number == order.number:
-                if known is self._flown:
-                    self._reply(order.number, Verdict.FLOWN)
-                return True
-        if order.number == self._refused:
-            self._reply(order.number, Verdict.REFUSED, self._refusal)
+    def _is_known(self, given: Order) -> bool:
+        """Whether an order of this number was taken already; it is answered again where that is not to come.
+
+        Another order of the same number is refused: whoever flies by the number would not fly the same.
+        """
+        refused = None if self._refused is None else self._refused[0]
+        for known in (self._next, self._flown, refused):
+            if known is None or known.arrangement.number != given.arrangement.number:
+                continue
+            if known.check != given.check:
+                self._reply(given, Verdict.REFUSED, "another order has this number: give it again")
+            elif known is self._flown:
+                self._reply(given, Verdict.FLOWN)
+            elif self._refused is not None and known is refused:
+                self._reply(given, Verdict.REFUSED, self._refused[1])
             return True
         return False
 
-    def _is_missed(self, order: Arrangement, now: float) -> bool:
+    def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
-        flying = any(
-            number == order.number and vehicle != self._plan.name and now - time_s <= HEARD_S
-            for vehicle, (number, _, time_s) in self._numbers.items()
-        )
-        due = self._shared(now) >= order.time_s
-        return flying and due and order.number > self.number
+        order = given.arrangement
+        flying = self._newest(now) == order.number
+        due = order.flown is Flown.ABORT or given.begins(self._shared(now))
+        newer = self._flown is None or order.number > self._flown.arrangement.number
+        return flying and due and newer
 
     def _begin(self, order: Order, now: float) -> None:
         """Fly by it from now on."""
@@ -390,7 +455,7 @@ class Arrangements:
         self._returned = had_left and not self.has_left
         self._circle = self._circle_of(order.arrangement)
         self._older.clear()
-        self._reply(order.arrangement.number, Verdict.FLOWN)
+        self._reply(order, Verdict.FLOWN)
         number, what = order.arrangement.number, order.arrangement.flown
         if what is Flown.ABORT:
             self._say(f"order {number}: everybody back to the autopilot", warning=True)
@@ -413,16 +478,17 @@ class Arrangements:
         )
 
     def _void(self, order: Order, reason: str) -> None:
-        self._next = None
-        number = order.arrangement.number
-        self._refused, self._refusal = number, reason
-        self._reply(number, Verdict.VOID, reason)
-        self._say(f"order {number} is void: {reason}; all fly on as before", warning=True)
+        self._next, self._refused = None, (order, reason)
+        self._reply(order, Verdict.VOID, reason)
+        self._say(
+            f"order {order.arrangement.number} is void: {reason}; all fly on as before",
+            warning=True,
+        )
 
-    def _refuse(self, number: int, reason: str) -> None:
-        self._refused, self._refusal = number, reason
-        self._reply(number, Verdict.REFUSED, reason)
-        self._say(f"order {number} is refused: {reason}", warning=True)
+    def _refuse(self, order: Order, reason: str) -> None:
+        self._refused = order, reason
+        self._reply(order, Verdict.REFUSED, reason)
+        self._say(f"order {order.arrangement.number} is refused: {reason}", warning=True)
 
     def _decide(self, order: Order, time_s: float, now: float) -> None:
         """As the leader: once all have agreed in time, it is certain."""
@@ -462,6 +528,13 @@ class Arrangements:
             self._repeated_s = now
             self._repeats.append(flown.signed)
 
+    def _age_objection(self, order: Arrangement, now: float) -> str | None:
+        """Why what calls everything off is not of now, in words; None if it is, or no time is known."""
+        off_s = self._clock.from_own(now) - order.time_s
+        if abs(off_s) > ABORT_S:
+            return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
+        return None
+
     def _objection(self, order: Arrangement, now: float) -> str | None:
         """Why this companion cannot carry out an order, in words; None if it can."""
         time_s = self._clock.from_own(now)
@@ -478,18 +551,30 @@ class Arrangements:
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
-        flown = self.flown
-        if flown is not None and order.time_s < flown.time_s + flown.duration_s:
-            left_s = flown.time_s + flown.duration_s - order.time_s
-            return f"order {flown.number} is still being carried out {left_s:.0f} s too long for it"
+        left_s = self._left(now) - (order.time_s - self._clock.from_own(now))
+        if left_s > NO_TIME_S:
+            return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
         for one in approaches(order.places, order.climb_s, order.across_s, self._leader):
             if one.distance < KEEP_M:
                 return (
                     f"{one.first} and {one.second} would come within {one.distance:.1f} m of each other"
                     f" {one.time_s:.0f} s after its beginning, less than {KEEP_M:g} m"
                 )
+        circle = self._circle_of(order)
+        if circle is not None:
+            places = self._places.values() if self._places else [(0.0, 0.0)]
+            objection = circle_objection(circle, self._plan.airframe, places)
+            if objection is not None:
+                return objection
         place = order.place_of(self._plan.name)
         return None if place is None else self._own_objection(order, place, now)
+
+    def _left(self, now: float) -> float:
+        """How long the slots still move by what is flown, s; not positive once they have arrived."""
+        if self._flown is None:
+            return -math.inf
+        flown = self._flown.arrangement
+        return flown.time_s + flown.duration_s - self._time_of(self._flown, now)
 
     def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
         """The same about this vehicle's own part, by its own limits."""
@@ -500,12 +585,9 @@ class Arrangements:
                 f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
                 f" right of the leader, but its slot is at {begin.forward:.0f} m and {begin.right:.0f} m"
             )
-        way = place.end.minus(place.begin)
-        rate = way.forward * PEAK / max(order.across_s, 0.1)
-        fastest = airframe.cruise + rate
-        if fastest > airframe.airspeed_max or fastest < airframe.airspeed_min:
-            limit = airframe.airspeed_max if rate > 0.0 else airframe.airspeed_min
-            return f"{name} would have to fly {fastest:.1f} m/s, and its limit is {limit:g} m/s"
+        objection = motion_objection(order, place, airframe)
+        if objection is not None:
+            return objection
         lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
         height = self._plan.height - self._plan.up + lowest
         if height < LOWEST_M and lowest < self._plan.up:
@@ -521,8 +603,10 @@ class Arrangements:
         slot = self._plan.task.slot
         return Point(slot.forward, slot.right, self._plan.up)
 
-    def _reply(self, number: int, verdict: Verdict, text: str = "") -> None:
-        self._replies.append(encode_reply(Reply(number=number, verdict=verdict, text=text)))
+    def _reply(self, order: Order, verdict: Verdict, text: str = "") -> None:
+        number = order.arrangement.number
+        reply = Reply(number=number, verdict=verdict, check=order.check, text=text)
+        self._replies.append(encode_reply(reply))
 
     def _say(self, text: str, *, warning: bool = False) -> None:
         self._words.append((text, warning))

@@ -220,9 +220,11 @@ class Companion:
         """Take the state of another follower, of this name, from the link."""
         self._role.receive_neighbour(vehicle, data, now)
 
-    def receive_order(self, data: bytes, signed: bytes, now: float) -> None:
-        """Take an operator's order, and how it is to be repeated for others."""
-        self._arrangements.receive_order(data, signed, now)
+    def receive_order(
+        self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
+    ) -> None:
+        """Take an operator's order, of the operator or repeated, and how it is to be repeated for others."""
+        self._arrangements.receive_order(data, signed, now, repeated=repeated)
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
         """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""

@@ -315,8 +315,8 @@ class Daemon:
     def _take_lead(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_lead(vehicle, data, self._clock.now())
 
-    def _take_order(self, data: bytes, sealed: bytes) -> None:
-        self._companion.receive_order(data, sealed, self._clock.now())
+    def _take_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
+        self._companion.receive_order(data, sealed, self._clock.now(), repeated=repeated)
 
     def _take_reply(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_reply(vehicle, data, self._clock.now())

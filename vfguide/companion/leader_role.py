@@ -58,7 +58,7 @@ class LeaderRole(Role):
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._height = HeightKeeper(plan)
-        self._planned_height = plan.height
+        self._planned_height: float | None = None
 
     @property
     def counters(self) -> Counter[str]:
@@ -95,9 +95,11 @@ class LeaderRole(Role):
                 flying=self._task.height,
                 ahead_s=self._height.delay_s(navigated),
             )
-            self._planned_height = target.height
+            self._planned_height = target.height if mode.steers else None
         else:
-            # Where the hold began.
+            # Where the hold began; of a companion that was started anew since then, where it is.
+            if self._planned_height is None:
+                self._planned_height = navigated.state.height
             target = held_height(self._planned_height)
         return RoleStep(
             setpoint=setpoint,

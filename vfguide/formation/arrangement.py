@@ -5,7 +5,7 @@ anew needs no other to know where its slot is. All slots move straight, at once 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -90,8 +90,6 @@ class Arrangement:
 
     number: int
     """Rises from order to order: a newer one counts."""
-    term: int = 0
-    """Of the leader under which it was given."""
     time_s: float
     """When slots begin to move, s on the formation's clock."""
     flown: Flown = Flown.FORMATION
@@ -193,3 +191,18 @@ def time_of(share: float, duration_s: float) -> float:
 def ends(places: Iterable[Place]) -> dict[str, Point]:
     """Where each follower flies once everything is done, by name."""
     return {one.vehicle: one.end for one in places}
+
+
+def agreed_number(numbers: Mapping[str, int], coordinator: str) -> int:
+    """The newest order that is flown, by what vehicles say; 0 before the first.
+
+    The coordinator's word counts, and that of any two others. One other alone is believed only where no
+    second is heard: its companion may be wrong, or somebody may have its key.
+
+    Args:
+        numbers: that the vehicles carry which are heard.
+        coordinator: name of the vehicle that decides on orders.
+    """
+    ranked = sorted(numbers.values(), reverse=True)
+    second = ranked[min(1, len(ranked) - 1)] if ranked else 0
+    return max(second, numbers.get(coordinator, 0))

@@ -67,11 +67,16 @@ class Formation:
     """Of the newest order."""
     flown: Flown = Flown.FORMATION
     """What is flown."""
+    circle: Circle | None = None
+    """Of the hold that is flown."""
 
     @property
     def spacing(self) -> float | None:
-        """Least distance of two slots, m; None without followers."""
-        places = [LEADER, *self.slots.values()]
+        """Least distance of two slots, m, without the stack of a hold; None without followers."""
+        slots = dict(self.slots)
+        if self.flown is Flown.HOLD:
+            slots = {name: replace(slot, up=self.home[name].up) for name, slot in slots.items()}
+        places = [LEADER, *slots.values()]
         return min((one.minus(other).size for one, other in combinations(places, 2)), default=None)
 
     def after(self, arrangement: Arrangement) -> "Formation":
@@ -81,7 +86,12 @@ class Formation:
             slots=ends(arrangement.places),
             number=arrangement.number,
             flown=arrangement.flown,
+            circle=arrangement.circle,
         )
+
+    def holds_after(self, order: Order) -> bool:
+        """Whether the leader circles once an order is flown: a hold lasts until the mission goes on."""
+        return order.action == "hold" or (self.flown is Flown.HOLD and order.action is None)
 
 
 def arrangement_of(
@@ -91,7 +101,6 @@ def arrangement_of(
     *,
     number: int,
     time_s: float,
-    term: int = 0,
     circle: Circle | None = None,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to, and how everybody gets there.
@@ -102,8 +111,7 @@ def arrangement_of(
         limits: how fast slots may move.
         number: of the arrangement, greater than that of any before.
         time_s: when it begins, s on the formation's clock.
-        term: of the leader.
-        circle: where to hold, for an order to hold.
+        circle: where to hold, for an order to hold; any other order in a hold keeps the circle that is flown.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
@@ -130,13 +138,13 @@ def arrangement_of(
         )
     else:
         found = transition(begin, end, limits, leader=formation.leader)
-    if order.action == "hold" or (formation.flown is Flown.HOLD and order == Order()):
+    if formation.holds_after(order):
+        circle = circle if order.action == "hold" else formation.circle
         if circle is None:
             raise RefusedOrderError("where to hold is not known: the leader is not heard")
         flown = Flown.HOLD
     arrangement = Arrangement(
         number=number,
-        term=term,
         time_s=time_s,
         flown=flown,
         climb_s=found.climb_s,
@@ -192,10 +200,12 @@ def _ends(order: Order, formation: Formation) -> dict[str, Point]:
         first, second = order.swap
         end[first], end[second] = end[second], end[first]
     end |= order.slots
-    if order.action == "hold":
-        ranked = [name for name in formation.home if name in end]
+    if formation.holds_after(order):
+        # By all of the mission: who stays keeps its height, whoever else leaves or joins.
         return {
-            name: replace(end[name], up=STACK_M * (rank + 1)) for rank, name in enumerate(ranked)
+            name: replace(end[name], up=STACK_M * (rank + 1))
+            for rank, name in enumerate(formation.home)
+            if name in end
         }
     if formation.flown is Flown.HOLD or order.action == "resume":
         return {name: replace(point, up=formation.home[name].up) for name, point in end.items()}

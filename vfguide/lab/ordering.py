@@ -5,23 +5,25 @@ import math
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from random import Random
+from random import Random, SystemRandom
 
 from vfguide.companion.state_receiver import motion_of
+from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown, ends
+from vfguide.formation.arrangement import Arrangement, Flown, agreed_number
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import LinkDataError, is_leaders
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore_presence
 from vfguide.link.opening import Link, open_link
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
+    check_of,
     decode_order,
     decode_reply,
     encode_order,
@@ -49,8 +51,11 @@ REPEAT_S = 0.5
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""
 
-EPOCH_S = 1_577_836_800.0
-"""The year 2020, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever."""
+EPOCH_S = 1_767_225_600.0
+"""The year 2026, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever ..."""
+
+CHANCE_BITS = 3
+"""... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
 
@@ -94,12 +99,14 @@ class OrderDesk:
         self._frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
         self.states = dict[str, HeardState]()
         """Newest state of each vehicle, times on the formation's clock."""
+        self._may_lead = (mission.leader.vehicle, *mission.deputies)
+        self._lead: HeardState | None = None
         self.flown: Arrangement | None = None
         """The newest order that was repeated."""
         self.replies: dict[str, Reply] = {}
         """Newest answers to the order that is given."""
-        self.awaited = 0
-        """Its number."""
+        self.given: tuple[int, int] | None = None
+        """Its number and its CRC-32."""
 
     def heard_state(self, vehicle: str, data: bytes) -> None:
         """Take a vehicle's state."""
@@ -108,9 +115,30 @@ class OrderDesk:
         except LinkDataError:
             return
 
-    def heard_order(self, data: bytes, sealed: bytes) -> None:
+    def heard_lead(self, vehicle: str, data: bytes) -> None:
+        """Take a state of the leader by which a vehicle leads in the place of the mission's."""
+        try:
+            state = motion_of(data, self._frame)
+        except LinkDataError:
+            return
+        if not is_leaders(data) or holder_of(state.term, self._may_lead) != vehicle:
+            return
+        if self._lead is None or state.term >= self._lead.term:
+            self._lead = state
+
+    @property
+    def leader(self) -> HeardState | None:
+        """How the leader moves by which all fly; None while none was heard."""
+        return self._lead or self.states.get(self._mission.leader.vehicle)
+
+    def awaited_from(self, formation: Formation, order: Arrangement) -> set[str]:
+        """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
+        succeeded = self._lead is not None and formation.leader not in self.states
+        return {*formation.slots, *order.vehicles, *([] if succeeded else [formation.leader])}
+
+    def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
         """Take an order that another gives, or a vehicle repeats."""
-        del sealed
+        del sealed, repeated
         try:
             order = decode_order(data)
         except LinkDataError:
@@ -125,13 +153,15 @@ class OrderDesk:
             reply = decode_reply(data)
         except LinkDataError:
             return
-        if reply.number == self.awaited and reply.verdict is not Verdict.UNKNOWN:
+        if (reply.number, reply.check) == self.given and reply.verdict is not Verdict.UNKNOWN:
             self.replies[vehicle] = reply
 
     @property
     def newest_number(self) -> int:
         """Of the order that is flown, as states say."""
-        return max((state.arrangement for state in self.states.values()), default=0)
+        term = 0 if self._lead is None else self._lead.term
+        numbers = {name: state.arrangement for name, state in self.states.items()}
+        return agreed_number(numbers, holder_of(term, self._may_lead))
 
     def formation(self) -> Formation:
         """As it is.
@@ -147,11 +177,11 @@ class OrderDesk:
             raise VfguideError(
                 f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
             )
-        return replace(first, slots=ends(self.flown.places), number=number, flown=self.flown.flown)
+        return first.after(self.flown)
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
         """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
-        state = self.states.get(self._mission.leader.vehicle)
+        state = self.leader
         if state is None:
             return None
         run = state.ground_speed * (time_s - state.time_s)
@@ -191,9 +221,9 @@ async def give_order(
             " `vfguide keys make MISSION`"
         )
     async with at_desk(mission, watched, random or Random()) as (desk, link):
-        await _listen(desk, link)
-        formation = desk.formation()
-        number = max(int(time.time() - EPOCH_S), desk.newest_number + 1)
+        await _listen(desk, link, order)
+        formation = _present(desk, mission, order)
+        number = new_number(desk.newest_number, time.time(), SystemRandom())
         arrangement = _resolved(mission, order, desk, formation, number)
         prediction = None
         if arrangement.flown is not Flown.ABORT:
@@ -207,7 +237,7 @@ async def give_order(
             return Outcome(number=0, arrangement=arrangement, prediction=prediction)
         tell(f"order {number}: given, to begin in {LEAD_S:g} s")
         await _give(desk, link, arrangement, formation, tell)
-        waited = {formation.leader, *formation.slots, *arrangement.vehicles}
+        waited = desk.awaited_from(formation, arrangement)
         return Outcome(
             number=number,
             arrangement=arrangement,
@@ -215,6 +245,18 @@ async def give_order(
             replies=dict(desk.replies),
             silent=tuple(sorted(waited - set(desk.replies))),
         )
+
+
+def new_number(newest: int, unix_s: float, chance: Random) -> int:
+    """A number for an order, greater than the newest one; hardly the same as another operator's.
+
+    Args:
+        newest: number that is flown by.
+        unix_s: s since 1970; a clock that is behind does no harm.
+        chance: where its lowest bits come from.
+    """
+    seconds = max(int(unix_s - EPOCH_S), 0)
+    return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)
 
 
 def predicted(prediction: Prediction) -> str:
@@ -236,19 +278,28 @@ def _now(desk: OrderDesk) -> float:
     return desk.member.formation_time()
 
 
+def _present(desk: OrderDesk, mission: Mission, order: Order) -> Formation:
+    """The formation as it is; to call everything off it need not be known.
+
+    Raises:
+        VfguideError: the order that is flown is not known.
+    """
+    if order.action == "abort":
+        return formation_of_mission(mission)
+    return desk.formation()
+
+
 def _resolved(
     mission: Mission, order: Order, desk: OrderDesk, formation: Formation, number: int
 ) -> Arrangement:
     """The arrangement of an order that begins a while from now."""
     time_s = _now(desk) + LEAD_S
-    leader = desk.states[mission.leader.vehicle]
     found, _ = resolve(
         mission,
         order,
         formation,
         number=number,
         time_s=time_s,
-        term=leader.term,
         leader=desk.leader_place(time_s),
     )
     return found
@@ -278,6 +329,7 @@ async def at_desk(
         receive=partial(desk.heard_state, watched.leader),
         neighbours=list(mission.followers_by_name),
         receive_neighbour=desk.heard_state,
+        receive_lead=desk.heard_lead,
         # Who wants presences says none about itself.
         receive_presence=ignore_presence,
         receive_order=desk.heard_order,
@@ -292,22 +344,27 @@ async def at_desk(
         yield desk, link
 
 
-async def _listen(desk: OrderDesk, link: Link) -> None:
-    """Wait until the leader, the formation's time and the order that is flown are known.
+async def _listen(desk: OrderDesk, link: Link, order: Order) -> None:
+    """Wait until all is known that an order needs: the formation's time, the leader, the order that is flown.
+
+    To call everything off the time is enough.
 
     Raises:
         VfguideError: they are not heard.
     """
     leader, loop = desk.member.trust.leader, asyncio.get_running_loop()
-    began = loop.time()
-    while not (leader in desk.states and math.isfinite(_now(desk))):
+    began, calls_off = loop.time(), order.action == "abort"
+    while not ((calls_off or desk.leader is not None) and math.isfinite(_now(desk))):
         if loop.time() - began > LISTEN_S:
             raise VfguideError(
-                f"the leader {leader!r} is not heard: see that its companion runs; check link and keys"
+                f"neither the leader {leader!r} nor a deputy in its place is heard: see that its companion"
+                " runs; check link and keys"
             )
         await asyncio.sleep(0.05)
     # The others say where they are every half second at least.
     await asyncio.sleep(1.0)
+    if calls_off:
+        return
     while (number := desk.newest_number) and (desk.flown is None or desk.flown.number != number):
         if loop.time() - began > LISTEN_S + KNOWS_S:
             return
@@ -321,8 +378,8 @@ async def _give(
 ) -> None:
     """Give an order again and again until all have said what becomes of it, and tell what they say."""
     data = encode_order(order)
-    waited = {formation.leader, *formation.slots, *order.vehicles}
-    desk.awaited, desk.replies = order.number, {}
+    waited = desk.awaited_from(formation, order)
+    desk.given, desk.replies = (order.number, check_of(data)), {}
     told: dict[str, Reply] = {}
     last_s = order.time_s + LAST_S
     while _now(desk) < last_s:

@@ -74,7 +74,7 @@ class Member:
         receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
         receive_presence: Callable[[str, Presence], None] | None = None,
         receive_lead: Callable[[str, bytes], None] | None = None,
-        receive_order: Callable[[bytes, bytes], None] | None = None,
+        receive_order: Callable[[bytes, bytes, bool], None] | None = None,
         receive_reply: Callable[[str, bytes], None] | None = None,
         peer_clock: PeerClock | None = None,
     ) -> None:
@@ -89,7 +89,8 @@ class Member:
             receive_presence: called with a vehicle and what it says about itself; None if that is of no use.
             receive_lead: called with a vehicle that leads in the place of the mission's leader, and how the
                 leader moves by which it does; None if that is of no use.
-            receive_order: called with an operator's order and its envelope; None if orders are of no use.
+            receive_order: called with an operator's order, its envelope and whether another vehicle repeats
+                it; None if orders are of no use.
             receive_reply: called with a member and what it says to an order; None if that is of no use.
             peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
         """
@@ -267,7 +268,7 @@ class Member:
                 self._receive_lead(message.sender, message.body)
             case Kind.ORDER | Kind.REPEAT if self._receive_order is not None:
                 order = message if message.kind is Kind.ORDER else self.trust.vouch(message.body)
-                self._receive_order(order.body, order.sealed)
+                self._receive_order(order.body, order.sealed, message.kind is Kind.REPEAT)
             case Kind.REPLY if self._receive_reply is not None:
                 self._receive_reply(message.sender, message.body)
             case _:

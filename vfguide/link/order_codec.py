@@ -1,13 +1,14 @@
 """Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
 
 An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
-1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), term (u32), time (f64, s), time
+1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), time (f64, s), time
 to climb and time across (f32, s); with a circle its centre (f64, degrees) and its radius (f32, m); then for
 each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end,
 each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
 
-An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the text
-(UTF-8), and the CRC-32 of all that.
+An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
+order's CRC-32 (u32), the text (UTF-8), and the CRC-32 of all that. Two orders of one number are told apart
+that way.
 """
 
 import math
@@ -20,11 +21,11 @@ from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Poi
 from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
-VERSION = 1
-HEADER = struct.Struct("<4sBBBBIIdff")
+VERSION = 2
+HEADER = struct.Struct("<4sBBBBIdff")
 CIRCLE = struct.Struct("<ddf")
 OFFSETS = struct.Struct("<7h")
-REPLY = struct.Struct("<4sBBBxI")
+REPLY = struct.Struct("<4sBBBxII")
 CHECKSUM = struct.Struct("<I")
 
 STEP_M = 0.1
@@ -71,6 +72,8 @@ class Reply:
     """Of the order."""
     verdict: Verdict
     """What becomes of it."""
+    check: int = 0
+    """CRC-32 at the end of the order's bytes; 0 where none is known."""
     text: str = ""
     """Why, in one sentence."""
 
@@ -91,7 +94,6 @@ def encode_order(order: Arrangement) -> bytes:
             flags,
             len(order.places),
             order.number,
-            order.term,
             order.time_s,
             order.climb_s,
             order.across_s,
@@ -106,6 +108,11 @@ def encode_order(order: Arrangement) -> bytes:
     return body + CHECKSUM.pack(zlib.crc32(body))
 
 
+def check_of(data: bytes) -> int:
+    """What the bytes of an order end with: their CRC-32."""
+    return int(CHECKSUM.unpack(data[-CHECKSUM.size :])[0])
+
+
 def rounded(point: Point) -> Point:
     """A point as an order tells it."""
     return Point(*(round(value / STEP_M) * STEP_M for value in _values(point)))
@@ -118,9 +125,7 @@ def decode_order(data: bytes) -> Arrangement:
         LinkDataError: they are none, are damaged, or a value is out of its range.
     """
     body = _checked(data, ORDER_MAGIC, HEADER.size)
-    _, version, flown, flags, count, number, term, time_s, climb_s, across_s = HEADER.unpack_from(
-        body
-    )
+    _, version, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
     if version != VERSION:
         raise LinkDataError(f"an order of version {version}, this companion reads {VERSION}")
     if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE):
@@ -149,7 +154,6 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError("a circle belongs to a hold, and only there")
     return Arrangement(
         number=number,
-        term=term,
         time_s=time_s,
         flown=what,
         climb_s=climb_s,
@@ -162,7 +166,8 @@ def decode_order(data: bytes) -> Arrangement:
 def encode_reply(reply: Reply) -> bytes:
     """Bytes of an answer; a text that is too long loses its end."""
     text = reply.text.encode()[:LONGEST_TEXT].decode(errors="ignore").encode()
-    body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number) + text
+    body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number, reply.check)
+    body += text
     return body + CHECKSUM.pack(zlib.crc32(body))
 
 
@@ -173,14 +178,14 @@ def decode_reply(data: bytes) -> Reply:
         LinkDataError: they are none.
     """
     body = _checked(data, REPLY_MAGIC, REPLY.size)
-    _, version, verdict, length, number = REPLY.unpack_from(body)
+    _, version, verdict, length, number, check = REPLY.unpack_from(body)
     if version != VERSION:
         raise LinkDataError(f"an answer of version {version}, this program reads {VERSION}")
     text = body[REPLY.size :]
     if len(text) != length or length > LONGEST_TEXT:
         raise LinkDataError("an answer whose text does not fit")
     try:
-        return Reply(number=number, verdict=Verdict(verdict), text=text.decode())
+        return Reply(number=number, verdict=Verdict(verdict), check=check, text=text.decode())
     except ValueError:
         raise LinkDataError("an answer whose verdict or text is none") from None
 

@@ -5,7 +5,7 @@ area that the leader stays in.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.wind_triangle import compose
 from vfguide.mission.conditions import Conditions
+from vfguide.mission.fence import Fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location, path_of
 from vfguide.mission.model import Mission
@@ -65,15 +66,50 @@ def tracks(mission: Mission) -> Iterator[Track]:
         )
 
 
+def hold_tracks(mission: Mission, north: float, east: float, radius: float) -> Iterator[Track]:
+    """The leader's once round a circle to the right, and that of each slot, at the mission's own height.
+
+    Args:
+        mission: with the slots of the hold.
+        north: of the centre, m.
+        east: of the centre, m.
+        radius: m.
+    """
+    count = max(8, math.ceil(math.tau * radius / STEP_M))
+    angle = np.linspace(0.0, math.tau, count, endpoint=False)
+    slots = [(mission.leader.vehicle, 0.0, 0.0, 0.0)]
+    slots += [
+        (one.vehicle, one.slot.forward_m, one.slot.right_m, one.slot.up_m)
+        for one in mission.followers
+    ]
+    for name, forward, right, up in slots:
+        ahead, inward = np.full(count, forward), np.full(count, right - radius)
+        along, across = compose(ahead, inward, angle)
+        height = np.full(count, mission.height_above_origin_m + up)
+        yield Track(name, ("followers",), north + along, east + across, height)
+
+
 def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
     """Vehicles whose way along the path leaves the fence, or comes near it; and heights."""
     del conditions
-    fences = [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
+    yield from tracks_beyond_the_fence(mission, tracks)
+    yield from _rally_points_beyond(mission)
+
+
+def _fences(mission: Mission) -> list[Fence]:
+    return [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
+
+
+def tracks_beyond_the_fence(
+    mission: Mission, found: Callable[[Mission], Iterable[Track]]
+) -> Iterator[Finding]:
+    """Tracks that leave the mission's fence, or come near it; they are asked for only where there is one."""
+    fences = _fences(mission)
     if not fences:
         return
     frame = frame_of(mission.model_dump())
     highest = min((one.max_height_m or math.inf for one in fences), default=math.inf)
-    for track in tracks(mission):
+    for track in found(mission):
         rooms = [one.room(track.north, track.east, frame) for one in fences]
         room = np.min(rooms, axis=0)
         worst = int(room.argmin())
@@ -88,6 +124,11 @@ def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Findi
                 f" fence ends at {highest:g} m",
                 "lower height_above_origin_m, the waypoints or the slot",
             )
+
+
+def _rally_points_beyond(mission: Mission) -> Iterator[Finding]:
+    fences = _fences(mission)
+    frame = frame_of(mission.model_dump()) if fences else None
     for index, point in enumerate(mission.path.rally_points):
         north, east = (np.array([one]) for one in point.local(frame))
         if any(one.room(north, east, frame)[0] < 0.0 for one in fences):

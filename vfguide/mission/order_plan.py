@@ -10,7 +10,9 @@ from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot as GuidanceSlot
+from vfguide.guidance.limits import GRAVITY
 from vfguide.mission.conditions import Conditions, conditions_of
+from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
@@ -31,6 +33,12 @@ ASIDE_SHARE = 0.35
 
 ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
 """Of what the aircraft have, for the motion of slots; and m/s²."""
+
+GREATEST_CLIMB_M_S = 2.0
+"""Slots climb and sink no faster than this."""
+
+STEEPEST = 0.5
+"""Share of the lateral acceleration of the aircraft that has least, for a hold."""
 
 RADIUS_S, WIDTHS = 10.0, 5.0
 """Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
@@ -61,7 +69,6 @@ def resolve(
     *,
     number: int,
     time_s: float,
-    term: int = 0,
     leader: LeaderPlace | None = None,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to in a mission, with its vehicles, its path and its wind.
@@ -72,7 +79,6 @@ def resolve(
         formation: as it is.
         number: of the arrangement.
         time_s: when it begins, s on the formation's clock.
-        term: of the leader.
         leader: where it will be then, for an order to hold; as planned if absent.
 
     Raises:
@@ -86,16 +92,15 @@ def resolve(
     conditions = conditions_of(mission.path, mission.wind)
 
     def attempt(limits: MotionLimits) -> tuple[Arrangement, Transition]:
-        return arrangement_of(
-            order, formation, limits, number=number, time_s=time_s, term=term, circle=circle
-        )
+        return arrangement_of(order, formation, limits, number=number, time_s=time_s, circle=circle)
 
     slow = MotionLimits(forward=2.0, back=2.0, aside=2.0, acceleration=0.5)
     found, way = attempt(slow)
     if found.flown is Flown.ABORT:
         return found, way
     after = {place.vehicle: place.end for place in found.places}
-    for finding in _misfits(with_slots(mission, after), conditions):
+    ordered = with_slots(mission, after)
+    for finding in (*_misfits(ordered, conditions), *_outside(ordered, found.circle)):
         raise RefusedOrderError(f"{finding.message}; {finding.remedy}")
     slots = {name: [point] for name, point in after.items()}
     for place in found.places:
@@ -115,10 +120,12 @@ def motion_limits(
     """
     cruise = mission.leader.airspeed_m_s
     forward = back = FASTEST_M_S
-    acceleration = GREATEST_ACCELERATION
+    acceleration, climb = GREATEST_ACCELERATION, GREATEST_CLIMB_M_S
     for name, points in slots.items():
         vehicle = mission.vehicles[name]
         lowest, highest = vehicle.airspeed_range_m_s
+        sink, rise = vehicle.climb_range_m_s
+        climb = min(climb, rise, -sink)
         acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.max_acceleration_m_s2)
         for point in points:
             needed = conditions.slot_airspeed(
@@ -132,6 +139,7 @@ def motion_limits(
         back=max(back, slowest),
         aside=ASIDE_SHARE * cruise,
         acceleration=acceleration,
+        climb=climb,
     )
 
 
@@ -144,7 +152,11 @@ def planned_place(mission: Mission, time_s: float) -> LeaderPlace:
 def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
     """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
-    radius = max(RADIUS_S * mission.leader.airspeed_m_s, WIDTHS * widest)
+    speed = mission.leader.airspeed_m_s
+    names = [mission.leader.vehicle, *formation.slots]
+    bank = math.radians(min(mission.vehicles[name].max_bank_deg for name in names))
+    tightest = speed**2 / (STEEPEST * GRAVITY * math.tan(bank))
+    radius = max(RADIUS_S * speed, WIDTHS * widest, tightest)
     origin = mission.origin
     frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
     latitude, longitude = frame.to_geodetic(
@@ -191,6 +203,22 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
                 f" {before.duration_s:.0f} s, give it {late_s:.0f} s more"
             )
     return tuple(found)
+
+
+def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
+    """Vehicles that would leave the fence: along the path, or on the circle of a hold."""
+
+    def flown(ordered: Mission) -> Iterable[Track]:
+        if circle is None:
+            return tracks(ordered)
+        origin = ordered.origin
+        frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+        north, east = frame.to_local(circle.latitude_deg, circle.longitude_deg)
+        return hold_tracks(ordered, north, east, circle.radius_m)
+
+    for finding in tracks_beyond_the_fence(mission, flown):
+        if finding.severity == "error":
+            yield finding
 
 
 def _misfits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:

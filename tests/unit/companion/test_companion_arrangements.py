@@ -1,5 +1,6 @@
 """Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from random import Random
@@ -10,9 +11,16 @@ from hypothesis import strategies as st
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.shared_clock import SAME_CLOCK
-from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
-from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_order, encode_reply
+from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.link.order_codec import (
+    Reply,
+    Verdict,
+    check_of,
+    decode_reply,
+    encode_order,
+    encode_reply,
+)
 from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]
@@ -83,7 +91,7 @@ class Formation:
                 receiver.receive_reply(name, data, self.now)
         for data in repeats:
             if not self.lost("repeat", name, other, self.now):
-                receiver.receive_order(data, data, self.now)
+                receiver.receive_order(data, data, self.now, repeated=True)
         due = name == "leader" or round(self.now / STEP_S) % 5 == 0
         if due and not self.lost("state", name, other, self.now):
             state = heard(self.now, self.members[name].number)
@@ -313,3 +321,270 @@ def test_an_operator_that_asks_hears_the_order_that_is_flown(
     for time_s in (30.0, 30.5):
         member.receive_reply("operator", asks, time_s)
     assert member.to_say()[1] == [encode_order(further(slots))]
+
+
+def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_order_once_repeated(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    data = encode_order(further(slots))
+    member.receive_order(data, data, 5.0)
+    # Of the leader nothing is heard any more.
+    member.hear("f1", heard(6.0, 1), 6.0)
+    assert not member.waits(6.0)
+    member.hear("f1", heard(10.0, 1), 10.0)
+    member.step(10.1)
+    member.receive_order(data, data, 10.2, repeated=True)
+    assert member.number == 1
+    assert not member.waits(10.2)
+
+
+def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    lost = {"state"}
+    formation = Formation(plan, lost=lambda kind, _, to, __: kind in lost and to == "f2")
+    formation.run(5.0)
+    formation.give(further(slots))
+    formation.run(10.4)
+    # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
+    formation.members["f2"].hear("leader", heard(10.4, 0), 10.4)
+    formation.run(10.7)
+    assert "order 1 is void: the leader has not confirmed it; all fly on as before" in (
+        formation.words
+    )
+    lost.clear()
+    formation.run(14.0)
+    assert formation.flown == dict.fromkeys(NAMES, 1)
+    assert not formation.members["f2"].waits(14.0)
+
+
+def called_off(*, number: int, time_s: float) -> bytes:
+    """An order that calls everything off."""
+    return encode_order(
+        Arrangement(number=number, time_s=time_s, flown=Flown.ABORT, across_s=0.0, places=())
+    )
+
+
+def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    abort = called_off(number=4, time_s=99.0)
+    for data in (abort, encode_order(further(slots, time_s=104.0))):
+        member.receive_order(data, data, 100.0, repeated=True)
+    assert member.flown is None
+    assert member.to_say() == ([], [])
+    member.hear("leader", heard(100.0, 4), 100.0)
+    member.receive_order(abort, abort, 100.1, repeated=True)
+    assert member.has_left
+
+
+@pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
+def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> None:
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
+    assert member.has_left is flown
+    (data,), _ = member.to_say()
+    reply = decode_reply(data)
+    assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
+
+
+def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
+    unknown = SharedClock(from_own=lambda _: math.nan)
+    member = Arrangements(plan(vehicle="f1"), unknown)
+    member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
+    assert member.has_left
+
+
+class RebootedClock:
+    """A follower's view of the formation's clock: 1000 s ahead of its own until the leader's starts anew."""
+
+    def __init__(self) -> None:
+        self.ahead_s = 1000.0
+        self.shared = SharedClock(from_own=lambda own_s: own_s + self.ahead_s)
+
+
+@pytest.mark.parametrize(
+    ("at_s", "share"), [(15.0, 0.5), (60.0, 1.0)], ids=["on the way", "all done"]
+)
+def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
+    plan: MakePlan, slots: dict[str, Point], at_s: float, share: float
+) -> None:
+    clock = RebootedClock()
+    member = Arrangements(plan(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member.hear("leader", heard(6.0, 1), 6.0)
+    member.step(10.0)
+    before = member.slot("f1", at_s)
+    clock.ahead_s = -20.0
+    member.step(at_s)
+    after = member.slot("f1", at_s)
+    assert before is not None
+    assert after is not None
+    assert after.forward == pytest.approx(before.forward)
+    assert after.forward == pytest.approx((1.0 + 0.5 * share) * slots["f1"].forward)
+    # What is on its way goes on; then the next order is taken by the new clock.
+    member.to_say()
+    now = at_s + 30.0
+    onward = tuple(
+        Place(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
+        for name, slot in slots.items()
+    )
+    order = Arrangement(number=2, time_s=now - 20.0 + 6.0, across_s=10.0, places=onward)
+    member.receive_order(encode_order(order), b"", now)
+    member.step(now)
+    assert [decode_reply(data).verdict for data in member.to_say()[0]] == [Verdict.READY]
+
+
+def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    clock = RebootedClock()
+    member = Arrangements(plan(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member.step(5.0)
+    clock.ahead_s = -4.0
+    for time_s in (6.0, 10.4, 10.6):
+        member.hear("leader", heard(time_s, 0), time_s)
+        member.step(time_s)
+    verdicts = [decode_reply(data).verdict for data in member.to_say()[0]]
+    assert verdicts[-1] is Verdict.VOID
+
+
+def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    leader = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+    leader.hear("f1", heard(20.0, 7), 20.0)
+    data = encode_order(further(slots, number=7, time_s=100010.0))
+    leader.receive_order(data, data, 20.0, repeated=True)
+    assert not leader.waits(20.0)
+    slot = leader.slot("f1", 20.0)
+    assert slot is not None
+    assert slot.forward == 1.5 * slots["f1"].forward
+
+
+def test_two_orders_of_one_number_are_not_both_flown(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    first, second = (
+        encode_order(replace(further(slots), across_s=across_s)) for across_s in (10.0, 12.0)
+    )
+    for name, member in formation.members.items():
+        for data in (second, first) if name == "f1" else (first, second):
+            member.receive_order(data, data, 5.0)
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    verdicts = {
+        check: {reply.verdict for _, reply in formation.said if reply.check == check}
+        for check in (check_of(first), check_of(second))
+    }
+    assert verdicts == {
+        check_of(first): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
+        check_of(second): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
+    }
+
+
+def test_the_number_of_one_vehicle_stops_nobody(plan: MakePlan) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    for name, number in (("leader", 0), ("f3", 0), ("f1", 2**32 - 1)):
+        member.hear(name, heard(5.0, number), 5.0)
+    assert not member.waits(5.0)
+    assert member.obstacle(5.0) is None
+    # Nor does it bring back what was called off in another flight.
+    old = called_off(number=2**32 - 1, time_s=5.0)
+    member.receive_order(old, old, 5.0, repeated=True)
+    assert member.flown is None
+
+
+@pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
+def test_the_leaders_number_counts_and_that_of_two_others(
+    plan: MakePlan, others: tuple[str, ...]
+) -> None:
+    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    for name in {*NAMES} - {"f2"}:
+        member.hear(name, heard(5.0, 7 if name in others else 0), 5.0)
+    assert member.waits(5.0)
+
+
+def test_one_vehicles_number_counts_where_no_second_is_heard(plan: MakePlan) -> None:
+    member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+    member.hear("f1", heard(5.0, 7), 5.0)
+    assert member.waits(5.0)
+
+
+@pytest.mark.parametrize(
+    ("to", "layer", "climb_s", "sentence"),
+    [
+        # 1/0.7 of the mean, in 10 s: 42.9 m/s for 300 m.
+        ((300.0, 0.0), None, 0.0, "f1 would have to fly 42.9 m/s aside"),
+        ((0.0, 100.0), None, 0.0, "f1 would have to climb at 14.3 m/s, and its limit is 4"),
+        ((0.0, 30.0), 60.0, 20.0, "f1 would have to climb at 4.3 m/s"),
+        ((0.0, 30.0), 60.0, 0.0, "f1 would have to climb at 857.1 m/s"),
+        ((0.0, 0.0), 54.0, 20.0, "f1 would have to sink at 3.9 m/s, and its limit is 3"),
+        ((0.0, 0.0), 40.0, 20.0, None),
+    ],
+)
+def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(
+    plan: MakePlan,
+    to: tuple[float, float],
+    layer: float | None,
+    climb_s: float,
+    sentence: str | None,
+) -> None:
+    begin = slots_of(plan)["f1"]
+    end = Point(begin.forward, begin.right + to[0], to[1])
+    place = Place(vehicle="f1", begin=begin, end=end, layer=layer)
+    order = Arrangement(number=1, time_s=10.0, climb_s=climb_s, across_s=10.0, places=(place,))
+    assert_refused(Arrangements(plan(vehicle="f1"), SAME_CLOCK), order, sentence)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "radius_m", "away_deg", "sentence"),
+    [
+        # 20 m/s at 45 degrees: 20² / 9.81 = 41 m.
+        ("leader", 20.0, 0.0, "a circle of 20 m is too small: at least 41 m are needed"),
+        ("f1", 20.0, 0.0, "a circle of 20 m is too small"),
+        ("leader", 200.0, 1.0, "the circle is 111 km away, more than 5 km"),
+        ("f1", 200.0, 0.01, None),
+    ],
+)
+def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
+    plan: MakePlan,
+    vehicle: str,
+    radius_m: float,
+    away_deg: float,
+    sentence: str | None,
+) -> None:
+    own = plan(vehicle=vehicle)
+    latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 0.0)
+    circle = Circle(
+        latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
+    )
+    order = Arrangement(
+        number=1, time_s=10.0, flown=Flown.HOLD, across_s=10.0, places=(), circle=circle
+    )
+    assert_refused(Arrangements(own, SAME_CLOCK), order, sentence)
+
+
+def assert_refused(member: Arrangements, order: Arrangement, sentence: str | None) -> None:
+    """See that an order is refused with this in its sentence; with none, that it is agreed to."""
+    member.receive_order(encode_order(order), b"", 5.0)
+    member.step(5.0)
+    (data,), _ = member.to_say()
+    reply = decode_reply(data)
+    assert reply.verdict is (Verdict.READY if sentence is None else Verdict.REFUSED)
+    assert (sentence or "") in reply.text
+
+
+def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(Arrangement(number=4, time_s=5.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.run(60.0)
+    formation.start("f2")
+    formation.run(64.0)
+    assert formation.members["f2"].has_left

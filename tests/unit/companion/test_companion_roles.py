@@ -12,8 +12,11 @@ from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Circle as HoldCircle
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
+from vfguide.link.order_codec import encode_order
 from vfguide.link.packed import (
     TAG_SIZE,
     PackedKind,
@@ -27,6 +30,7 @@ from vfguide.mission.model import Mission
 from vfguide.paths.circle import Circle
 from vfguide.paths.climb import Climb
 from vfguide.paths.helix import Helix
+from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]
 Make = Callable[..., Any]
@@ -374,3 +378,29 @@ def test_an_order_for_whose_number_a_radio_has_no_room_is_not_waited_for(
     role.receive_neighbour("f2", encode(packed), 1.0)
     assert role.leader is not None
     assert arrangements.waits(1.0) is waits
+
+
+def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has(plan: MakePlan) -> None:
+    own = plan(vehicle="leader")
+    arrangements = Arrangements(own, SAME_CLOCK)
+    role = LeaderRole(own, own.task, SAME_CLOCK, arrangements)  # type: ignore[arg-type]
+    first, second = fixes(own, 0.5, [3.0, 3.1])
+    at = [
+        replace(one, state=replace(one.state, height=height))
+        for one, height in ((first, 160.0), (second, 161.5))
+    ]
+    # It waits until the order is repeated, and has not steered yet.
+    role.step(at[0], Mode.WAITING)
+    latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 200.0)
+    circle = HoldCircle(latitude_deg=latitude_deg, longitude_deg=longitude_deg, radius_m=200.0)
+    hold = Arrangement(
+        number=3, time_s=2.0, flown=Flown.HOLD, across_s=0.0, places=(), circle=circle
+    )
+    state = HeardState(
+        time_s=3.0, north=0.0, east=0.0, course=0.0, ground_speed=20.0, acceleration=0.0,
+        turn_rate=0.0, turn_acceleration=0.0, altitude_amsl=588.0, steered=True, arrangement=3,
+    )  # fmt: skip
+    arrangements.hear("f1", state, 3.0)
+    arrangements.receive_order(encode_order(hold), b"", 3.0, repeated=True)
+    assert arrangements.circle is not None
+    assert role.step(at[1], Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)

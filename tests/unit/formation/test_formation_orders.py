@@ -87,3 +87,25 @@ def test_after_an_abort_nothing_but_an_abort_can_be_ordered() -> None:
     with pytest.raises(RefusedOrderError, match="called off"):
         ordered(Order(shape="vee", spacing=20.0), aborted)
     assert ordered(Order(action="abort"), aborted).flown is Flown.ABORT
+
+
+@pytest.mark.parametrize(
+    "order",
+    [Order(leave=("f2",)), Order(shape="vee"), Order(spacing=30.0), Order(swap=("f1", "f2"))],
+)
+def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order: Order) -> None:
+    held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
+    # Another circle is not what was asked for.
+    found = ordered(order, held, replace(CIRCLE, radius_m=900.0))
+    assert found.flown is Flown.HOLD
+    assert found.circle == CIRCLE
+    heights = {"f1": 15.0, "f2": 30.0, "f3": 45.0}
+    assert {one.vehicle: one.end.up for one in found.places} == {
+        name: heights[name] for name in found.vehicles
+    }
+
+
+def test_the_stack_of_a_hold_does_not_count_for_the_spacing() -> None:
+    held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
+    # f1 is 20 m behind and 20 m to the right: 28.28 m; with 15 m above it would be 32.02 m.
+    assert held.spacing == pytest.approx(28.284, abs=0.001)

@@ -26,6 +26,7 @@ from vfguide.formation.transition import (
     RefusedOrderError,
     Transition,
     approach_of,
+    approaches,
     transition,
 )
 
@@ -182,3 +183,23 @@ def test_what_no_layer_helps_against_is_refused_with_pair_time_and_distance() ->
     begin = points([(-20.0, 0.0), (-23.0, 0.0)])
     with pytest.raises(RefusedOrderError, match=r"f1 and f2 .* within 3\.0 m .* 0 s after"):
         transition(begin, points([(-20.0, 20.0), (-40.0, 0.0)]), LIMITS)
+
+
+def test_no_times_are_looked_for_where_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A hundred followers: that took half a second of a companion's loop.
+    asked: list[float] = []
+
+    def look(share: float, duration_s: float) -> float:
+        asked.append(share * duration_s)
+        return 7.0
+
+    monkeypatch.setattr("vfguide.formation.transition.time_of", look)
+    places = [
+        Place(vehicle=f"f{n}", begin=Point(-10.0 * n, 0.0), end=Point(-20.0 * n, 0.0))
+        for n in range(1, 101)
+    ]
+    found = approaches(places, 0.0, 10.0, "leader")
+    assert len(found) == 5050
+    assert not asked
+    assert min(found, key=lambda one: one.distance).time_s == 7.0
+    assert len(asked) == 1

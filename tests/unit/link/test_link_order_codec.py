@@ -26,7 +26,6 @@ SECONDS = st.floats(0.0, 3600.0, width=32)
 ORDERS = st.builds(
     Arrangement,
     number=st.integers(1, 2**32 - 1),
-    term=st.integers(0, 2**32 - 1),
     time_s=st.floats(-1e9, 1e9),
     flown=st.sampled_from([Flown.FORMATION, Flown.ABORT]),
     climb_s=SECONDS,
@@ -49,7 +48,7 @@ def test_a_hold_carries_its_circle() -> None:
 
 
 @given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
-                 text=st.text(max_size=40)))  # fmt: skip
+                 check=st.integers(0, 2**32 - 1), text=st.text(max_size=40)))  # fmt: skip
 def test_an_answer_survives_the_link(reply: Reply) -> None:
     assert decode_reply(encode_reply(reply)) == reply
 
@@ -62,7 +61,7 @@ def test_a_long_text_loses_its_end_and_no_character_is_cut() -> None:
 @given(st.binary(max_size=300))
 def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data: bytes) -> None:
     for decode in (decode_order, decode_reply):
-        for known in (b"", b"VFOR\x01\x01\x00\x01", b"VFRY\x01\x01\x04\x00"):
+        for known in (b"", b"VFOR\x02\x01\x00\x01", b"VFRY\x02\x01\x04\x00"):
             body = known + data
             with pytest.raises(LinkDataError):
                 decode(body)
@@ -88,3 +87,9 @@ def test_two_followers_of_one_name_are_no_order() -> None:
         decode_order(
             encode_order(Arrangement(number=1, time_s=0.0, across_s=1.0, places=(place, place)))
         )
+
+
+def test_an_order_says_nothing_but_what_companions_heed() -> None:
+    order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=())
+    # Mark 4, version to followers 4, number 4, time 8, two durations 8, checksum 4.
+    assert len(encode_order(order)) == 32

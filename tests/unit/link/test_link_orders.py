@@ -15,13 +15,13 @@ class Crew:
     """A member on a wire without delay, and the orders and answers that it has heard."""
 
     def __init__(self, name: str, session: int, everybody: list["Crew"]) -> None:
-        self.orders: list[tuple[bytes, bytes]] = []
+        self.orders: list[tuple[bytes, bytes, bool]] = []
         self.replies: list[tuple[str, bytes]] = []
         self.said: list[Parcel] = []
         self.member = Member(
             trust_of(name, session),
             clock=lambda: 0.0,
-            receive_order=lambda data, sealed: self.orders.append((data, sealed)),
+            receive_order=lambda *order: self.orders.append(order),
             receive_reply=lambda sender, data: self.replies.append((sender, data)),
             peer_clock=None if name == LEADER else PeerClock(chance=count(session).__next__),
         )
@@ -52,7 +52,7 @@ def crews() -> dict[str, Crew]:
 def test_an_operators_order_reaches_everybody_with_its_envelope(crews: dict[str, Crew]) -> None:
     parcel = crews["eye"].member.say(Kind.ORDER, b"vee")
     for name in (LEADER, "f1", "f2"):
-        assert crews[name].orders == [(b"vee", parcel.data)]
+        assert crews[name].orders == [(b"vee", parcel.data, False)]
 
 
 def test_a_vehicle_may_not_order(crews: dict[str, Crew]) -> None:
@@ -73,7 +73,7 @@ def test_an_order_is_not_heard_twice_but_may_be_repeated_by_a_vehicle(
     crews["f2"].member.take(parcel.data)
     assert len(crews["f2"].orders) == 1
     crews["f1"].member.say(Kind.REPEAT, parcel.data)
-    assert crews["f2"].orders == [(b"vee", parcel.data)] * 2
+    assert crews["f2"].orders == [(b"vee", parcel.data, False), (b"vee", parcel.data, True)]
 
 
 def test_what_a_vehicle_repeats_has_to_be_an_operators(crews: dict[str, Crew]) -> None:
@@ -83,7 +83,7 @@ def test_what_a_vehicle_repeats_has_to_be_an_operators(crews: dict[str, Crew]) -
     state = crews["eye"].member.trust.seal(Kind.REPLY, b"vee", time_s=0.0)
     for data in (own, changed, state, b"", b"noise"):
         crews["f1"].member.say(Kind.REPEAT, data)
-    assert crews["f2"].orders == [(b"vee", parcel.data)]
+    assert crews["f2"].orders == [(b"vee", parcel.data, False)]
     counters = crews["f2"].member.counters
     assert counters["refused: a forged order"] == 1
     assert counters["refused: not an operator's order"] == 2

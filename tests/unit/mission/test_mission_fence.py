@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 import yaml
 
+from vfguide.formation.arrangement import Point
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
 from vfguide.mission.conditions import conditions_of
 from vfguide.mission.fence import Fence
 from vfguide.mission.fence_check import beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.load import load_mission
 from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 from vfguide.mission.path_frame import least_radius
 
 SQUARE = [
@@ -112,3 +116,28 @@ def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path: Pat
     found = [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
     assert {one.severity for one in found} == {"error"}
     assert len(found) == 1 + len(mission.followers)
+
+
+@pytest.mark.parametrize(
+    ("order", "leader", "sentence"),
+    [
+        # A circle of 150 m about (150, 0), and its fence of 205 m: 45 m to the left are inside, 60 not.
+        (Order(slots={"f1": Point(0.0, -45.0)}), None, None),
+        (Order(slots={"f1": Point(0.0, -60.0)}), None, "'f1' leaves the fence by 5 m"),
+        # A hold is 200 m wide: about the fence's own centre f1 is outside, 20 m behind and 20 m to the left.
+        (Order(action="hold"), LeaderPlace(150.0, 0.0, 0.0), "leaves the fence by"),
+        (Order(action="hold"), LeaderPlace(150.0, -200.0, 0.0), "'f1' leaves the fence by 16 m"),
+    ],
+)
+def test_an_order_that_leads_out_of_the_fence_is_refused(
+    order: Order, leader: LeaderPlace | None, sentence: str | None
+) -> None:
+    content = load_mission(Path("circle-calm")).model_dump(exclude_unset=True)
+    fence = {"circles": [{"centre": {"north_m": 150, "east_m": 0}, "radius_m": 205}]}
+    mission = Mission.model_validate(content | {"fence": fence})
+    formation = formation_of_mission(mission)
+    if sentence is None:
+        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
+        return
+    with pytest.raises(RefusedOrderError, match=sentence):
+        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)

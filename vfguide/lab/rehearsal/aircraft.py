@@ -136,7 +136,7 @@ class Aircraft:
         self._link.send(mail, now)
         for sender, data in self._link.receive(now):
             if data.startswith(ORDER_MAGIC):
-                self.companion.receive_order(data, data, now)
+                self.companion.receive_order(data, data, now, repeated=sender != OPERATOR)
             elif data.startswith(REPLY_MAGIC):
                 self.companion.receive_reply(sender, data, now)
             elif is_leaders(data):

@@ -1,0 +1,159 @@
+"""An operator's program hears who leads, and can call everything off whatever else it does not know."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from random import Random
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.orders import Order
+from vfguide.lab import ordering
+from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number
+from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.envelope import Kind
+from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
+from vfguide.link.watch import Watched
+from vfguide.mission import Mission, load_mission
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+FOLLOWERS = ("f1", "f2", "f3")
+
+
+@pytest.fixture
+def mission() -> Mission:
+    """Four aircraft, of which f1 and f2 may lead in the leader's place."""
+    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
+
+
+def state(
+    latitude_deg: float, *, term: int = 0, arrangement: int = 0, leads: bool = False
+) -> bytes:
+    """A state from the link."""
+    return encode(
+        LeaderMessage(
+            sequence=1,
+            time_s=100.0,
+            latitude_deg=latitude_deg,
+            longitude_deg=8.5,
+            altitude_amsl=588.0,
+            course=0.0,
+            ground_speed=20.0,
+            acceleration=0.0,
+            turn_rate=0.0,
+            turn_acceleration=0.0,
+            climb_rate=0.0,
+            term=term,
+            arrangement=arrangement,
+            steered=True,
+            leads=leads,
+        )
+    )
+
+
+class Air:
+    """A link behind which followers fly whatever they are ordered, and say so."""
+
+    def __init__(self, desk: OrderDesk) -> None:
+        self.desk = desk
+        self.now = 100.0
+        self.orders: list[Arrangement] = []
+        self.member: Any = SimpleNamespace(
+            trust=SimpleNamespace(leader="leader"), formation_time=lambda: self.now
+        )
+
+    def say(self, kind: Kind, body: bytes) -> None:
+        """Take an order; nobody answers a question for the one that is flown."""
+        if kind is not Kind.ORDER:
+            return
+        self.orders.append(decode_order(body))
+        for name in FOLLOWERS:
+            number, check = self.orders[-1].number, check_of(body)
+            # What is said to another order of the same number is none of this operator's business.
+            for verdict, meant in ((Verdict.FLOWN, check), (Verdict.REFUSED, check ^ 1)):
+                reply = Reply(number=number, verdict=verdict, check=meant)
+                self.desk.heard_reply(name, encode_reply(reply))
+
+
+def outcome_of(
+    mission: Mission, order: Order, desk: OrderDesk, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Outcome, Air]:
+    """What becomes of an order that is given at a desk, in no time."""
+    air = Air(desk)
+    desk.member = air.member
+
+    @asynccontextmanager
+    async def at_desk(*_: object) -> AsyncIterator[tuple[OrderDesk, Air]]:
+        yield desk, air
+
+    async def sleep(seconds: float) -> None:
+        air.now += seconds
+
+    monkeypatch.setattr(ordering, "at_desk", at_desk)
+    monkeypatch.setattr(ordering.asyncio, "sleep", sleep)
+    watched = Watched(addresses=(), formation="any", leader="leader", roster=None)
+    given = give_order(mission, order, watched, tell=lambda _: None)
+    return asyncio.run(given), air
+
+
+def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown_not_known(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = OrderDesk(mission)
+    for name in FOLLOWERS:
+        desk.heard_state(name, state(47.4, arrangement=2**31))
+    outcome, air = outcome_of(mission, Order(action="abort"), desk, monkeypatch)
+    assert air.orders[0].flown is Flown.ABORT
+    assert air.orders[0].number > 2**31
+    assert {name: reply.verdict for name, reply in outcome.replies.items()} == dict.fromkeys(
+        FOLLOWERS, Verdict.FLOWN
+    )
+    assert outcome.silent == ("leader",)
+
+
+def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gone_is_not_awaited(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = OrderDesk(mission)
+    for name in FOLLOWERS:
+        desk.heard_state(name, state(47.4, term=2))
+    # Of three that may lead, f2 has the terms 1, 4, ..., f1 2, 5, ..., the leader 3, 6, ...
+    desk.heard_lead("f1", state(47.5, term=2, leads=True))
+    outcome, air = outcome_of(mission, Order(shape="trail", spacing=20.0), desk, monkeypatch)
+    assert air.orders[-1].vehicles == set(FOLLOWERS)
+    assert outcome.flown
+
+
+def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(
+    mission: Mission,
+) -> None:
+    desk = OrderDesk(mission)
+    desk.heard_state("leader", state(47.4, term=2))
+    before = desk.leader_place(100.0)
+    desk.heard_lead("f1", state(47.5, term=2, leads=True))
+    # An earlier term, a term that is another's, and a state that is no leader's do not count.
+    desk.heard_lead("f2", state(47.6, term=1, leads=True))
+    desk.heard_lead("f2", state(47.6, term=5, leads=True))
+    desk.heard_lead("f1", state(47.6, term=5))
+    after = desk.leader_place(100.0)
+    assert before is not None
+    assert after is not None
+    # A tenth of a degree of latitude.
+    assert after.north - before.north == pytest.approx(11_120.0, abs=20.0)
+
+
+def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_greater() -> None:
+    chance = Random(1)
+    for newest, unix_s in ((0, EPOCH_S + 1e7), (2**31, EPOCH_S + 1e7), (5, 0.0)):
+        numbers = {new_number(newest, unix_s, chance) for _ in range(100)}
+        assert len(numbers) == 8
+        assert min(numbers) > newest
+        later = new_number(newest, unix_s + 1.0, chance)
+        assert unix_s == 0.0 or newest == 2**31 or later > max(numbers)
+    # 16 years on they still fit into 32 bits.
+    assert new_number(0, EPOCH_S + 16 * 366 * 86400.0, chance) < 2**32
