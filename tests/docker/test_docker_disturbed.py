@@ -26,9 +26,9 @@ REJOINING_APART_M = 5.0
 DEAF_M = 5.0
 """How far a follower may be off that has not heard its leader for ten seconds, in the article's wind."""
 
-CUT_GIVE_WAY_M = 30.0
+CUT_GIVE_WAY_M = 40.0
 """How far others may leave their slots for one that is silent. In the article's wind, which swings, one that
-holds its heading comes elsewhere than one that holds its course, and they keep clear of both: 17 and 24 m."""
+holds its heading comes elsewhere than one that holds its course, and they keep clear of both: 17 and 26 m."""
 
 GIVE_WAY_M = 4.0
 """The same for one that hangs and comes back to its slot."""
