@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import Field
+from pydantic_core import PydanticCustomError
 
 from vfguide.elementwise import Number, clip
 from vfguide.mission import quantity
@@ -58,11 +59,16 @@ def climb_of(climb_deg: float, end_m: float | None) -> Climb:
     return Climb(slope=slope, end=end)
 
 
-def is_consistent(climb_deg: float, end_m: float | None) -> bool:
-    """Whether a climb leads to its end."""
-    if end_m is None:
-        return True
-    return climb_deg * end_m > 0.0
+def check_end(climb_deg: float, end_m: float | None) -> None:
+    """See that a climb leads to its end.
+
+    Raises:
+        PydanticCustomError: it leads away from it.
+    """
+    if end_m is not None and not climb_deg * end_m > 0.0:
+        kind = "climb_end"
+        message = "climb_deg and end_height_m go together: write both positive, or both negative"
+        raise PydanticCustomError(kind, message)
 
 
 def eased_ramp(progress: Number, half: float) -> tuple[Number, Number]:

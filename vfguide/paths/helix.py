@@ -6,12 +6,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
-from pydantic_core import PydanticCustomError
 
 from vfguide.elementwise import FloatArray, Number, clip, floor, isfinite, like, where
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.paths.circle import Circle, CircleShape
-from vfguide.paths.climb import EASE_M, Climb, ClimbAngle, EndHeight, climb_of, is_consistent
+from vfguide.paths.climb import EASE_M, Climb, ClimbAngle, EndHeight, check_end, climb_of
 from vfguide.registry import paths
 
 
@@ -26,12 +25,7 @@ class HelixShape(CircleShape):
 
     @model_validator(mode="after")
     def _leads_to_its_end(self) -> Self:
-        if not is_consistent(self.climb_deg, self.end_height_m):
-            kind = "helix_end"
-            message = (
-                "climb_deg and end_height_m go together: write both positive, or both negative"
-            )
-            raise PydanticCustomError(kind, message)
+        check_end(self.climb_deg, self.end_height_m)
         return self
 
 

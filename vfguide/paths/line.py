@@ -21,8 +21,8 @@ from vfguide.paths.climb import (
     Climb,
     ClimbAngle,
     EndHeight,
+    check_end,
     climb_of,
-    is_consistent,
 )
 from vfguide.registry import paths
 
@@ -94,12 +94,7 @@ class LineShape(PathShape):
             kind = "line_without_slope"
             message = "intercept_m and direction say nothing without slope"
             raise PydanticCustomError(kind, message)
-        if not is_consistent(self.climb_deg, self.end_height_m):
-            kind = "line_end_height"
-            message = (
-                "climb_deg and end_height_m go together: write both positive, or both negative"
-            )
-            raise PydanticCustomError(kind, message)
+        check_end(self.climb_deg, self.end_height_m)
         return self
 
 
