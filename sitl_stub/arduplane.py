@@ -14,6 +14,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
+    DO_CHANGE_ALTITUDE,
     DO_CHANGE_SPEED,
     DO_REPOSITION,
     DO_SET_MODE,
@@ -177,6 +178,7 @@ class Guided:
     def __init__(self) -> None:
         self.commands: Handlers = {
             DO_CHANGE_SPEED: self._change_speed,
+            DO_CHANGE_ALTITUDE: change_any_altitude,
             GUIDED_CHANGE_HEADING: _only_guided(change_heading),
             GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
             GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
@@ -262,6 +264,17 @@ def change_altitude(flight: Flight, command: Command) -> Result:
     if target is None or climb_rate_m_s < 0.0:
         return Result.DENIED
     flight.hold_height(target)
+    return Result.ACCEPTED
+
+
+def change_any_altitude(flight: Flight, command: Command) -> Result:
+    """186: param1 metres, param2 frame; accepted in any mode, and of use where one has a height to hold."""
+    altitude_m, frame = command.used(1, 2)
+    target = height_target(flight, int(frame), altitude_m)
+    if target is None:
+        return Result.DENIED
+    if flight.mode in {LOITER, GUIDED}:
+        flight.hold_height(target)
     return Result.ACCEPTED
 
 

@@ -23,6 +23,7 @@ from vfguide.extras import PLOTTING, import_extra, require
 from vfguide.lab.export.columns import parts_of
 from vfguide.lab.ordering import Outcome, give_order
 from vfguide.lab.rehearsal import lockstep
+from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import SlotError, slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
@@ -192,6 +193,7 @@ def order(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
+        deputies=mission.deputies,
         roster=credentials.roster,
         key=credentials.key,
     )
@@ -250,7 +252,7 @@ def fly(
     if impossible:
         raise InputError("\n".join(impossible))
     if not live:
-        return Flight(flown=lockstep.fly_lockstep(changed, processes=processes))
+        return Flight(flown=fly_rehearsal(changed, processes=processes))
     # In a thread of its own: a notebook has an event loop already.
     stopped = Event()
     with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:

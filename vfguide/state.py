@@ -1,5 +1,6 @@
 """What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
 
+import math
 from dataclasses import dataclass
 from typing import Generic, Literal
 
@@ -92,8 +93,8 @@ class HeardState(LeaderState[float]):
     """Of the leader that it obeys, or is."""
     arrangement: int = 0
     """Number of the newest order that it flies by or is about to; 0 before the first."""
-    tells_order: bool = True
-    """Whether that number is known."""
+    course_setpoint: float = math.nan
+    """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

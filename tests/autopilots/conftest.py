@@ -1,7 +1,7 @@
 """The autopilots' programs: a machine without them may do without these tests, CI may not."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -32,25 +32,35 @@ def program(kind: str) -> Path:
 
 
 def formation_of(
-    kind: str, mission: str, conditions: Conditions, directory: Path, *, engage: bool
+    kind: str,
+    mission: str,
+    conditions: Conditions,
+    directory: Path,
+    *,
+    engage: bool,
+    deputies: Sequence[str] = (),
 ) -> Plan:
     """Four of an autopilot's programs on a mission of this project."""
     return Plan(
-        mission=load(MISSIONS / f"{mission}.yaml", {}),
+        mission=load(MISSIONS / f"{mission}.yaml", {"deputies": list(deputies)}),
         kind=PROGRAMS[kind],
         binary=program(kind),
         conditions=conditions,
         directory=directory,
         mosquitto=found_or_skipped(find_mosquitto),
         engage=engage,
+        # By what a deputy leads is in what companions record.
+        record=bool(deputies),
     )
 
 
 @pytest.fixture
 def arduplanes_in_gusts(tmp_path: Path) -> Plan:
-    """Four ArduPlanes on the circle, in wind and turbulence."""
+    """Four ArduPlanes on the circle, in wind and turbulence, two of them deputies."""
     gusts = Conditions(wind_m_s=5.0, wind_from_deg=270.0, turbulence=1.0)
-    return formation_of("arduplane", "ardupilot-sitl", gusts, tmp_path, engage=True)
+    return formation_of(
+        "arduplane", "ardupilot-sitl", gusts, tmp_path, engage=True, deputies=("f1", "f2")
+    )
 
 
 @pytest.fixture

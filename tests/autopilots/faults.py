@@ -76,6 +76,15 @@ def glitch(vehicle: str, north_m: float) -> Callable[["Formation"], None]:
     return lambda formation: formation.simulators[vehicle].glitch(north_m)
 
 
+def ordered(words: str) -> Fault:
+    """An operator's program gives an order, such as "vee" or "vee --spacing 30"."""
+    return Fault(
+        f"order: {words}",
+        (Step(0.0, lambda formation: formation.order(words)),),
+        ends_after_s=0.0,
+    )
+
+
 def faults(leader: str, follower: str) -> Mapping[str, Fault]:
     """All faults by name, of these two vehicles."""
     return {
@@ -91,6 +100,11 @@ def faults(leader: str, follower: str) -> Mapping[str, Fault]:
         ),
         "leader-companion-gone": Fault(
             "the leader's companion killed for good", (Step(0.0, kill(leader)),), ends_after_s=60.0
+        ),
+        "leader-lost": Fault(
+            "the leader's companion killed for good, with deputies",
+            (Step(0.0, kill(leader)),),
+            ends_after_s=0.0,
         ),
         "pilot-loiter": Fault(
             "a follower's pilot selects LOITER for 10 s",

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import yaml
 
-from tests.autopilots.faults import Fault, Occurrence, faults
+from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, flight_directory, fly, load, merged
 from tests.autopilots.programs import FlightError, find_mosquitto
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
@@ -53,6 +53,13 @@ def arguments() -> argparse.ArgumentParser:
     )
     what = f"what goes wrong, and when; may be repeated: {', '.join(faults('', ''))}"
     add("--fault", action="append", default=[], metavar="NAME@S", help=what)
+    add(
+        "--orders",
+        default="",
+        metavar="S:WORDS,...",
+        help='given by `vfguide order`, such as "60:line-abreast,100:vee --spacing 30"',
+    )
+    add("--kill-leader-at", type=float, metavar="S", help="the same as --fault leader-lost@S")
     add("--vehicle", help="follower that faults meet (default: the second)")
     add("--first-instance", type=int, help="of the simulators (default: the first that is free)")
     add(
@@ -88,6 +95,9 @@ def run(options: argparse.Namespace) -> int:
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
     known = faults(mission.leader.vehicle, vehicle)
     occurrences = [occurrence(text, known) for text in options.fault]
+    occurrences += [order(text) for text in options.orders.split(",") if text]
+    if options.kill_leader_at is not None:
+        occurrences.append(Occurrence(known["leader-lost"], options.kill_leader_at))
     binary = find_program(
         options.program, options.binary or os.environ.get(options.program.upper())
     )
@@ -109,7 +119,8 @@ def run(options: argparse.Namespace) -> int:
             first_instance=options.first_instance,
             guided=options.guided,
             engage=options.engage,
-            record=options.keep is not None,
+            # Slots that were ordered, and who leads, are in what companions record.
+            record=bool(options.keep or options.orders or mission.deputies),
         )
         verdict, _ = fly(plan, options.duration, sorted(occurrences, key=lambda one: one.began_s))
     if options.json:
@@ -140,6 +151,19 @@ def occurrence(text: str, known: Mapping[str, Fault]) -> Occurrence:
         return Occurrence(known[name], float(at))
     except ValueError:
         raise FlightError(f"--fault {text}: write NAME@S, as in {name}@70") from None
+
+
+def order(text: str) -> Occurrence:
+    """S:WORDS.
+
+    Raises:
+        FlightError: it is something else.
+    """
+    at, _, words = text.partition(":")
+    try:
+        return Occurrence(ordered(words), float(at))
+    except ValueError:
+        raise FlightError(f"--orders {text}: write S:WORDS, as in 60:vee") from None
 
 
 def parameter(text: str) -> tuple[str, float]:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,9 +44,14 @@ from vfguide.lab.rehearsal.processes import free_port
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mission import Mission
 from vfguide.mission.load import parse_mission
+from vfguide.record.guidance_log import read_guidance
+from vfguide.record.recording import guidance_files
 
 SPACING_M = 110.0
 """From one runway to the next, eastward."""
+
+RECORDED = "recorded"
+"""Directory of what companions record."""
 
 TRUE_TRACKS = "true-tracks.npz"
 """File of where everybody truly was, beside what the companions recorded."""
@@ -108,12 +113,26 @@ class Formation:
     """Of the flight."""
     guided: str = "GUIDED"
     """The mode in which an autopilot obeys, by its pilot's word for it."""
+    operator: tuple[Path, str] | None = None
+    """The mission's file, beside which an operator's key is, and the link's address."""
+    orders: list[Program] = field(default_factory=list)
+    """Programs by which orders were given."""
     began_s: float = 0.0
     """When the pilots had selected the guided mode, s of the flight's clock."""
 
     def give(self, vehicle: str) -> None:
         """The pilot of a vehicle gives it to its companion."""
         self.simulators[vehicle].enter(self.guided)
+
+    def order(self, words: str) -> None:
+        """An operator gives an order by `vfguide order`; what comes of it is in the program's output."""
+        if self.operator is None:
+            raise FlightError("nobody can give an order")
+        file, link = self.operator
+        command = vfguide("order", str(file), *words.split(), "--link", link)
+        program = Program(f"order-{len(self.orders) + 1}", command, file.parent)
+        self.orders.append(program)
+        program.start()
 
     def check(self) -> None:
         """See that every simulator runs.
@@ -181,13 +200,15 @@ def airborne(plan: Plan) -> Iterator[Formation]:
                 *("--mavlink", simulators[name].companion_url, "--state", str(directory / "state")),
                 *(("--engage",) if plan.engage else ()),
                 *((f"--leader=udpin://127.0.0.1:{hears[name]}",) if name in hears else ()),
-                *(("--record", str(directory / "recorded")) if plan.record else ()),
+                *(("--record", str(directory / RECORDED)) if plan.record else ()),
             ),
             directory,
         )
         for name in mission.companions
     }
-    formation = Formation(mission, simulators, mosquitto, companions, clock, plan.guided)
+    formation = Formation(
+        mission, simulators, mosquitto, companions, clock, plan.guided, (file, link)
+    )
     priority = first_in_line()
     try:
         mosquitto.start()
@@ -205,7 +226,7 @@ def airborne(plan: Plan) -> Iterator[Formation]:
     finally:
         restore_priority(priority)
         # At the same time: each companion waits until its autopilot shows that it flies by itself.
-        at_once([companion.stop for companion in companions.values()])
+        at_once([one.stop for one in (*companions.values(), *formation.orders)])
         if relay is not None:
             relay.stop()
         mosquitto.stop()
@@ -294,7 +315,13 @@ def conclude(
         name: true_track(simulator.station, frame, time_s)
         for name, simulator in formation.simulators.items()
     }
-    record = flight_record(mission, time_s, tracks)
+    guidance = {
+        name: read_guidance(
+            *guidance_files(plan.directory / RECORDED, name), zero_s=formation.began_s
+        )
+        for name in (mission.companions if plan.record else ())
+    }
+    record = flight_record(mission, time_s, tracks, guidance)
     if plan.record:
         began = f"Time 0 is {formation.began_s:.3f} s of the companions' clock."
         replace(record, notes=(began,)).save(plan.directory / TRUE_TRACKS)

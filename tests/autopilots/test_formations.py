@@ -1,38 +1,58 @@
-"""Four autopilots in software, and a pilot who takes one of them away."""
+"""Four autopilots in software: a pilot takes one of them away, an order is given, the leader is lost."""
 
-from tests.autopilots.faults import Occurrence, faults
+from collections.abc import Sequence
+
+from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, fly
 from tests.autopilots.simulators import ArduPlane, Px4
+from tests.autopilots.verdict import Verdict
 
-FAULT_AT_S, DURATION_S = 50.0, 80.0
+ORDER_AT_S, FAULT_AT_S, LOST_AT_S, DURATION_S = 15.0, 50.0, 62.0, 85.0
+
+LEAST_M = 5.0
 
 IN_SLOT_M = 30.0
 """In the last seconds. Unsteered they would be hundreds of metres off; a busy computer costs metres."""
 
+FAULTS = faults("leader", "f3")
 
-def steered_but_for_a_pilots_rtl(plan: Plan, *, guided: int, rtl: int) -> None:
+
+def steered_but_for_a_pilots_rtl(
+    plan: Plan, more: Sequence[tuple[float, Fault]], *, guided: int, rtl: int
+) -> Verdict:
     """Three of four hold their slots; the third follower's pilot selects RTL, and it outlives its companion.
 
     Args:
         plan: the flight.
+        more: what else happens, and when, s.
         guided: the guided mode's number in heartbeats.
         rtl: the number of the mode in which it returns.
     """
-    fault = faults("leader", "f3")["pilot-rtl-restart"]
-    verdict, modes = fly(plan, DURATION_S, [Occurrence(fault, FAULT_AT_S)])
+    happens = sorted([(FAULT_AT_S, FAULTS["pilot-rtl-restart"]), *more], key=lambda one: one[0])
+    verdict, modes = fly(plan, DURATION_S, [Occurrence(what, at_s) for at_s, what in happens])
     after = [mode for time_s, mode in modes["f3"] if time_s >= FAULT_AT_S]
     assert after == [rtl]
     assert [modes[name][-1][1] for name in ("leader", "f1", "f2")] == [guided] * 3
     assert max(verdict.at_end.values()) < IN_SLOT_M
+    return verdict
 
 
-def test_arduplanes_hold_in_gusts_and_a_pilots_rtl_outlives_a_new_companion(
+def test_arduplanes_in_gusts_take_an_order_and_outlive_their_leader_and_a_pilots_rtl_a_new_companion(
     arduplanes_in_gusts: Plan,
 ) -> None:
     modes = ArduPlane.MODES
-    steered_but_for_a_pilots_rtl(arduplanes_in_gusts, guided=modes["GUIDED"], rtl=modes["RTL"])
+    more = [(ORDER_AT_S, ordered("spacing --spacing 30")), (LOST_AT_S, FAULTS["leader-lost"])]
+    verdict = steered_but_for_a_pilots_rtl(
+        arduplanes_in_gusts, more, guided=modes["GUIDED"], rtl=modes["RTL"]
+    )
+    order, _, lost = verdict.faults
+    said = (arduplanes_in_gusts.directory / "order-1.txt").read_text()
+    assert said.rstrip().endswith(": flown"), said
+    assert order.moved_s is not None
+    assert lost.led_s is not None
+    assert min(one.nearest.distance_m for one in (order, lost)) >= LEAST_M
 
 
 def test_px4s_hold_in_guided_course_and_a_pilots_rtl_outlives_a_new_companion(px4s: Plan) -> None:
     number = Px4.number
-    steered_but_for_a_pilots_rtl(px4s, guided=number("GUIDED"), rtl=number("RTL"))
+    steered_but_for_a_pilots_rtl(px4s, [], guided=number("GUIDED"), rtl=number("RTL"))

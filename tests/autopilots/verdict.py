@@ -1,8 +1,9 @@
 """How well a formation of real autopilots was kept, by the geometry that reports have."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,20 @@ from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import Acceptance as RecordedAcceptance
 from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.guidance_log import GuidanceTrack
+from vfguide.record.guidance_series import lead_series, slot_series
 
 END_S = 5.0
 """At the end of a flight, to see where everybody was then."""
+
+NEAR_M = 1.0
+"""Within this of the slots is what an order is to come to."""
+
+STILL_M = 0.002
+"""A slot that moves by less from one sample to the next is at rest: 5 cm/s."""
+
+BEFORE_S = 10.0
+"""Over which distances before and after a fault are averaged."""
 
 BACK_M = 3.0
 """Within this of the slots counts as back; calm flights stay within 1.1 m, gusty ones within 2 m."""
@@ -52,17 +64,50 @@ class Aftermath:
     """In three dimensions."""
     back_s: float | None
     """From its end until every follower that is steered was back and stayed; None: not by then."""
+    near_s: float | None
+    """The same, until all were within `NEAR_M` of their slots."""
+    before_m: float
+    """Mean distance from the slots in the `BEFORE_S` before."""
+    after_m: float
+    """The same, in as long a time before the next fault or the end."""
+    greatest_m: float
+    """The greatest distance from the slots from the fault on."""
+    moved_s: tuple[float, float] | None
+    """When ordered slots began to move and came to rest, s after the fault; None: none moved."""
+    led_s: float | None
+    """After so long another vehicle led; None: none did."""
 
     def row(self) -> str:
         """The line of a table."""
-        back = "-" if self.back_s is None else f"{self.back_s:.0f}"
+        seconds = [
+            "-" if one is None else f"{one:.1f}"
+            for one in (*(self.moved_s or (None, None)), self.near_s, self.back_s, self.led_s)
+        ]
         cells = (self.nearest_horizontal.distance_m, self.nearest.distance_m)
-        return f"| {self.what} | {' | '.join(f'{cell:.1f}' for cell in cells)} | {back} |"
+        errors = (self.before_m, self.after_m, self.greatest_m)
+        columns = (
+            self.what,
+            *(f"{cell:.1f}" for cell in cells),
+            *seconds,
+            *(f"{error:.2f}" for error in errors),
+        )
+        return f"| {' | '.join(columns)} |"
 
 
-AFTERMATH_HEADING = """\
-| fault | nearest two, level, m | in space, m | back after, s |
-|---|---|---|---|"""
+AFTERMATH_COLUMNS = (
+    "fault or order",
+    "nearest two, level, m",
+    "in space, m",
+    "slots move from, s",
+    "to, s",
+    f"within {NEAR_M:g} m after, s",
+    f"within {BACK_M:g} m after, s",
+    "another leads after, s",
+    "error before, m",
+    "after",
+    "greatest",
+)
+AFTERMATH_HEADING = f"| {' | '.join(AFTERMATH_COLUMNS)} |\n{'|---' * len(AFTERMATH_COLUMNS)}|"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,9 +177,20 @@ HEADING = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 
 
 def flight_record(
-    mission: Mission, time_s: FloatArray, tracks: dict[str, TrueTrack]
+    mission: Mission,
+    time_s: FloatArray,
+    tracks: dict[str, TrueTrack],
+    guidance: Mapping[str, GuidanceTrack],
 ) -> FlightRecord:
-    """The flight as reports have it; what an observer on the ground does not know is no number."""
+    """The flight as reports have it; what an observer on the ground does not know is no number.
+
+    Args:
+        mission: that was flown.
+        time_s: samples (N) of the flight's clock.
+        tracks: where everybody truly was.
+        guidance: what companions recorded, at times from the first sample on: ordered slots, and who led.
+    """
+    since_s = time_s - time_s[0]
     names = [mission.leader.vehicle, *mission.followers_by_name]
     unknown, path = np.full(time_s.size, np.nan), path_of(mission.path)
     vehicles = []
@@ -169,10 +225,11 @@ def flight_record(
                 mode=np.zeros(time_s.size, dtype=np.int64),
                 limited=np.zeros(time_s.size, dtype=np.bool_),
                 lyapunov=unknown,
+                **recorded_series(mission, name, guidance.get(name), since_s),
             )
         )
     return FlightRecord(
-        time_s=time_s - time_s[0],
+        time_s=since_s,
         vehicles=tuple(vehicles),
         mode_names=("unknown",),
         path_north_m=np.empty(0),
@@ -190,6 +247,21 @@ def flight_record(
     )
 
 
+def recorded_series(
+    mission: Mission, name: str, track: GuidanceTrack | None, since_s: FloatArray
+) -> dict[str, Any]:
+    """The slots that a companion flew in, where they were ordered, and by what it led."""
+    if track is None:
+        return {}
+    found: dict[str, Any] = {}
+    if (follower := mission.followers_by_name.get(name)) is not None:
+        point = follower.slot.point
+        found |= slot_series(track, since_s, (point.forward, point.right, point.up))
+    if mission.deputies:
+        found |= lead_series(track, since_s, mission.origin.altitude_amsl_m)
+    return found
+
+
 def judge(
     record: FlightRecord,
     tracks: dict[str, TrueTrack],
@@ -204,10 +276,11 @@ def judge(
     """
     time_s, last = record.time_s, record.time_s[-1]
     window = time_s >= last / 2.0
-    intended = intended_leader(record.leader)
+    leader = record.reference
+    intended = intended_leader(leader)
     gone = {name for one in faults for name in one.fault.without}
     kept = [one for one in record.followers if one.name not in gone]
-    true = np.array([slot_error(record.leader, one).distance_m for one in kept])
+    true = np.array([slot_error(leader, one).distance_m for one in kept])
     meant_errors = [slot_error(intended, one) for one in kept]
     meant = np.array([one.distance_m for one in meant_errors])
     in_space = np.array([one.distance_3d_m for one in meant_errors])
@@ -254,13 +327,51 @@ def aftermath(
     record: FlightRecord, fault: Occurrence, distances_m: FloatArray, until_s: float
 ) -> Aftermath:
     """What came of a fault, by the distances from the slots (rows) up to a time."""
-    during = (record.time_s >= fault.began_s) & (record.time_s <= until_s)
+    time_s, began_s = record.time_s, fault.began_s
+    during = (time_s >= began_s) & (time_s <= until_s)
+    before = (time_s >= began_s - BEFORE_S) & (time_s < began_s)
+    after = during & (time_s > until_s - BEFORE_S)
+    moved_s = slots_move_s(record, during)
+    back_s, near_s = (
+        back_after(time_s[during], distances_m[:, during], fault.ended_s, within_m)
+        for within_m in (BACK_M, NEAR_M)
+    )
+    if moved_s is not None and near_s is not None:
+        near_s = max(near_s, moved_s[1] - began_s)
     return Aftermath(
         what=fault.fault.what,
         nearest_horizontal=nearest(record, during, with_height=False),
         nearest=nearest(record, during, with_height=True),
-        back_s=back_after(record.time_s[during], distances_m[:, during], fault.ended_s),
+        back_s=back_s,
+        near_s=near_s,
+        before_m=float(distances_m[:, before].mean()),
+        after_m=float(distances_m[:, after].mean()),
+        greatest_m=float(distances_m[:, during].max()),
+        moved_s=None if moved_s is None else (moved_s[0] - began_s, moved_s[1] - began_s),
+        led_s=led_after(record, during, began_s),
     )
+
+
+def slots_move_s(record: FlightRecord, when: BoolArray) -> tuple[float, float] | None:
+    """When the first ordered slot began to move and the last came to rest, in a time; None: none moved."""
+    moving = np.zeros(record.time_s.size, dtype=bool)
+    for one in record.followers:
+        forward, right = (np.broadcast_to(slot, moving.shape) for slot in one.slot_m)
+        step = np.hypot(np.diff(forward), np.diff(right))
+        moving[1:] |= step > STILL_M
+    moved = record.time_s[moving & when]
+    return (float(moved[0]), float(moved[-1])) if moved.size else None
+
+
+def led_after(record: FlightRecord, when: BoolArray, began_s: float) -> float | None:
+    """After how long (s) a follower first led, in a time; None: none did."""
+    led = [
+        record.time_s[when & np.isfinite(one.lead_term)]
+        for one in record.followers
+        if one.lead_term is not None
+    ]
+    first = [float(times[0]) - began_s for times in led if times.size]
+    return min(first, default=None)
 
 
 def nearest(record: FlightRecord, when: BoolArray, *, with_height: bool) -> Nearest:
@@ -275,9 +386,11 @@ def nearest(record: FlightRecord, when: BoolArray, *, with_height: bool) -> Near
     return min(found, key=lambda each: each.distance_m)
 
 
-def back_after(time_s: FloatArray, distances_m: FloatArray, ended_s: float) -> float | None:
-    """Seconds from the end of a fault until all distances (rows) stay within `BACK_M`; None: they do not."""
-    outside = time_s[(time_s >= ended_s) & (distances_m >= BACK_M).any(axis=0)]
+def back_after(
+    time_s: FloatArray, distances_m: FloatArray, ended_s: float, within_m: float
+) -> float | None:
+    """Seconds from the end of a fault until all distances (rows) stay within some; None: they do not."""
+    outside = time_s[(time_s >= ended_s) & (distances_m >= within_m).any(axis=0)]
     if not outside.size:
         return 0.0
     return None if outside[-1] >= time_s[-1] - 1.0 else float(outside[-1] - ended_s)

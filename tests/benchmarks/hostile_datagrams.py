@@ -1,11 +1,13 @@
 """A million hostile datagrams into a companion's link: what becomes of them, and what that takes.
 
-    python tests/benchmarks/hostile_datagrams.py [COUNT] [udp|mqtt]
+    python tests/benchmarks/hostile_datagrams.py [COUNT] [udp|mqtt|zenoh|leader]
 
 They are noise, cut and changed messages, repeated ones, forgeries with a real header, and messages of another
-formation, sent as fast as it goes. Between them a true leader publishes. The program fails if anything is
-raised, memory grows by more than 5 MB, anything is believed that the leader has not said, or the leader is
-not heard afterwards.
+formation, sent as fast as it goes. With `leader` they go into the port at which a leader without a companion
+is heard: noise, real frames with some bits changed, and any message of the dialect with random content and a
+right checksum, as if the leader had sent it. Between them a true leader publishes. The program fails if
+anything is raised, memory grows by more than 5 MB after the first tenth, anything is believed that the leader
+has not said, or the leader is not heard afterwards.
 """
 
 import asyncio
@@ -20,18 +22,32 @@ from random import Random
 from typing import TypeVar
 
 import aiomqtt
+import zenoh
 
+from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.lab.studies.programs import broker
-from vfguide.link.address import MqttAddress, UdpAddress, parse_link
-from vfguide.link.envelope import Kind
+from vfguide.link.address import LinkAddress, MqttAddress, UdpAddress, parse_link
+from vfguide.link.envelope import Kind, formation_number
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
+from vfguide.link.zenoh import ZenohAddress
+from vfguide.mavlink.address import parse_address
+from vfguide.mavlink.connection import open_connection
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from tests.benchmarks.hostile_frames import Frames
+from tests.unit.companion.test_companion_leader_telemetry import (
+    FRAME,
+    packed,
+    position,
+)
+from tests.unit.companion.test_companion_leader_telemetry import (
+    LEADER as FOREIGN,
+)
 from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
 
 T = TypeVar("T")
@@ -114,8 +130,15 @@ def random_one(random: Random, choices: Sequence[T]) -> T:
 
 async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float]:
     """Send them all, and see that the true leader is heard before, during and after it."""
+    own = None
     if way == "udp":
         address = parse_link(GROUP.format(port=free_port()))
+    elif way == "zenoh":
+        port = free_port()
+        own, address = (
+            parse_link(f"zenoh://?listen=127.0.0.1:{port}"),
+            parse_link(f"zenoh://127.0.0.1:{port}"),
+        )
     else:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         _, port = await stack.enter_async_context(broker(directory))
@@ -131,15 +154,27 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
     )
     links = [
         await stack.enter_async_context(
-            open_link((address,), formation=FORMATION, member=member, random=Random(1))
+            open_link(
+                (own if own is not None and member is follower else address,),
+                formation=FORMATION,
+                member=member,
+                random=Random(1),
+            )
         )
-        for member in (leader, follower)
-    ]
+        # Who listens first is found at once.
+        for member in (follower, leader)
+    ][::-1]
     await until_heard(links[0], heard)
     hostile = Hostile(leader_trust)
     send = await sender(address, stack)
     before_mb, began_s, during = resident_mb(), time.monotonic(), 0
+    sizes_mb = list[float]()
     for number in range(0, count, BATCH):
+        if number % (count // 10) == 0:
+            sizes_mb.append(round(resident_mb(), 1))
+            if len(sizes_mb) == 2:
+                # Libraries make their buffers in the first tenth.
+                before_mb = resident_mb()
         for _ in range(BATCH):
             await send(hostile())
         links[0].publish(b"true %d" % number)
@@ -153,8 +188,10 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
     counters = links[1].counters
     assert counters["failed to use"] == 0
     refused = {reason: n for reason, n in counters.items() if reason.startswith("refused")}
-    for reason, number in sorted(refused.items(), key=lambda one: -one[1]):
+    told = {**refused, **{one: counters[one] for one in ("copies", "dropped: too many at once")}}
+    for reason, number in sorted(told.items(), key=lambda one: -one[1]):
         sys.stdout.write(f"{number:9d}  {reason}\n")
+    sys.stdout.write(f"memory at each tenth, MB: {sizes_mb}\n")
     growth_mb = resident_mb() - before_mb
     assert growth_mb < 5.0, growth_mb
     return {
@@ -174,9 +211,7 @@ async def until_heard(link: Link, heard: list[bytes]) -> None:
             await asyncio.sleep(0.02)
 
 
-async def sender(
-    address: MqttAddress | UdpAddress, stack: AsyncExitStack
-) -> Callable[[bytes], Awaitable[None]]:
+async def sender(address: LinkAddress, stack: AsyncExitStack) -> Callable[[bytes], Awaitable[None]]:
     """Something that sends a datagram to everybody, or publishes it as the leader's state."""
     if isinstance(address, UdpAddress):
         opened = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -186,6 +221,23 @@ async def sender(
             opened.sendto(data, address.destinations[0])
 
         return send
+    if isinstance(address, ZenohAddress):
+        config = zenoh.Config()
+        config.insert_json5("mode", '"peer"')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("connect/endpoints", f'["tcp/{address.peers[0]}"]')
+        session = stack.enter_context(zenoh.open(config))
+        key = f"vfguide/{formation_number(FORMATION):016x}"
+        publisher = session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.BLOCK, express=True
+        )
+        await asyncio.sleep(1.0)
+
+        async def put(data: bytes) -> None:
+            publisher.put(data)
+
+        return put
+    assert isinstance(address, MqttAddress)
     client = await stack.enter_async_context(aiomqtt.Client(address.host, address.port))
 
     async def publish(data: bytes) -> None:
@@ -194,11 +246,78 @@ async def sender(
     return publish
 
 
+class Heard:
+    """A leader without a companion, and the companion that hears it."""
+
+    def __init__(self) -> None:
+        self.telemetry = LeaderTelemetry(FOREIGN, FRAME, moved_s=5.0, system_id=2)
+        self._began_s = time.monotonic()
+
+    @property
+    def now(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def take(self, datagram: bytes) -> None:
+        """What a companion does with a datagram."""
+        self.telemetry.take(datagram, self.now)
+        self.telemetry.words()
+        self.telemetry.say(self.now)
+
+    def true_report(self) -> bytes:
+        """The leader now: 20 m/s north."""
+        return packed(position(self.now, 20.0 * self.now, 0.0))
+
+    @property
+    def age_s(self) -> float:
+        newest = self.telemetry.newest
+        return 1e9 if newest is None else self.now - newest.time_s
+
+
+async def attack_leader(count: int, stack: AsyncExitStack) -> dict[str, float]:
+    """The same into the MAVLink port at which a leader without a companion is heard."""
+    heard, port = Heard(), free_port()
+    await stack.enter_async_context(
+        open_connection(parse_address(f"udpin://127.0.0.1:{port}"), heard.take, random=Random(1))
+    )
+    opened = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+
+    async def until_believed() -> None:
+        async with asyncio.timeout(60.0):
+            while heard.age_s > 1.0:
+                opened.sendto(heard.true_report(), ("127.0.0.1", port))
+                await asyncio.sleep(0.1)
+
+    await until_believed()
+    frames = iter(Frames(1, system_id=7, component_id=1, favourites=(0, 33, 63, 111, 144, 235)))
+    before_mb, began_s = resident_mb(), time.monotonic()
+    for _ in range(0, count, BATCH // 4):
+        for _ in range(BATCH // 4):
+            opened.sendto(next(frames), ("127.0.0.1", port))
+        opened.sendto(heard.true_report(), ("127.0.0.1", port))
+        # Each round of the loop reads one.
+        for _ in range(BATCH // 4 + 1):
+            await asyncio.sleep(0)
+    seconds = time.monotonic() - began_s
+    await until_believed()
+    counters = heard.telemetry.counters
+    for reason, number in sorted(counters.items(), key=lambda one: -one[1]):
+        sys.stdout.write(f"{number:9d}  {reason}\n")
+    growth_mb = resident_mb() - before_mb
+    assert growth_mb < 5.0, growth_mb
+    return {
+        "sent": count,
+        "passed over": sum(counters.values()),
+        "seconds": round(seconds, 1),
+        "growth_mb": round(growth_mb, 2),
+    }
+
+
 async def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
     way = sys.argv[2] if len(sys.argv) > 2 else "udp"
     async with AsyncExitStack() as stack:
-        found = await attack(count, way, stack)
+        hostile = attack_leader(count, stack) if way == "leader" else attack(count, way, stack)
+        found = await hostile
     sys.stdout.write(f"{way}: {found}\n")
 
 

@@ -1,6 +1,7 @@
 """How fast and how near formations change their shape: every ordered pair of six shapes, and random orders.
 
-Run with `.venv/bin/python tests/benchmarks/orders.py pairs [FOLLOWERS ...]`, or `random [ORDERS [SEED]]`; all
+Run with `.venv/bin/python tests/benchmarks/orders.py pairs [FOLLOWERS ...] [--every=N]`
+(the first of each N pairs that follow each other), or `random [ORDERS [SEED]]`; all
 in the article's wind, in lockstep through MAVLink bytes. Minutes for each. `picture FILE` draws the mission
 `shapes` as its leader sees it.
 """
@@ -188,12 +189,13 @@ def least(record: FlightRecord, from_s: float) -> tuple[float, str, float]:
     )
 
 
-def pairs(followers: Sequence[int]) -> None:
-    """Every ordered pair of six shapes."""
+def pairs(followers: Sequence[int], *, every: int = 1) -> None:
+    """Every ordered pair of six shapes, or the first of so many that follow each other."""
     for count in followers:
         for path in PATHS:
             mission = mission_of(count, path)
             walk = round_trip(SIX)
+            walk = walk[: 1 + (len(walk) - 1) // every]
             orders = (
                 (f"{one} -> {other}", Order(shape=other, spacing=SPACING_M))
                 for one, other in pairwise(walk)
@@ -287,6 +289,7 @@ def picture(file: Path) -> None:
 def main() -> None:
     """Fly what the command line says."""
     what, *numbers = sys.argv[1:] or ["pairs"]
+    every = int(numbers.pop().removeprefix("--every=")) if "--every=" in " ".join(numbers) else 1
     if what == "picture":
         picture(Path(numbers[0]))
         return
@@ -294,7 +297,7 @@ def main() -> None:
         count, seed = [*map(int, numbers), *(100, 1)[len(numbers) :]][:2]
         at_random(count, seed)
     else:
-        pairs([int(number) for number in numbers] or [3, 7])
+        pairs([int(number) for number in numbers] or [3, 7], every=every)
 
 
 if __name__ == "__main__":

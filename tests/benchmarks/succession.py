@@ -1,6 +1,7 @@
 """How a formation takes it that the companion of its leader is killed for good, in lockstep.
 
-Run with `.venv/bin/python -m tests.benchmarks.succession [MISSION ...]`; a minute for each line. Errors
+Run with `.venv/bin/python -m tests.benchmarks.succession [--never-stops] [MISSION ...]`; a minute for each
+line. With --never-stops the leader's aircraft has `may_stop: false`. Errors
 are those of the slots behind the leader that the deputy carries on. Followers that are in the way of the
 leader's aircraft, which flies on without its companion, leave their slots for it: they have a column of
 their own.
@@ -24,10 +25,11 @@ WATCHED_S = 15.0
 WAY = re.compile("keeping clear of|too near to")
 
 
-def flown(name: str, turbulence: str, lost_s: float) -> Flight:
+def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -> Flight:
     """A flight whose leader's companion is killed at a time."""
     content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
     content["deputies"] = [one["vehicle"] for one in content["followers"][:2]]
+    content["vehicles"][content["leader"]["vehicle"]]["may_stop"] = may_stop
     content["wind"]["turbulence"] = turbulence
     loss = {"vehicle": content["leader"]["vehicle"], "at_s": lost_s}
     content["rehearsal"] |= {"duration_s": lost_s + WATCHED_S, "start": {}, "losses": [loss]}
@@ -69,10 +71,11 @@ def main() -> None:
         " | after, not in the way, m | after, all, m | nearest two, m |\n"
         "|---|---|---|---|---|---|---|---|\n"
     )
-    for name in sys.argv[1:] or NAMES:
+    names, may_stop = sys.argv[1:], "--never-stops" not in sys.argv
+    for name in [one for one in names if not one.startswith("-")] or NAMES:
         for turbulence in WINDS:
             for lost_s in LOST_S:
-                found = figures(flown(name, turbulence, lost_s), lost_s)
+                found = figures(flown(name, turbulence, lost_s, may_stop=may_stop), lost_s)
                 cells = " | ".join(f"{value:.2f}" for value in found)
                 sys.stdout.write(f"| {name} | {turbulence} | {lost_s:g} | {cells} |\n")
                 sys.stdout.flush()

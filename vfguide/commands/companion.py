@@ -11,9 +11,13 @@ from vfguide.commands.vehicles import check_deputies, check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
+from vfguide.companion.ground_orders import order_codes
+from vfguide.companion.order_program import OrderProgram
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
+from vfguide.extras import require
 from vfguide.link.address import parse_links
+from vfguide.link.keys import OPERATOR, key_places, read_private_key
 from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.signing import signing_key
@@ -37,6 +41,8 @@ def run_companion(
     state: Path | None = None,
     leader: str | None = None,
     follow_target: str | None = None,
+    ground_station_orders: bool = False,
+    operator_key: Path | None = None,
     log_format: LogFormat = LogFormat.AUTO,
 ) -> None:
     """Run the companion of a vehicle until SIGTERM.
@@ -51,6 +57,11 @@ def run_companion(
     sends_to = None if follow_target is None else parse_address(follow_target)
     if sends_to is not None and vehicle != mission.leader.vehicle:
         raise InputError(f"--follow-target: {vehicle!r} does not lead {mission.name}; leave it out")
+    ordering = None
+    if ground_station_orders:
+        ordering = order_program(links, keys, operator_key)
+    elif operator_key is not None:
+        raise InputError("--operator-key: goes with --ground-station-orders; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
     addresses = parse_links(links)
     check_deputies(mission, addresses)
@@ -86,9 +97,37 @@ def run_companion(
         by_mavsdk=mission.vehicles[vehicle].by_mavsdk,
         leader=heard_at,
         followers=sends_to,
+        order_program=ordering,
+        order_codes=order_codes(mission),
     )
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
+
+
+def order_program(links: Sequence[str], keys: KeyFiles, operator_key: Path | None) -> OrderProgram:
+    """What gives the orders that ground stations request.
+
+    Raises:
+        InputError: there is no operator's key, or no link that a second program can use.
+        VfguideError: a library that orders need is not installed.
+    """
+    require("scipy")
+    usable = tuple(link for link in links if not link.startswith("serial:"))
+    if not usable:
+        raise InputError(
+            "--ground-station-orders: orders are given by a program beside this one, which cannot share a"
+            " telemetry radio; add a link mqtt://, udp:// or zenoh://"
+        )
+    if keys.insecure:
+        return OrderProgram(mission=keys.mission, links=usable, key=None)
+    key = operator_key or key_places(keys.mission).private(OPERATOR)
+    if not key.exists():
+        raise InputError(
+            f"{key}: there is no operator's private key to sign orders of a ground station with; copy it"
+            " there, or name it with --operator-key"
+        )
+    read_private_key(key)
+    return OrderProgram(mission=keys.mission, links=usable, key=key, roster=keys.roster)
 
 
 def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Address | None:

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import Credentials, KeyFiles
 from vfguide.commands.report import read_flight
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
@@ -34,14 +34,25 @@ def show_formation(
     keys: KeyFiles,
     address: Address,
     token_file: Path | None,
+    operator: bool = False,
 ) -> None:
     """Serve the console of a formation until told to stop.
+
+    Args:
+        mission: of the formation.
+        links: addresses of its links.
+        keys: whom to believe, and the operator's private key.
+        address: where it is served.
+        token_file: keeps the token of the address; that of operators is kept beside it.
+        operator: whether orders can be given, with that key.
 
     Raises:
         InputError: an address, key, certificate or token cannot be used.
     """
     address.check()
     credentials = keys.of_operator()
+    if operator:
+        check_orders(credentials)
     watched = Watched(
         addresses=parse_links(links),
         formation=mission.name,
@@ -51,10 +62,13 @@ def show_formation(
         key=credentials.key,
     )
     token = None if token_file is None else kept_token(token_file)
+    second = new_operator_token(token_file) if operator else None
 
     async def run() -> None:
-        async with live_console(mission, watched, address=address, token=token) as url:
-            await tell_and_wait(url)
+        async with live_console(
+            mission, watched, address=address, token=token, operator_token=second
+        ) as url:
+            await tell_and_wait(*addresses_of(url, second))
 
     asyncio.run(run())
 
@@ -74,30 +88,78 @@ def show_recorded(
 
     async def run() -> None:
         async with served(source, address, title=record.mission, token=token) as url:
-            await tell_and_wait(url)
+            await tell_and_wait(*addresses_of(url, None))
 
     asyncio.run(run())
 
 
 @asynccontextmanager
 async def live_console(
-    mission: Mission, watched: Watched, *, address: Address, token: str | None = None
+    mission: Mission,
+    watched: Watched,
+    *,
+    address: Address,
+    token: str | None = None,
+    operator_token: str | None = None,
 ) -> AsyncIterator[str]:
-    """The console of a formation for as long as the context lasts; yields the address to open."""
+    """The console of a formation for as long as the context lasts; yields the address to open.
+
+    Args:
+        mission: of the formation.
+        watched: its links, and the operator's key by which orders are signed.
+        address: where it is served.
+        token: that lets in; one of chance if absent.
+        operator_token: that lets operators in, who give orders; nobody does if absent.
+    """
+    orders = operator_token is not None
     async with AsyncExitStack() as stack:
-        source = await stack.enter_async_context(live_flight_of(mission, watched))
+        source = await stack.enter_async_context(live_flight_of(mission, watched, orders=orders))
         yield await stack.enter_async_context(
-            served(source, address, title=mission.name, token=token)
+            served(source, address, title=mission.name, token=token, operator_token=operator_token)
         )
 
 
-async def tell_and_wait(url: str) -> None:
-    """Print the address, and wait for Ctrl-C or SIGTERM."""
+def check_orders(credentials: Credentials) -> None:
+    """See that orders can be given.
+
+    Raises:
+        InputError: there is no key to sign them with.
+    """
+    if credentials.roster is not None and credentials.key is None:
+        raise InputError(
+            "--operator: an order is signed by an operator: give a private key with --key, or make keys with"
+            " `vfguide keys make MISSION`"
+        )
+
+
+def new_operator_token(token_file: Path | None) -> str:
+    """The token of operators: kept beside that of the others, or one of chance.
+
+    Raises:
+        InputError: it is kept, and cannot be used.
+    """
+    if token_file is None:
+        return secrets.token_urlsafe(24)
+    return kept_token(token_file.with_name(f"{token_file.name}.operator"))
+
+
+def addresses_of(url: str, operator_token: str | None) -> tuple[str, ...]:
+    """Lines with the addresses of a console, that of operators second."""
+    first = f"console: {url}"
+    if operator_token is None:
+        return (first,)
+    page = url.partition("?")[0]
+    return first, f"console for operators, who give orders: {page}?token={operator_token}"
+
+
+async def tell_and_wait(*lines: str) -> None:
+    """Print lines, and wait for Ctrl-C or SIGTERM."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    Terminal().tell(f"console: {url}")
+    for line in lines:
+        Terminal().tell(line)
     await stop.wait()
 
 

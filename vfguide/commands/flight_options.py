@@ -87,6 +87,10 @@ def fly(
         bool,
         typer.Option("--console", help="With --live: show the flight on a page of a browser."),
     ] = False,
+    operator: Annotated[
+        bool,
+        typer.Option("--operator", help="With --console: have orders given from that page, too."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Fly a whole formation on this computer.
@@ -99,6 +103,8 @@ def fly(
     """
     if not live:
         refuse_without_live(speedup, link, console=console)
+    if operator:
+        refuse_orders(speedup, console=console)
     if force and out is None:
         raise InputError(
             "--force: nothing is replaced without --out; add --out DIR, or leave it out"
@@ -115,6 +121,11 @@ def fly(
         seed=seed,
     )
     changed = apply_overrides(loaded.mission, overrides)
+    if live:
+        # Before anything else is said of a mission that cannot be flown so.
+        from vfguide.commands.fly_live import check_virtual_time
+
+        check_virtual_time(changed)
     findings = check_mission(changed, loaded.source)
     errors = Terminal(stderr=True)
     for finding in findings:
@@ -133,11 +144,24 @@ def fly(
         links=link or (),
         speedup=1.0 if speedup is None else speedup,
         console=console,
+        operator=operator,
         out=out,
         force=force,
         as_json=as_json,
     )
     raise typer.Exit(status)
+
+
+def refuse_orders(speedup: float | None, *, console: bool) -> None:
+    """See that a rehearsal has a page to give orders from, and flies by the clock of whoever gives them.
+
+    Raises:
+        InputError: it does not.
+    """
+    if not console:
+        raise InputError("--operator: orders are given from the page that --live --console shows")
+    if speedup not in {None, 1.0}:
+        raise InputError("--operator: orders are timed in real time; leave --speedup out")
 
 
 def refuse_without_live(

@@ -13,7 +13,8 @@ from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kep
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import VfguideError
 from vfguide.extras import PLOTTING, require
-from vfguide.lab.rehearsal.lockstep import Flight, fly_lockstep
+from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import Summary
 from vfguide.lab.report.table import summary_table
@@ -57,7 +58,7 @@ def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> Fl
         stopped_by_signals() as stop,
         flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
     ):
-        return fly_lockstep(
+        return fly_rehearsal(
             mission,
             processes=os.cpu_count() or 1,
             epoch_s=EPOCH_S if logged else None,

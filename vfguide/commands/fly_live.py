@@ -164,6 +164,7 @@ def fly_live(
     force: bool,
     as_json: bool,
     console: bool = False,
+    operator: bool = False,
 ) -> int:
     """Fly a mission live, report, and return the exit status.
 
@@ -175,6 +176,7 @@ def fly_live(
         force: whether what is there may be replaced.
         as_json: whether standard output is the summary alone.
         console: whether to show the flight on a page, whose address is printed.
+        operator: whether orders can be given from there.
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
@@ -203,6 +205,7 @@ def fly_live(
                     stop=stop,
                     tell=errors.tell,
                     console=console,
+                    operator=operator,
                 )
             )
         return conclude(flight, kept, out=out, force=force, as_json=as_json)
@@ -241,6 +244,7 @@ async def flown_live(
     stop: Callable[[], bool] = lambda: False,
     tell: Callable[[str], None] = lambda _: None,
     console: bool = False,
+    operator: bool = False,
 ) -> Flight:
     """The flight itself, to its end or until told to stop.
 
@@ -253,6 +257,7 @@ async def flown_live(
         stop: whether to end now.
         tell: called with what a user should read.
         console: whether to show the flight on a page.
+        operator: whether orders can be given from there.
 
     Raises:
         InputError: the mission has something that only virtual time has.
@@ -270,9 +275,13 @@ async def flown_live(
         flight = await stack.enter_async_context(
             live_flight(mission, directory=directory, links=links, speedup=speedup)
         )
+        if speedup == 1.0 and mission.followers:
+            tell(f"orders to it, from another terminal: {flight.order_command}")
         _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         if console:
-            await stack.enter_async_context(console_of(mission, flight.watched, tell))
+            await stack.enter_async_context(
+                console_of(mission, flight.watched, tell, operator=operator)
+            )
         before, flies, interrupted = flight.accounts(), False, False
         while (
             now_s := flight.truth_collector.time_s
@@ -301,13 +310,26 @@ async def flown_live(
 
 @asynccontextmanager
 async def console_of(
-    mission: Mission, watched: Watched, tell: Callable[[str], None]
+    mission: Mission, watched: Watched, tell: Callable[[str], None], *, operator: bool
 ) -> AsyncIterator[None]:
-    """The flight on a page, whose address is told."""
+    """The flight on a page, whose address is told, and that of operators if there may be any."""
     # Here, because it brings the web server's libraries.
-    from vfguide.commands.console import live_console
+    from vfguide.commands.console import (
+        addresses_of,
+        check_orders,
+        live_console,
+        new_operator_token,
+    )
+    from vfguide.commands.credentials import Credentials
     from vfguide.lab.console.server import Address
 
-    async with live_console(mission, watched, address=Address(port=0)) as url:
-        tell(f"console: {url}")
+    second = None
+    if operator:
+        check_orders(Credentials(roster=watched.roster, key=watched.key))
+        second = new_operator_token(None)
+    async with live_console(
+        mission, watched, address=Address(port=0), operator_token=second
+    ) as url:
+        for line in addresses_of(url, second):
+            tell(line)
         yield

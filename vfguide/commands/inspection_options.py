@@ -103,10 +103,17 @@ def console(
             help="Keeps the token of the page's address, so that open pages outlive a restart.",
         ),
     ] = None,
+    operator: Annotated[
+        bool,
+        typer.Option(
+            "--operator",
+            help="Have orders given, too, from a second address: signed with the operator's private key.",
+        ),
+    ] = False,
 ) -> None:
     """Show a formation on a page of a browser: who is where, how well, and what to do.
 
-    It only looks on. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
+    It only looks on, unless --operator is given. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
     """
     from vfguide.extras import CONSOLE, require
 
@@ -125,6 +132,8 @@ def console(
     if replay:
         if mission is not None or link:
             raise InputError("--replay: shows a recorded flight; leave MISSION and --link out")
+        if operator:
+            raise InputError("--operator: a recorded flight takes no orders; leave it out")
         show_recorded(replay, address=address, token_file=token)
         return
     if mission is None or not link:
@@ -133,7 +142,12 @@ def console(
         )
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     show_formation(
-        read_mission(mission).mission, links=link, keys=keys, address=address, token_file=token
+        read_mission(mission).mission,
+        links=link,
+        keys=keys,
+        address=address,
+        token_file=token,
+        operator=operator,
     )
 
 

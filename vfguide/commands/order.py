@@ -8,12 +8,13 @@ from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Point
-from vfguide.formation.orders import Action, Order
+from vfguide.formation.orders import Action, Order, check_known
 from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import give_order
 from vfguide.link.address import parse_links
 from vfguide.link.watch import Watched
 from vfguide.mission import Mission
+from vfguide.mission.order_plan import formation_of_mission
 
 ACTIONS: tuple[Action, ...] = get_args(Action)
 
@@ -24,8 +25,21 @@ FARTHEST_M = 3000.0
 
 KNOWN = (
     f"{', '.join(SHAPES)}; spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME;"
+    " path NAME; lead NAME;"
     f" {', '.join(ACTIONS)}"
 )
+
+
+USAGE = {
+    "spacing": "spacing --spacing M",
+    "swap": "swap A B",
+    "slot": "slot NAME=FORWARD,RIGHT",
+    "leave": "leave NAME",
+    "join": "join NAME",
+    "path": "path NAME",
+    "lead": "lead NAME",
+}
+"""How orders are written that need more than a word."""
 
 
 def order_of(words: Sequence[str], spacing: float | None) -> Order:
@@ -38,6 +52,11 @@ def order_of(words: Sequence[str], spacing: float | None) -> Order:
     if spacing is not None and what not in {*SHAPES, "spacing"}:
         raise InputError("--spacing: goes with a shape or with `spacing`; leave it out")
     order = named_order(what, names) if names else plain_order(what, spacing)
+    if order is None and what in USAGE:
+        raise InputError(
+            f"{' '.join(words)}: is not complete, or too much; write"
+            f" `vfguide order MISSION {USAGE[what]} --link URL`"
+        )
     if order is None:
         raise InputError(f"{' '.join(words) or 'nothing'}: is no order; there are {KNOWN}")
     return order
@@ -69,6 +88,17 @@ def named_order(what: str, names: tuple[str, ...]) -> Order | None:
             return Order(leave=names)
         case "join":
             return Order(join=names)
+        case _:
+            return None if len(names) > 1 else named_alone(what, names[0])
+
+
+def named_alone(what: str, name: str) -> Order | None:
+    """An order that names one thing only; None where it is none."""
+    match what:
+        case "path":
+            return Order(path=name)
+        case "lead":
+            return Order(lead=name)
         case _:
             return None
 
@@ -107,6 +137,7 @@ def give(
         InputError: an address, key or order is wrong, or the order cannot be carried out.
         VfguideError: no link stands, or the formation is not heard.
     """
+    check_known(order, formation_of_mission(mission))
     credentials = keys.of_operator()
     watched = Watched(
         addresses=parse_links(links),

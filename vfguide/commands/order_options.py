@@ -21,7 +21,8 @@ def order(
         typer.Argument(
             metavar="WHAT",
             help="A shape (vee, echelon-left, echelon-right, line-abreast, trail, diamond, finger-four);"
-            " spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME; hold; resume; abort.",
+            " spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME; path NAME;"
+            " lead NAME; hold; resume; abort.",
         ),
     ],
     *,

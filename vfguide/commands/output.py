@@ -23,7 +23,7 @@ PAGE_NAME = "report.html"
 RECORDINGS = "recordings"
 """Directories of the companions' own recordings, of a live flight."""
 
-PLOT_NAMES = ("tracks", "errors", "setpoints", "separation", "wind")
+PLOT_NAMES = ("tracks", "errors", "setpoints", "heights", "separation", "wind")
 
 REPORT_NAMES = (SUMMARY_NAME, PAGE_NAME, *(f"{name}.png" for name in PLOT_NAMES))
 """What a report consists of."""

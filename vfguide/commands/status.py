@@ -17,8 +17,10 @@ from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles
 from vfguide.commands.terminal import Terminal
+from vfguide.companion.succession import holder_of
+from vfguide.formation.arrangement import agreed_number
 from vfguide.link.address import parse_links
-from vfguide.link.presence import LINKS_LOST, Presence
+from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
 from vfguide.link.watch import HEARD_SHARE, Watched, check_connected, watching
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import check_mission
@@ -75,6 +77,7 @@ def show_status(
         output.tell(json.dumps(status_json(mission, found), indent=2))
     else:
         output.print(status_table(mission, found))
+        output.tell(flies(mission, found))
         output.tell(readiness(mission, found))
     online = all(name in found and found[name].status == "online" for name in mission.companions)
     return ALL_THERE if online else SOME_MISSING
@@ -122,8 +125,8 @@ async def keep_showing(
                 if as_json:
                     output.tell(json.dumps(status_json(mission, found)))
                 elif output.is_terminal:
-                    line = Text(readiness(mission, found))
-                    live.update(Group(status_table(mission, found), line), refresh=True)
+                    lines = Text(f"{flies(mission, found)}\n{readiness(mission, found)}")
+                    live.update(Group(status_table(mission, found), lines), refresh=True)
                 else:
                     output.tell(readiness(mission, found))
                 with suppress(TimeoutError):
@@ -209,6 +212,18 @@ def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
     if against:
         return f"NO-GO  {'; '.join(against)}"
     return f"GO  {mission.name}: all {len(mission.companions)} companions are ready"
+
+
+def flies(mission: Mission, found: Mapping[str, Presence]) -> str:
+    """Who leads, and the order that is flown, in one line."""
+    online = {name: one.figures for name, one in found.items() if one.status == "online"}
+    term = max(int(max((one.get(TERM, 0.0) for one in online.values()), default=0.0)), 0)
+    leads = holder_of(term, (mission.leader.vehicle, *mission.deputies))
+    numbers = {name: int(one.get(ORDER, 0.0)) for name, one in online.items()}
+    number = agreed_number(numbers, leads)
+    place = "" if term == 0 else f" in the leader's place (term {term})"
+    order = f"order {number}" if number else "the mission's formation"
+    return f"{leads} leads{place}; {order} is flown"
 
 
 def status_json(mission: Mission, found: Mapping[str, Presence]) -> dict[str, object]:

@@ -72,6 +72,20 @@ def companion(
             help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
         ),
     ] = None,
+    ground_station_orders: Annotated[
+        bool,
+        typer.Option(
+            "--ground-station-orders",
+            help="Give orders that a ground station requests by MAV_CMD_USER_1; needs an operator's key.",
+        ),
+    ] = False,
+    operator_key: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Private key that signs those orders; else that of `operator` beside the mission.",
+        ),
+    ] = None,
     log_format: Annotated[
         LogFormat,
         typer.Option(
@@ -101,6 +115,8 @@ def companion(
         state=state,
         leader=leader,
         follow_target=follow_target,
+        ground_station_orders=ground_station_orders,
+        operator_key=operator_key,
         log_format=log_format,
     )
 

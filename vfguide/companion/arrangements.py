@@ -12,14 +12,23 @@ fly by. It steers by no slot until one of them has repeated the order, as the op
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vfguide.companion.order_limits import circle_objection, motion_objection
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, KnownPath
+from vfguide.companion.route_end import RouteEnd
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.formation.arrangement import Arrangement, Flown, Place, Point, agreed_number
+from vfguide.formation.arrangement import (
+    MAIN_PATH,
+    Arrangement,
+    Flown,
+    Place,
+    Point,
+    agreed_number,
+)
 from vfguide.formation.transition import approaches, nearest_on
 from vfguide.guidance.formation import Slot
+from vfguide.guidance.path import Path, PathPoint
 from vfguide.laws.leader import LeaderTask
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
@@ -70,6 +79,9 @@ HEARD_S = 5.0
 REPEAT_S, REPEAT_RANK_S = 1.0, 0.3
 """Between two repetitions of an order, and how much longer each rank waits with the first."""
 
+APPOINTED_S = 1.0
+"""Who is to lead by an order, and is not steered by its companion for so long, does not."""
+
 PATIENCE_S = 3.0
 """An order that is known to be flown and was not repeated for so long is worth a text."""
 
@@ -81,6 +93,12 @@ LAYERED_M = 8.0
 
 LAYER_CLEAR_M = 7.0
 """... and is out of the way while it is so much higher or lower."""
+
+ROUTE_ENDED = "the route is at its end: its flight is over"
+"""Why nothing is steered any more."""
+
+CALLED_OFF = "everything was called off: no order brings the formation back, restart all companions"
+"""Why no order but another abort is taken up any more."""
 
 GONE_M = 1000.0
 """In place of the spacing to a vehicle that has no slot."""
@@ -141,13 +159,21 @@ class Arrangements:
         self._leader = plan.name if plan.leads else next(
             (one.name for one in plan.others if one.leads), ""
         )  # fmt: skip
-        self.coordinator = self._leader
-        """Who decides whether an order is flown: the leader, or the deputy in its place."""
+        self.coordinator = plan.timekeeper if plan.foreign_leader is not None else self._leader
+        """Who decides whether an order is flown: the leader, or the deputy in its place.
+
+        Behind a leader without a companion it is the first follower, whose clock counts.
+        """
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None
+        self._route: KnownPath | None = None
+        self._appointed_s = -math.inf
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = False
+        self._last_up: float | None = None
+        self._route_end = RouteEnd()
+        self._ended: int | None = None
         self._refused: tuple[Order, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
@@ -178,16 +204,51 @@ class Arrangements:
     def has_left(self) -> bool:
         """Whether this vehicle is to be left to its autopilot: it has no place, or all was called off."""
         flown = self.flown
+        if self.called_off is not None:
+            return True
         if flown is None:
             return False
-        if flown.flown is Flown.ABORT:
-            return True
         return not self._plan.leads and flown.place_of(self._plan.name) is None
+
+    @property
+    def called_off(self) -> int | None:
+        """Number of the order with which everything has ended, 0 for none before; None while it goes on."""
+        if self._ended is not None:
+            return self._ended
+        flown = self.flown
+        return flown.number if flown is not None and flown.flown is Flown.ABORT else None
+
+    @property
+    def _has_aborted(self) -> bool:
+        return self._flown is not None and self._flown.arrangement.flown is Flown.ABORT
+
+    def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
+        """Take where the leader is on its path: at the end everybody goes back to the autopilot, for good.
+
+        Args:
+            path: that it follows.
+            point: of the path, where it is nearest to the leader.
+            steered: whether its companion steers it.
+        """
+        at_end = self._circle is None and self._route_end.passed(path, point, steered=steered)
+        if not at_end or self.called_off is not None:
+            return
+        self._ended = 0 if self._flown is None else self._flown.arrangement.number
+        self._say("the route is at its end: everybody back to the autopilot", warning=True)
 
     @property
     def circle(self) -> Circle | None:
         """Where the leader circles by a hold; None on the mission's path."""
         return self._circle
+
+    @property
+    def route(self) -> KnownPath | None:
+        """The path that an order has chosen, also during a hold; None before the first of them."""
+        return self._route
+
+    def leads_by_order(self, now: float) -> bool:
+        """Whether this vehicle is to lead by an order that has just begun."""
+        return now <= self._appointed_s + APPOINTED_S
 
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
@@ -224,9 +285,12 @@ class Arrangements:
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
-        if self.flown is not None and self.has_left:
-            called_off = self.flown.flown is Flown.ABORT
-            return "everything was called off" if called_off else "ordered out of the formation"
+        if self._ended is not None:
+            return ROUTE_ENDED
+        if self.called_off is not None:
+            return "everything was called off"
+        if self.has_left:
+            return "ordered out of the formation"
         if self.waits(now):
             return "the others fly by an order that is not known to it: see that all are heard"
         return None
@@ -247,6 +311,15 @@ class Arrangements:
         if order is None or order.arrangement.place_of(vehicle) is None:
             return None
         return order.arrangement.height(vehicle, self._time_of(order, now))
+
+    def own_up(self, now: float) -> float:
+        """Height of the own slot above the leader, m; after an abort the one it had when that began."""
+        if self._last_up is not None:
+            return self._last_up
+        if self._plan.leads or self.coordinator == self._plan.name != self._plan.timekeeper:
+            return 0.0
+        height = self.height(self._plan.name, now)
+        return self._plan.up if height is None else height[0]
 
     def others(self, now: float) -> list[OtherSlot] | None:
         """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
@@ -310,6 +383,9 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         given = Order(order, signed, check_of(data))
         if self._is_missed(given, now):
+            if self._path_objection(order) is not None:
+                self.counters["order: a path that the mission has not"] += 1
+                return
             if self._shared(now) < order.time_s:
                 given.offset_s = math.inf
             self._begin(given, now)
@@ -321,20 +397,32 @@ class Arrangements:
     def _consider(self, given: Order, now: float) -> None:
         """Agree to an order, or refuse it; fly it at once where it calls everything off."""
         order = given.arrangement
-        if order.number <= self.number:
+        calls_off = order.flown is Flown.ABORT
+        if order.number <= self.number and not calls_off:
             self.counters["order: not newer"] += 1
             return
-        calls_off = order.flown is Flown.ABORT
+        if order.number <= self.number and self._has_aborted:
+            self._reply(given, Verdict.FLOWN)
+            return
         objection = self._age_objection(order, now) if calls_off else self._objection(order, now)
         if objection is not None:
             self._refuse(given, objection)
             return
         if calls_off:
-            self._begin(given, now)
+            self._call_off(given, now)
             return
         self._say(f"order {order.number} is understood")
         self._next, self._replied_s = given, -math.inf
         self._answers.clear()
+
+    def _call_off(self, given: Order, now: float) -> None:
+        """Fly an abort, whatever its number: of two operators one may not have heard of the other's order."""
+        number = self.number
+        self._begin(given, now)
+        if number > given.arrangement.number:
+            # By the greater number nobody repeats what was flown before; signed, the abort has another one.
+            given.arrangement = replace(given.arrangement, number=number)
+            given.signed = b""
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
         """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
@@ -430,6 +518,8 @@ class Arrangements:
         for known in (self._next, self._flown, refused):
             if known is None or known.arrangement.number != given.arrangement.number:
                 continue
+            if known.check != given.check and given.arrangement.flown is Flown.ABORT:
+                continue
             if known.check != given.check:
                 self._reply(given, Verdict.REFUSED, "another order has this number: give it again")
             elif known is self._flown:
@@ -442,6 +532,8 @@ class Arrangements:
     def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
         order = given.arrangement
+        if self.called_off is not None and order.flown is not Flown.ABORT:
+            return False
         flying = self._newest(now) == order.number
         due = order.flown is Flown.ABORT or given.begins(self._shared(now))
         newer = self._flown is None or order.number > self._flown.arrangement.number
@@ -449,11 +541,17 @@ class Arrangements:
 
     def _begin(self, order: Order, now: float) -> None:
         """Fly by it from now on."""
-        del now
+        # Of an order that was missed it is not known who has led since.
+        if order is self._next and order.arrangement.lead == self._plan.name:
+            self._appointed_s = now
+        if order.arrangement.flown is Flown.ABORT:
+            # An abort tells the mission's slots: it is given without knowing the present ones.
+            self._last_up = self.own_up(now)
         had_left = self.has_left
         self._flown, self._next = order, None
         self._returned = had_left and not self.has_left
         self._circle = self._circle_of(order.arrangement)
+        self._route = self._route_of(order.arrangement)
         self._older.clear()
         self._reply(order, Verdict.FLOWN)
         number, what = order.arrangement.number, order.arrangement.flown
@@ -476,6 +574,14 @@ class Arrangements:
             radius=found.radius_m,
             direction=1 if found.clockwise else -1,
         )
+
+    def _route_of(self, order: Arrangement) -> KnownPath | None:
+        """The path that an order has chosen; its field leads onto it by turns of the order's radius."""
+        known, radius = self._plan.paths.get(order.path), order.turn_radius_m
+        if known is None or radius <= 0.0:
+            return None
+        gains = replace(known.gains, gain=min(known.gains.gain, 1.0 / radius))
+        return KnownPath(known.path, gains, least_radius=radius)
 
     def _void(self, order: Order, reason: str) -> None:
         self._next, self._refused = None, (order, reason)
@@ -537,6 +643,8 @@ class Arrangements:
 
     def _objection(self, order: Arrangement, now: float) -> str | None:
         """Why this companion cannot carry out an order, in words; None if it can."""
+        if self.called_off is not None:
+            return CALLED_OFF if self._ended is None else ROUTE_ENDED
         time_s = self._clock.from_own(now)
         if not math.isfinite(time_s):
             return "the formation's time is not known to this companion yet"
@@ -547,7 +655,34 @@ class Arrangements:
             return f"{', '.join(sorted(strangers))} is no follower of this formation"
         if self._next is not None:
             return f"order {self._next.arrangement.number} is not decided yet"
-        return self._motion_objection(order, now)
+        return (
+            self._path_objection(order)
+            or self._lead_objection(order, now)
+            or self._motion_objection(order, now)
+        )
+
+    def _path_objection(self, order: Arrangement) -> str | None:
+        """Why the path of an order cannot be flown, in words; None if it can."""
+        if order.path == MAIN_PATH or order.path in self._plan.paths:
+            return None
+        return f"no path is called {order.path!r} in its mission: give all the same mission"
+
+    def _lead_objection(self, order: Arrangement, now: float) -> str | None:
+        """Why who is to lead by an order cannot, in words; None if it can."""
+        name, may_lead = order.lead, () if self._plan.lead is None else self._plan.lead.order
+        if not name:
+            return None
+        if name not in may_lead:
+            return f"{name} is neither leader nor deputy of its mission"
+        if name != self._leader and name not in order.vehicles:
+            return f"{name} is to lead, and has no place in the formation"
+        heard = self._numbers.get(name)
+        if name == self._plan.name or heard is None:
+            return None
+        _, steered, time_s = heard
+        if not steered and now - time_s <= HEARD_S:
+            return f"{name} is to lead, and its companion does not steer it"
+        return None
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""

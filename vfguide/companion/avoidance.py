@@ -8,7 +8,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from vfguide.angles import wrap_angle
+from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import Viewpoint
@@ -16,7 +19,7 @@ from vfguide.companion.traffic import Traffic, reaction_time
 from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
 from vfguide.guidance.response import course_error_for
-from vfguide.guidance.separation import Clearance, keep_clear
+from vfguide.guidance.separation import Clearance, Others, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
@@ -78,12 +81,33 @@ class Intent:
     """How far it is from its slot, or from flying along its path, m."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle:
+    """Another vehicle, as far as a step in height beside it needs it."""
+
+    name: str
+    """As people read it."""
+    altitude_amsl: float
+    """m; NaN where it is not known."""
+    least_m: float
+    """Where no manoeuvre in the plane keeps more than this, height is used."""
+    under: bool
+    """Whether to climb where both are as high, or the height is not known."""
+
+
 class KeepClear:
     """Looks at all others in every step."""
 
     def __init__(self, plan: FlightPlan, traffic: Traffic) -> None:
         self._plan = plan
         self._traffic = traffic
+        foreign = plan.foreign_leader
+        self.aircraft = OtherAircraft(
+            plan.frame,
+            distance_m=plan.traffic_m,
+            followed=None if foreign is None else foreign.icao_address,
+        )
+        """Those that are not of the formation."""
         self._looked_s = -math.inf
         self._clear: Clearance | None = None
         self._climb_m = 0.0
@@ -152,28 +176,51 @@ class KeepClear:
             astray=aim.astray,
             reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
         )
-        found = self._traffic.possibilities(here, aim.leader)
+        found = self._obstacles(here, aim)
         if found is None:
             self._climb_m = self._height_for(None, navigated)
             self._report(None, 0.0, state.time_s)
             return None
-        others, rows = found
+        others, those = found
         own = own_motion(state, turn_rate, airframe)
         side = 0.0 if self._clear is None else self._clear.turn
         clear = keep_clear(own, aim.wanted, others, self._agility(navigated), side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
-        room_m = float((clear.nearest - others.floor).min()) if clear.changed else math.inf
+        least = np.array([one.least_m for one in those])
+        room_m = float((clear.nearest - least).min()) if clear.changed else math.inf
         tight = self._is_tight(room_m, state.time_s)
-        row = int(rows[clear.nearest.argmin()]) if tight else None
-        self._climb_m = self._height_for(row, navigated)
-        nearest = int(rows[clear.wanted_nearest.argmin()])
+        tightest = those[int(clear.nearest.argmin())] if tight else None
+        self._climb_m = self._height_for(tightest, navigated)
+        nearest = those[int(clear.wanted_nearest.argmin())]
         step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
         return clear
 
-    def _report(self, row: int | None, climb_m: float, now: float) -> None:
-        """Put into words what is done about the vehicle of a row (None: nothing)."""
-        if row is None:
+    def _obstacles(self, here: Viewpoint, aim: Intent) -> tuple[Others, list[Obstacle]] | None:
+        """What all that may come near may do, and whose each possibility is; None where nothing may."""
+        found = self._traffic.possibilities(here, aim.leader)
+        those = []
+        if found is not None:
+            for row, floor in zip(found[1], found[0].floor, strict=True):
+                vehicle = self._traffic.vehicle_of(row)
+                altitude = self._traffic.altitude_of(row)
+                above = self._plan.rank > vehicle.rank
+                those.append(
+                    Obstacle(
+                        name=vehicle.name, altitude_amsl=altitude, least_m=float(floor), under=above
+                    )
+                )
+        near = self.aircraft.nearby(here, lambda: self._traffic.places(here))
+        if near is None:
+            return None if found is None else (found[0], those)
+        for name, altitude in zip(near.names, near.altitudes, strict=True):
+            least_m = TIGHT_SHARE * self._plan.traffic_m
+            those.append(Obstacle(name=name, altitude_amsl=altitude, least_m=least_m, under=True))
+        return joined(None if found is None else found[0], near.others), those
+
+    def _report(self, obstacle: Obstacle | None, climb_m: float, now: float) -> None:
+        """Put into words what is done about a vehicle (None: nothing)."""
+        if obstacle is None:
             self._changed_since = math.inf
             return
         if now - self._changed_s > EPISODE_S:
@@ -182,7 +229,7 @@ class KeepClear:
         self._changed_since = min(self._changed_since, now)
         if now - self._changed_since < REPORT_S and climb_m == 0.0:
             return
-        other = self._traffic.vehicle_of(row).name
+        other = obstacle.name
         place = "path" if self._plan.leads else "slot"
         doing = f"keeping clear of {other}, off its {place} until that is past"
         if climb_m != 0.0:
@@ -200,18 +247,17 @@ class KeepClear:
         self._tight_since = min(self._tight_since, now)
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
 
-    def _height_for(self, row: int | None, navigated: NavigatedState) -> float:
-        """Step in height (m) beside the vehicle of a row; it stays for a while once no vehicle is near."""
+    def _height_for(self, obstacle: Obstacle | None, navigated: NavigatedState) -> float:
+        """Step in height (m) beside a vehicle; it stays for a while once no vehicle is near."""
         now = navigated.state.time_s
-        if row is None:
+        if obstacle is None:
             return self._climb_m if now - self._stepped_s <= STAY_S else 0.0
         self._stepped_s = now
         if self._climb_m != 0.0:
             return self._climb_m
         plan = self._plan
-        above = navigated.altitude_amsl - self._traffic.altitude_of(row)
-        ranks_above = plan.rank > self._traffic.vehicle_of(row).rank
-        up = above > 0.0 if abs(above) > LEVEL_M else ranks_above
+        above = navigated.altitude_amsl - obstacle.altitude_amsl
+        up = above > 0.0 if abs(above) > LEVEL_M else obstacle.under
         height = min(plan.height, navigated.altitude_amsl - plan.frame.altitude_m)
         return STEP_M if up else -min(STEP_M, STEP_SHARE * max(height, 0.0))
 

@@ -7,15 +7,18 @@ leads to one guidance step and one pair of setpoints at once.
 import math
 import struct
 from collections import Counter
+from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.announcer import Announcer, mode_sentence
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
+from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
+from vfguide.companion.ground_orders import GroundOrders, Words
+from vfguide.companion.loiter_height import LoiterHeight
 from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
@@ -29,7 +32,7 @@ from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, ob
 from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error
-from vfguide.formation.arrangement import Arrangement, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Point
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
@@ -41,17 +44,19 @@ from vfguide.mavlink.reports import (
     GpsReport,
     HeartbeatReport,
     LandedReport,
+    OrderRequest,
     ParameterReport,
     PositionReport,
     Report,
     SensorsReport,
     TextReport,
     TimeReport,
+    TrafficReport,
     VersionReport,
 )
 from vfguide.mavlink.setpoint_stream import SetpointStream
 from vfguide.mavlink.signing import Signing
-from vfguide.state import Setpoint
+from vfguide.state import HeardState, Setpoint
 
 HEARTBEAT_S = 1.0
 """Between heartbeats, and between tries of what the autopilot has not answered to."""
@@ -108,6 +113,7 @@ class Companion:
         inspect: bool = False,
         signing: Signing | None = None,
         sends_target: bool = False,
+        order_codes: Mapping[int, Words] | None = None,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -120,6 +126,7 @@ class Companion:
             inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
             signing: of the connection to the autopilot, if it is signed.
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
+            order_codes: what ground stations may order by number; None to hear none of that.
         """
         self._plan = plan
         self._adapter = adapter
@@ -141,7 +148,14 @@ class Companion:
         self._awake_time = -math.inf
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
-        self._codec = Codec(plan.system_id, plan.component_id, signing=signing)
+        self.ground_orders = None if order_codes is None else GroundOrders(order_codes)
+        """What ground stations request; None where that is not heard."""
+        self._codec = Codec(
+            plan.system_id,
+            plan.component_id,
+            signing=signing,
+            takes_orders=self.ground_orders is not None,
+        )
         self._own = OwnVehicle(plan)
         self._clock = clock
         self._arrangements = Arrangements(plan, clock)
@@ -160,11 +174,13 @@ class Companion:
         self._setpoint: Setpoint[float] | None = None
         self._slot: Point | None = None
         self._lyapunov = math.nan
-        self._ready = False
+        self._ready = self._has_steered = self._stands_back = False
         self._stopped = self._leaving = False
         self._guard = SetpointGuard(plan)
         self._stream = SetpointStream(adapter)
         self._commands = Acknowledgements()
+        self._loiter_height = LoiterHeight(plan, adapter)
+        self._own_altitude = math.nan
         self._parameter_check = (
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
         )
@@ -189,6 +205,7 @@ class Companion:
             setpoint=self._setpoint,
             lyapunov=self._lyapunov,
             slot=self._slot,
+            path=MAIN_PATH if self.arrangement is None else self.arrangement.path,
             lead=self._role.lead if self._mode.steers else None,
         )
 
@@ -211,6 +228,18 @@ class Companion:
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
         self._role.lose_link(now)
+
+    def stand_back(self, now: float, *, twin: bool) -> Outgoing:
+        """Leave the vehicle to another companion of this name, or not any more, as the link has found out."""
+        if twin is self._stands_back:
+            return Outgoing()
+        self._stands_back = twin
+        return self.tell(
+            "another companion of this name was here before: this one does not steer; stop one of them"
+            if twin
+            else "the other companion of this name is silent: this one goes on; see that there is one",
+            now,
+        )
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of the leader by which a vehicle of this name leads, from the link."""
@@ -240,6 +269,9 @@ class Companion:
             messages += self._hear_out(data, now, out)
         else:
             for report in self._codec.decode(data):
+                if isinstance(report, OrderRequest):
+                    messages += self._take_request(report, now, out)
+                    continue
                 if not isinstance(report, HeartbeatReport):
                     self._authority.note_life(now)
                 messages += self._take(report, now, out)
@@ -251,10 +283,10 @@ class Companion:
         self._is_waking(now, out)
         return self._finish([], now, out)
 
-    def tell(self, text: str, now: float) -> Outgoing:
-        """Warn operator and pilot of something that the program around it has found."""
+    def tell(self, text: str, now: float, *, warning: bool = True) -> Outgoing:
+        """Tell operator and pilot something that the program around it has found."""
         out = Outgoing()
-        out.warn(text, now)
+        out.events.append(Event(time_s=now, text=text, warning=warning, tell=True))
         return self._finish([], now, out)
 
     def stop(self, now: float) -> Outgoing:
@@ -284,6 +316,8 @@ class Companion:
         """After the last words: has the autopilot taken over?"""
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
+            if isinstance(report, OrderRequest):
+                continue
             if isinstance(report, HeartbeatReport):
                 self._authority.hear(report, now)
                 messages += self._command_mode(now, out)
@@ -357,7 +391,7 @@ class Companion:
 
         Infinite, too, where there is no slot to steer by: ordered away, or the order is not known.
         """
-        if self._arrangements.has_left or self._arrangements.waits(now):
+        if self._stands_back or self._arrangements.has_left or self._arrangements.waits(now):
             return math.inf
         return self._role.leader_age(now)
 
@@ -374,12 +408,24 @@ class Companion:
             out.warn(text, navigated.state.time_s)
 
     @property
+    def order_number(self) -> int:
+        """Of the newest order that is flown or certain to be; 0 before the first."""
+        return self._arrangements.number
+
+    @property
+    def foreign_leader(self) -> HeardState | None:
+        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        return self._role.foreign_leader
+
+    @property
     def leadership(self) -> tuple[str, int] | None:
         """Who leads as far as is known, and its term; None where the mission names no deputies."""
         return self._role.leadership
 
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
+        if self._stands_back:
+            return "another companion of this name was here before: stop one of them"
         return self._arrangements.obstacle(now) or obstacle(
             self._timeouts,
             telemetry_age=now - self._telemetry_time,
@@ -393,6 +439,17 @@ class Companion:
         self._commands.sent(messages, now)
         return self._codec.encode(messages)
 
+    def _take_request(
+        self, request: OrderRequest, now: float, out: Outgoing
+    ) -> list[MAVLink_message]:
+        """A ground station requests an order: answered at once, given by the program around this."""
+        if self.ground_orders is None:
+            return []
+        messages, words = self.ground_orders.take(request, now)
+        if words is not None:
+            out.requested.append(words)
+        return messages
+
     def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:
         match report:
             case PositionReport():
@@ -404,11 +461,12 @@ class Companion:
             case HeartbeatReport():
                 out.warn(self._authority.hear(report, now), now)
                 self._change_mode(now, out)
-                return self._command_mode(now, out)
-            case LandedReport():
-                self._phase.hear_landed(report, now)
+                return self._command_mode(now, out) + self._loiter_height_due(now)
+            case TrafficReport() | LandedReport():
+                self._note(report, now)
             case CommandReport():
                 self._authority.hear_answer(report, now)
+                self._loiter_height.answered(report)
                 out.warn(self._commands.answered(report, now), now)
                 out.warn(self._adapter.hear(report), now)
             case VersionReport():
@@ -421,6 +479,13 @@ class Companion:
                 text = f"autopilot: {report.text}"
                 out.events.append(Event(time_s=now, text=text, warning=worrying))
         return []
+
+    def _note(self, report: TrafficReport | LandedReport, now: float) -> None:
+        """Take what nothing is answered to."""
+        if isinstance(report, TrafficReport):
+            self._role.receive_traffic(report, now)
+        else:
+            self._phase.hear_landed(report, now)
 
     def _take_position(
         self, report: PositionReport, now: float, out: Outgoing
@@ -441,6 +506,7 @@ class Companion:
     def _guide(self, navigated: NavigatedState, now: float, out: Outgoing) -> list[MAVLink_message]:
         """One guidance step, and what it sends."""
         self._wind = navigated.state.wind_north, navigated.state.wind_east
+        self._own_altitude = navigated.place.altitude_amsl
         if not navigated.steerable:
             out.share(self._role.step(navigated, Mode.WAITING))
             self._change_mode(now, out)
@@ -477,7 +543,7 @@ class Companion:
             if step.climb_m != 0.0 and not self._adapter.holds_altitude:
                 out.warn(CANNOT_CLIMB, now)
             messages += self._steer(self._asked(setpoint, altitude, navigated), now)
-            out.steered = True
+            out.steered = self._has_steered = True
             out.warn(self._tracking.watch(navigated.state, setpoint), now)
             if not self._adapter.holds_altitude:
                 off = navigated.place.altitude_amsl - wanted
@@ -576,10 +642,25 @@ class Companion:
             )
         return commands
 
+    def _loiter_height_due(self, now: float) -> list[MAVLink_message]:
+        """Where everything was called off, a height of its own for the loiter that a heartbeat shows."""
+        control = self._authority.control(now)
+        young = self._own.greatest_age(now) <= YOUNG_S
+        return self._loiter_height.due(
+            up=self._arrangements.own_up(now),
+            called_off=self._arrangements.called_off,
+            returned=control is Control.RETURNED and young,
+            engaged=control is Control.GUIDED,
+            altitude_amsl=self._own_altitude,
+        )
+
     def _wish(self, now: float) -> Wish:
         """What this companion would like of the autopilot."""
         if self._stopped:
             return Wish.RETURN if self._leaving else Wish.NONE
+        if self._stands_back:
+            # The other one may steer this very vehicle.
+            return Wish.RETURN if self._has_steered else Wish.NONE
         lost_s = self._timeouts.telemetry_lost_s
         deaf = now - max(self._telemetry_time, self._awake_since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.

@@ -10,9 +10,9 @@ import math
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from random import Random
@@ -20,6 +20,8 @@ from random import Random
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
+from vfguide.companion.ground_orders import Words
+from vfguide.companion.order_program import OrderProgram
 from vfguide.companion.outgoing import Event, Outgoing, Snapshot
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
@@ -29,7 +31,14 @@ from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import LONGEST_WARNING, Presence, fit_text
+from vfguide.link.presence import (
+    LEADER_FIGURES,
+    LONGEST_WARNING,
+    ORDER,
+    TERM,
+    Presence,
+    fit_text,
+)
 from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
@@ -38,6 +47,7 @@ from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.signing import Signing
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
+from vfguide.state import HeardState
 
 
 class Quantiles:
@@ -119,6 +129,10 @@ class Surroundings:
     """Where a leader without a companion is heard."""
     followers: Address | None = None
     """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
+    order_program: OrderProgram | None = None
+    """Gives orders that ground stations request; None to hear no such requests."""
+    order_codes: Mapping[int, Words] = field(default_factory=dict)
+    """What they may request, by number."""
 
 
 class Daemon:
@@ -150,7 +164,9 @@ class Daemon:
             inspect=True,
             signing=signing,
             sends_target=surroundings.followers is not None,
+            order_codes=None if surroundings.order_program is None else surroundings.order_codes,
         )
+        self._orders = set[asyncio.Task[None]]()
         self._record = surroundings.record
         self._connection: Connection | None = None
         self._leader_connection: Connection | None = None
@@ -206,6 +222,8 @@ class Daemon:
                         await stop.wait()
                 except TimeoutError:
                     continue
+            for task in self._orders:
+                task.cancel()
             try:
                 await self._take_leave()
             except Exception as error:  # noqa: BLE001 - as above
@@ -220,11 +238,18 @@ class Daemon:
     def _poll(self) -> None:
         """What is done again and again."""
         self._dispatch(self._companion.poll(self._clock.now()))
+        self._stand_back()
         self._stand_in()
         self._announce()
         self._tell_of_record()
         self._tell_of_links()
         self._complain_of_others()
+
+    def _stand_back(self) -> None:
+        """Leave the vehicle to another companion of this name that was here before."""
+        if self._own_member is not None:
+            twin = self._own_member.stands_back
+            self._dispatch(self._companion.stand_back(self._clock.now(), twin=twin))
 
     def _stand_in(self) -> None:
         """While this deputy leads it answers what the formation's clock shows."""
@@ -334,16 +359,28 @@ class Daemon:
         if self._record is not None and (out.steered or out.events):
             self._record.add_step(self._step())
         if self._link is not None:
-            for data in out.to_link:
-                self._link.publish(data)
-            for kind, said in (
-                (Kind.LEADER, out.to_followers),
-                (Kind.REPLY, out.replies),
-                (Kind.REPEAT, out.repeats),
-            ):
-                for data in said:
-                    self._link.say(kind, data)
+            share(self._link, out)
+        for words in out.requested:
+            task = asyncio.get_running_loop().create_task(self._give(words))
+            # The loop itself keeps no hold of it.
+            self._orders.add(task)
+            task.add_done_callback(self._orders.discard)
         self._note(out.events)
+
+    async def _give(self, words: Words) -> None:
+        """Give an order that a ground station has requested; its pilot hears what becomes of it."""
+        program, requests = self._surroundings.order_program, self._companion.ground_orders
+        if program is None or requests is None:
+            return
+
+        def tell(text: str) -> None:
+            self._dispatch(self._companion.tell(text, self._clock.now(), warning=False))
+
+        try:
+            tell(f"order requested: {' '.join(words)}")
+            await program.give(words, tell)
+        finally:
+            requests.finish(words)
 
     def _note(self, events: Sequence[Event]) -> None:
         """Log what the companion has to say, and let the others know of it soon."""
@@ -390,6 +427,12 @@ class Daemon:
             wind_north, wind_east = self._companion.wind
             figures["wind_north_m_s"] = round(wind_north, 2)
             figures["wind_east_m_s"] = round(wind_east, 2)
+        if self._companion.leadership is not None:
+            figures[TERM] = float(self._companion.leadership[1])
+        if self._companion.order_number:
+            figures[ORDER] = float(self._companion.order_number)
+        if (leader := self._companion.foreign_leader) is not None:
+            figures |= figures_of_leader(leader, self._clock.now())
         if self._link is not None:
             figures |= refused_messages(self._link.counters)
             figures["links"] = float(len(self._link.carriers))
@@ -434,6 +477,38 @@ class Daemon:
             logger.warning(text, extra={"vehicle": self._name})
 
 
+def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
+    """How a leader without a companion moves, for those who do not hear it themselves.
+
+    Args:
+        leader: as it was heard last, on the own clock.
+        now: s on that clock.
+    """
+    values = (
+        now - leader.time_s,
+        leader.north,
+        leader.east,
+        leader.altitude_amsl,
+        leader.course,
+        leader.ground_speed,
+        leader.turn_rate,
+    )
+    return {name: round(one, 3) for name, one in zip(LEADER_FIGURES, values, strict=True)}
+
+
+def share(link: Link, out: Outgoing) -> None:
+    """Send over the link what a companion wants sent there."""
+    for data in out.to_link:
+        link.publish(data)
+    for kind, said in (
+        (Kind.LEADER, out.to_followers),
+        (Kind.REPLY, out.replies),
+        (Kind.REPEAT, out.repeats),
+    ):
+        for data in said:
+            link.say(kind, data)
+
+
 def refused_messages(counters: Counter[str]) -> dict[str, float]:
     """Messages that were not believed, in all and by reason, as figures of a presence."""
     found = {
@@ -447,6 +522,25 @@ def refused_messages(counters: Counter[str]) -> dict[str, float]:
 def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:
     """What a companion did last, for the log."""
     setpoint = snapshot.setpoint
+    slot = {}
+    if snapshot.slot is not None:
+        ordered = snapshot.slot
+        slot = {
+            "slot_forward_m": ordered.forward,
+            "slot_right_m": ordered.right,
+            "slot_up_m": ordered.up,
+        }
+    lead = {}
+    if snapshot.lead is not None:
+        motion = snapshot.lead.motion
+        lead = {
+            "lead_term": float(snapshot.lead.term),
+            "lead_time_s": motion.time_s,
+            "lead_north_m": motion.north,
+            "lead_east_m": motion.east,
+            "lead_course_rad": motion.course,
+            "lead_height_m": motion.height,
+        }
     return GuidanceStep(
         time_s=now,
         mode=snapshot.mode.value,
@@ -454,6 +548,8 @@ def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:
         speed_m_s=math.nan if setpoint is None else setpoint.speed,
         limited=setpoint is not None and bool(setpoint.limited),
         lyapunov_m2=snapshot.lyapunov,
+        **slot,
+        **lead,
     )
 
 

@@ -22,7 +22,7 @@ from vfguide.companion.plan import (
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
-from vfguide.companion.state_receiver import StateReceiver, with_order
+from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.breakaway import breakaway_course
@@ -45,12 +45,13 @@ from vfguide.guidance.intended_motion import (
 )
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.observed_motion import carried_on
-from vfguide.guidance.path import PathPoint
+from vfguide.guidance.path import Path, PathPoint
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.sliding_laws import sliding_course_rate
 from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.laws.keeper import SlotKeeper
+from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 
 CARRY_S = 0.25
@@ -137,6 +138,7 @@ class FollowerRole(Role):
         )
         self._carried: LeaderState[float] | None = None
         self._intended: IntendedMotion | None = None
+        self._intended_path: Path | None = None
         self._deviation: HeightDeviation | None = None
         self._height = HeightKeeper(plan)
         self._asked_height = plan.height
@@ -147,7 +149,13 @@ class FollowerRole(Role):
     @property
     def counters(self) -> Counter[str]:
         """States that were not used, by reason."""
-        return self._leader.counters + self._traffic.counters
+        aircraft = self._keep_clear.aircraft
+        return self._leader.counters + self._traffic.counters + aircraft.counters
+
+    @property
+    def foreign_leader(self) -> HeardState | None:
+        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        return self._leader.newest if isinstance(self._leader, LeaderTelemetry) else None
 
     @property
     def leader(self) -> LeaderState[float] | None:
@@ -170,7 +178,10 @@ class FollowerRole(Role):
         self._note_height(measured, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
-        follows_path = slot_frame != "leader" and heard.steered
+        follows_path = (
+            slot_frame != "leader" and heard.steered and known.path is self._intended_path
+        )
+        self._intended_path = known.path
         if before is None or not follows_path or not 0.0 < passed_s <= GAP_S:
             self._intended = intended_at_first(heard, planned)
         else:
@@ -199,7 +210,7 @@ class FollowerRole(Role):
         self, leader: LeaderState[float], point: PathPoint[float], ahead_s: float
     ) -> HeightTarget:
         """What the mission says of the leader's height; on the circle of a hold, the one where it began."""
-        known = self._task.leader
+        known = self._routed_leader()
         if isinstance(known, ForeignLeader):
             return held_height(known.height)
         if self._arrangements.circle is not None and self._leader_height is not None:
@@ -249,8 +260,9 @@ class FollowerRole(Role):
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
         newer = self._leader.take(data, now)
-        if newer:
-            self._arrangements.hear(self._leader_name, with_order(self._leader.newest), now)
+        if newer and not isinstance(self._leader, LeaderTelemetry):
+            # One without a companion knows of no order.
+            self._arrangements.hear(self._leader_name, self._leader.newest, now)
         self._traffic.note(self._leader_name, self._leader)
         return newer
 
@@ -294,7 +306,11 @@ class FollowerRole(Role):
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
         state = self._traffic.receive(vehicle, data, now)
-        self._arrangements.hear(vehicle, with_order(state), now)
+        self._arrangements.hear(vehicle, state, now)
+
+    def receive_traffic(self, report: TrafficReport, now: float) -> None:
+        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        self._keep_clear.aircraft.take(report, now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
@@ -321,18 +337,26 @@ class FollowerRole(Role):
         return self._arrangements.slot(self._plan.name, time_s) or self._task.slot
 
     def _known_leader(self) -> KnownLeader | ForeignLeader:
-        """What is known of the leader: on the mission's path, or on the circle of a hold."""
-        known, circle = self._task.leader, self._arrangements.circle
+        """What is known of the leader: on a path of the mission, or on the circle of a hold."""
+        known, circle = self._routed_leader(), self._arrangements.circle
         if circle is None or isinstance(known, ForeignLeader):
             return known
-        return replace(known, path=circle)
+        return replace(known, path=circle, least_radius=0.0)
+
+    def _routed_leader(self) -> KnownLeader | ForeignLeader:
+        """What is known of the leader, whether it holds now or not."""
+        known, route = self._task.leader, self._arrangements.route
+        if route is None or isinstance(known, ForeignLeader):
+            return known
+        return replace(
+            known, path=route.path, path_gains=route.gains, least_radius=route.least_radius
+        )
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
         self._note_wind(navigated)
         self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
-        publish = self._own_state(navigated, motion, mode)
         leader = self._leader_at(navigated)
         if leader is None:
             return RoleStep(
@@ -340,8 +364,9 @@ class FollowerRole(Role):
                 height=self._asked_height,
                 distance=math.inf,
                 lyapunov=math.nan,
-                publish=publish,
+                publish=self._own_state(navigated, motion, mode, math.nan),
             )
+        self._watch_route(leader)
         breaks_away = mode is Mode.BREAKAWAY
         if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):
@@ -378,12 +403,20 @@ class FollowerRole(Role):
             height=self._asked_height,
             distance=self._distance,
             lyapunov=guidance.lyapunov,
-            publish=publish,
+            publish=self._own_state(navigated, motion, mode, setpoint.course),
             climb_m=avoidance.climb_m,
             along_track=error.along_track,
             cross_track=error.cross_track,
             slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
         )
+
+    def _watch_route(self, leader: LeaderState[float]) -> None:
+        """See whether the leader, as it is heard or carried on, is at the end of its path."""
+        known, heard = self._known_leader(), self._followed.newest
+        if heard is None or isinstance(known, ForeignLeader) or known.path.last_circle is None:
+            return
+        point = known.point_beside(leader)
+        self._arrangements.watch_route(known.path, point, steered=heard.steered)
 
     def _note_wind(self, navigated: NavigatedState) -> None:
         """The mean wind, in which the leader's speed is planned."""
@@ -438,7 +471,11 @@ class FollowerRole(Role):
         )
 
     def _own_state(
-        self, navigated: NavigatedState, motion: LeaderState[float], mode: Mode
+        self,
+        navigated: NavigatedState,
+        motion: LeaderState[float],
+        mode: Mode,
+        course_setpoint: float,
     ) -> bytes | None:
         """The own state for the other vehicles, now and then; most often of a vehicle that is not steered."""
         now = navigated.state.time_s
@@ -459,6 +496,7 @@ class FollowerRole(Role):
             time_s,
             steered=mode.steers,
             arrangement=self._arrangements.number,
+            course_setpoint=course_setpoint,
         )
 
     def _leader_at(self, navigated: NavigatedState) -> LeaderState[float] | None:

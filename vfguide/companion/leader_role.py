@@ -14,7 +14,6 @@ from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
-from vfguide.companion.state_receiver import with_order
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.height import held_height, path_height
@@ -22,6 +21,7 @@ from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
+from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import VehicleState
 
 ASTRAY_S = 1.0
@@ -63,13 +63,14 @@ class LeaderRole(Role):
     @property
     def counters(self) -> Counter[str]:
         """States of followers that were not used, by reason."""
-        return self._traffic.counters
+        return self._traffic.counters + self._keep_clear.aircraft.counters
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
-        if navigated.moved:
+        task = self._ordered_task(navigated.state.time_s)
+        if navigated.moved or task.path is not self._task.path:
             self._memory = FIRST
-        self._task = self._ordered_task(navigated.state.time_s)
+        self._task = task
         self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
@@ -78,6 +79,7 @@ class LeaderRole(Role):
                 lambda ahead: self._guidance(ahead, self._late_law, navigated.period).setpoint
             )
         self._memory = guidance.memory
+        self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
         avoidance = self._keep_clear.step(
@@ -112,6 +114,7 @@ class LeaderRole(Role):
                 navigated.state.time_s,
                 steered=mode.steers,
                 arrangement=self._arrangements.number,
+                course_setpoint=setpoint.course,
             ),
             climb_m=avoidance.climb_m,
             cross_track=-guidance.cross_track_error,
@@ -119,10 +122,21 @@ class LeaderRole(Role):
         )
 
     def _ordered_task(self, now: float) -> LeaderTask:
-        """The mission's task, for the slots that were ordered, and on the circle of a hold."""
+        """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""
         if self._arrangements.flown is None:
             return self._mission_task
-        task, circle = self._mission_task, self._arrangements.circle
+        task, circle, route = (
+            self._mission_task,
+            self._arrangements.circle,
+            self._arrangements.route,
+        )
+        if route is not None:
+            task = replace(
+                task,
+                path=route.path,
+                path_gains=route.gains,
+                least_radius=0.0 if circle is not None else route.least_radius,
+            )
         slots = [self._arrangements.slot(name, now) for name in self._plan.neighbours]
         return replace(
             task,
@@ -175,7 +189,11 @@ class LeaderRole(Role):
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of a follower."""
         state = self._traffic.receive(vehicle, data, now)
-        self._arrangements.hear(vehicle, with_order(state), now)
+        self._arrangements.hear(vehicle, state, now)
+
+    def receive_traffic(self, report: TrafficReport, now: float) -> None:
+        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        self._keep_clear.aircraft.take(report, now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from vfguide.companion.role import Lead, RoleStep
 from vfguide.companion.supervisor import Mode
-from vfguide.formation.arrangement import Point
+from vfguide.formation.arrangement import MAIN_PATH, Point
 from vfguide.state import Setpoint
 
 
@@ -36,6 +36,8 @@ class Outgoing:
     """Answers to orders."""
     repeats: list[bytes] = field(default_factory=list)
     """Orders, as they were signed, for vehicles that have missed them."""
+    requested: list[tuple[str, ...]] = field(default_factory=list)
+    """Orders that a ground station has requested, in the words of `vfguide order`, to be given."""
     to_leader: bytes = b""
     """One datagram, for a leader without a companion."""
     to_others: bytes = b""
@@ -75,5 +77,7 @@ class Snapshot:
     """W, m²; NaN for the leader."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
+    path: str = MAIN_PATH
+    """Name of the path that is followed."""
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""

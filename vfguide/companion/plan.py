@@ -1,13 +1,15 @@
 """From a mission file to what one companion has to know: radians, metres, and its own part only."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 
 from vfguide.companion.supervisor import Timeouts
 from vfguide.extras import require
+from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
 from vfguide.guidance.bandwidth_limits import course_delay, limit_bandwidth
 from vfguide.guidance.formation import Slot
@@ -15,6 +17,7 @@ from vfguide.guidance.give_way import SlotLimits
 from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.observer import ObserverGains
+from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.laws.base import Law
@@ -22,7 +25,7 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.controller import gains_of
-from vfguide.mission.flight_path import path_of
+from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.quantity import Section
@@ -62,6 +65,18 @@ class ForeignLeader:
     """Time constant of its rates, s."""
     height: float
     """The mission's flying height, m above the origin."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPath:
+    """A path that every companion of a mission knows."""
+
+    path: Path
+    """The path."""
+    gains: PathGains
+    """The field around it."""
+    least_radius: float = 0.0
+    """The leader turns no tighter onto it, m; 0 where that is left to the field."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +122,9 @@ class OtherVehicle:
     lateral_acceleration: float
     """g tan(phi_max), m/s²: how hard it can turn."""
     stopped_s: float = STOPPED_S
-    """Of a leader: not heard for longer, it may have stopped where it was."""
+    """Of a leader: not heard for longer, it is silent, and may have stopped where it was."""
+    may_stop: bool = True
+    """Whether it may come to a standstill in the air."""
     least_m: float = 0.0
     """Kept from it at least, m."""
 
@@ -158,8 +175,16 @@ class FlightPlan:
     """All other vehicles of the formation."""
     timekeeper: str = ""
     """The vehicle whose clock the formation shares; the leader where it is not said."""
+    traffic_m: float = 0.0
+    """Kept from aircraft that are not of the formation, m; 0 to look at none."""
     lead: LeadPlan | None = None
     """Who may lead; None where the mission names no deputies."""
+    loiter_up: float = 0.0
+    """How far above the leader it loiters once everything was called off, m."""
+    loiter_room: float = math.inf
+    """How far above the flying height the lowest may loiter then, all within the fence, m."""
+    paths: Mapping[str, KnownPath] = field(default_factory=dict)
+    """All paths of the mission by name; none behind a leader without a companion."""
 
     @property
     def keeps_time(self) -> bool:
@@ -193,6 +218,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
     vehicle = mission.vehicles[name]
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
     up = 0.0
+    paths = known_paths(mission)
     task: LeaderTask | FollowerTask
     if name == mission.leader.vehicle:
         task = leader_task(mission)
@@ -219,22 +245,53 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         engage_from=vehicle.engage_from,
         task=task,
         height=height - mission.origin.altitude_amsl_m,
-        lowest=height - mission.origin.altitude_amsl_m + lowest_of_path(task),
+        lowest=height - mission.origin.altitude_amsl_m + lowest_of(paths),
         up=up,
         rank=formation_of(mission).index(name),
         others=other_vehicles(mission, name),
         timekeeper=mission.timekeeper,
+        traffic_m=mission.avoidance.traffic_m,
         lead=lead_plan(mission, name) if mission.deputies else None,
+        loiter_up=loiter_step(mission) * formation_of(mission).index(name),
+        loiter_room=fence_room(mission) - loiter_step(mission) * len(mission.followers),
+        paths=paths,
     )
 
 
-def lowest_of_path(task: LeaderTask | FollowerTask) -> float:
-    """The lowest place of the leader's path, m above the flying height; 0 where it is not known or higher."""
-    known = task if isinstance(task, LeaderTask) else task.leader
-    if isinstance(known, ForeignLeader):
-        return 0.0
-    heights = known.path.at(known.path.outline(PLACES)).height
-    return float(np.min(heights, initial=0.0))
+def loiter_step(mission: Mission) -> float:
+    """Between the heights of two that loiter once everything was called off, m: within the fence's height."""
+    room = fence_room(mission) / max(len(mission.followers), 1)
+    return min(max(room, 0.0), STACK_M)
+
+
+def fence_room(mission: Mission) -> float:
+    """From the flying height to the top of the lowest fence, m; infinite without one."""
+    fences = [mission.fence, *(one.fence for one in mission.paths_by_name.values())]
+    limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
+    return min(limits, default=math.inf) - mission.height_above_origin_m
+
+
+def known_paths(mission: Mission) -> dict[str, KnownPath]:
+    """The paths of a mission by name; none where its leader has no companion."""
+    if mission.leader.is_foreign:
+        return {}
+    return {name: known_path(shape) for name, shape in mission.paths_by_name.items()}
+
+
+def known_path(shape: PathShape) -> KnownPath:
+    """A path of a mission, and the field around it."""
+    return KnownPath(
+        path_of(shape), PathGains(gain=shape.gain, approach_angle=shape.approach_angle)
+    )
+
+
+def lowest_of(paths: Mapping[str, KnownPath]) -> float:
+    """The lowest place of any path, m above the flying height; 0 where none is known or all are higher."""
+    lowest = [0.0]
+    for known in paths.values():
+        places = known.path.at(known.path.outline(PLACES))
+        lowest.append(float(np.min(places.height, initial=0.0)))
+    return min(lowest)
 
 
 def lead_plan(mission: Mission, name: str) -> LeadPlan:
@@ -407,6 +464,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
                 spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
                 lateral_acceleration=GRAVITY * math.tan(bank),
                 stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
+                may_stop=mission.vehicles[other].may_stop,
                 least_m=CREWED_M if rank == 0 and mission.leader.follows == "adsb" else 0.0,
             )
         )
@@ -424,9 +482,10 @@ def slot_of(mission: Mission, name: str) -> Slot[float]:
 def leader_task(mission: Mission) -> LeaderTask:
     """Path, law, cruise, and whom to give way to."""
     law = leader_laws.find(mission.leader.law)
+    known = known_path(mission.path)
     return LeaderTask(
-        path=path_of(mission.path),
-        path_gains=PathGains(gain=mission.path.gain, approach_angle=mission.path.approach_angle),
+        path=known.path,
+        path_gains=known.gains,
         airspeed=mission.leader.airspeed_m_s,
         height=mission.height_above_origin_m,
         law=law,

@@ -49,6 +49,10 @@ ALONG_S = 4.0
 ARC_S = 2.0
 """How far ahead it may."""
 
+STANDING_M = 5.5
+"""Distance that is kept from a place where one may stand: the 5 m of the promise, and what places are off.
+Nothing has to be predicted of it. A follower right behind has to leave its slot by as much."""
+
 HOLDS_S = 3.0
 """How far ahead a silent vehicle may hold its last course: most silences are those of the link."""
 
@@ -90,6 +94,8 @@ class Seen:
     """Whether they said last that they were steered."""
     place: ComplexArray
     velocity: ComplexArray
+    held: ComplexArray
+    """Unit vector along the course that their autopilots were told to hold; NaN where that is not known."""
     wind: ComplexArray
     """When they were last heard, toward, m/s."""
     offset: ComplexArray
@@ -116,9 +122,11 @@ def possibilities_of(
     """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
     found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
     grown = DRIFT_M_S * np.maximum(seen.age - SILENT_S, 0.0)
-    floor = np.minimum(FLOOR_M, seen.keep)
     # However uncertain the places are, slots are flown: the mission put them this near.
     keep = np.maximum(np.minimum(seen.keep + grown, SPACING_SHARE * seen.spacing), seen.keep)
+    floor = np.minimum(FLOOR_M, seen.keep)
+    # What predictions are off is more where the sender is silent.
+    least = np.minimum(floor + grown, keep)
     berth = grown + np.clip(SPACING_SHARE * seen.spacing, FLOOR_M, BERTH_M)
 
     def arcs(which: BoolArray, turn_rate: FloatArray, horizon_s: float, keep: FloatArray) -> None:
@@ -151,16 +159,11 @@ def possibilities_of(
         if hangs.any():
             found.append((np.flatnonzero(hangs), tightened(seen)[hangs], ARC_S, floor + grown))
     holds = seen.believed & seen.silent & seen.linked
-    if holds.any():
-        place, velocity = course_held(seen)
-        tracks = arc(place[holds, None], velocity[holds, None], 0.0)
-        found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
-        place, velocity = heading_held(seen, here.wind)
-        tracks = arc(place[holds, None], velocity[holds, None], 0.0)
-        found.append((np.flatnonzero(holds), tracks, HOLDS_S, keep))
+    found += [(which, tracks, HOLDS_S, keep) for which, tracks in tracks_held(seen, holds, here)]
     if seen.stopped.any():
         tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
-        found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, floor))
+        standing = np.minimum(STANDING_M, seen.keep)
+        found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, standing))
     free = ~seen.believed
     if free.any():
         arcs(free, seen.turn_rate, HORIZON_S, berth)
@@ -175,7 +178,7 @@ def possibilities_of(
         tracks=np.concatenate([tracks for _, tracks, _, _ in found]),
         horizon_s=np.concatenate([np.full(len(which), end) for which, _, end, _ in found]),
         keep=keep,
-        floor=np.minimum(floor[rows], keep),
+        floor=np.minimum(least[rows], keep),
         weight=seen.weight[rows],
     )
     return others, seen.row[rows]
@@ -203,12 +206,45 @@ def tightened(seen: Seen) -> ComplexArray:
     return arc(seen.heard_at[:, None], heard[:, None], hardest[:, None], times)
 
 
-def course_held(seen: Seen) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s."""
+def tracks_held(
+    seen: Seen, holds: BoolArray, here: Viewpoint
+) -> list[tuple[IntArray, ComplexArray]]:
+    """(who, tracks in m) of silent vehicles that hold what their autopilots held last."""
+    found = []
+    for hold, which in ((course_held, holds), (heading_held, holds & np.isnan(seen.held))):
+        if which.any():
+            place, velocity = hold(seen, here.wind)
+            tracks = arc(place[which, None], velocity[which, None], 0.0)
+            found.append((np.flatnonzero(which), tracks))
+    return found
+
+
+def course_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:
+    """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s.
+
+    The course is the one that they have said their autopilots were told to hold. In gusts it cannot be found
+    from how they turned: ten degrees are 25 m after 7 s. Where they have not said, it still has to be.
+
+    Args:
+        seen: silent vehicles.
+        wind: now, toward, m/s.
+    """
+    change = wind - seen.wind
+    heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)
+    speed, faster = np.abs(heard), (change * np.conj(seen.held)).real
+    # They turn as a hold of first order does, and the wind along the course carries them.
+    turned = LAST_TURN_S * -np.expm1(-seen.age / LAST_TURN_S)
+    place = seen.heard_at + seen.held * (speed + 0.5 * faster) * seen.age
+    place = place + (heard - speed * seen.held) * turned
+    velocity = seen.held * (speed + faster)
     # Back along the arc to where they were heard, on for the last turn, and straight from there.
-    turned = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
+    guessed = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
     back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
-    return back + turned * (seen.age - LAST_TURN_S), turned
+    unknown = np.isnan(seen.held)
+    return (
+        np.where(unknown, back + guessed * (seen.age - LAST_TURN_S), place),
+        np.where(unknown, guessed, velocity),
+    )
 
 
 def heading_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:

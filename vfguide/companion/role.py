@@ -8,7 +8,8 @@ from typing import Protocol
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import Point
-from vfguide.state import LeaderState, Setpoint
+from vfguide.mavlink.reports import TrafficReport
+from vfguide.state import HeardState, LeaderState, Setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,12 +77,20 @@ class Role(Protocol):
         return None
 
     @property
+    def foreign_leader(self) -> HeardState | None:
+        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        return None
+
+    @property
     def leadership(self) -> tuple[str, int] | None:
         """Who leads as far as is known, and its term; None where there are no deputies."""
         return None
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""
+
+    def receive_traffic(self, report: TrafficReport, now: float) -> None:
+        """Take what the own autopilot reports of an aircraft that is not of the formation."""
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""

@@ -24,6 +24,7 @@ class Sightings:
         "ahead",
         "altitude",
         "drift",
+        "held",
         "offset",
         "place",
         "since",
@@ -58,6 +59,8 @@ class Sightings:
         """From the leader, forward + j right, m."""
         self.drift = np.zeros(count)
         """Speed relative to the formation, m/s."""
+        self.held = np.full(count, complex(np.nan))
+        """Unit vector along the course that their autopilots were told to hold; NaN where not known."""
         self.wind = np.zeros(count, dtype=np.complex128)
         """Of then, as the own vehicle knew it, toward, m/s."""
 

@@ -1,5 +1,7 @@
 """How a vehicle moves, told to the others: estimated from its own states, and put into bytes."""
 
+import math
+
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
@@ -42,6 +44,7 @@ class StatePublisher:
         *,
         steered: bool,
         arrangement: int = 0,
+        course_setpoint: float = math.nan,
     ) -> bytes:
         """The motion as bytes for the link.
 
@@ -51,6 +54,7 @@ class StatePublisher:
             time_s: of the navigated, s on the clock that the formation shares.
             steered: whether this companion steers the vehicle.
             arrangement: number of the order that it flies by.
+            course_setpoint: that its autopilot is told to hold, rad; NaN where there is none.
         """
         self._sequence = (self._sequence + 1) % 2**32
         place = navigated.place
@@ -70,5 +74,6 @@ class StatePublisher:
                 term=self.term,
                 arrangement=arrangement,
                 steered=steered,
+                course_setpoint=course_setpoint if steered else math.nan,
             )
         )

@@ -139,11 +139,6 @@ class StateReceiver:
         return True
 
 
-def with_order(state: HeardState | None) -> HeardState | None:
-    """A state that tells the number of the order which its sender flies by; None for any other."""
-    return state if state is not None and state.tells_order else None
-
-
 @lru_cache(maxsize=REMEMBERED)
 def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
     """A state from the link, in the local frame and at its time on the shared clock.
@@ -170,5 +165,5 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         steered=message.steered,
         term=message.term,
         arrangement=message.arrangement,
-        tells_order=message.tells_order,
+        course_setpoint=message.course_setpoint,
     )

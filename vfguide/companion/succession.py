@@ -35,7 +35,11 @@ LISTEN_S = 1.5
 """A leader that has just started listens for so long: it may have been succeeded."""
 
 VACANT_S = 3.0
-"""If it hears by then only that there was a higher term, and not whose it is leads, it leads in a new one."""
+"""A leader that hears for so long only that others obey a higher term, and not the vehicle that leads in it,
+leads in a new one: that vehicle is gone, and who has heard it obeys no lower term any more."""
+
+MOST_RENEWALS = 10
+"""After so many it waits no longer each time: for some 50 minutes."""
 
 GREATEST_TERM = 2**32 - 1
 
@@ -91,9 +95,10 @@ class Succession:
         """Highest term that any state has carried."""
         self.listens = name == order[0]
         """Whether this is the mission's leader, just started, and may have been succeeded."""
-        self._began_s = self._unsteered_s = math.inf
+        self._began_s = self._unsteered_s = self._outranked_s = math.inf
         self._heard_s = self._others_s = self._works_since = -math.inf
         self._steered = False
+        self._renewals = 0
 
     @property
     def holder(self) -> str:
@@ -148,6 +153,7 @@ class Succession:
         if term > self.term:
             self.term, self._steered, self._unsteered_s = term, False, math.inf
         self.listens = False
+        self._renewals = 0
         self._heard_s = now
         self._steered |= steered
         self._unsteered_s = math.inf if steered else min(self._unsteered_s, now)
@@ -164,21 +170,25 @@ class Succession:
             self._works_since = now
         self._others_s, self.highest = now, max(self.highest, term)
 
-    def step(self, now: float, *, eligible: bool) -> bool:
+    def step(self, now: float, *, eligible: bool, ordered: bool = False) -> bool:
         """Let time pass.
 
         Args:
             now: s.
             eligible: whether the own companion steers this vehicle.
+            ordered: whether this vehicle is to lead now, whoever leads.
 
         Returns:
             Whether this vehicle leads from now on, and did not before.
         """
         if self.listens:
             return self._listen(now)
-        if self.leads or self._name not in self._order:
+        if self.leads:
+            self._renew_term(now)
             return False
-        if not (eligible and self._is_gone(now)):
+        if self._name not in self._order:
+            return False
+        if not (eligible and (ordered or self._is_gone(now))):
             return False
         return self._take_lead()
 
@@ -189,6 +199,16 @@ class Succession:
             self.listens = False
             return True
         return now - self._began_s >= VACANT_S and self._take_lead()
+
+    def _renew_term(self, now: float) -> None:
+        """Lead on in a new term, if others obey a higher one and nobody is heard to lead in it.
+
+        Each time twice as late: two leaders that do not hear each other, and whom others hear, are not to
+        take turns.
+        """
+        self._outranked_s = min(self._outranked_s, now) if self.highest > self.term else math.inf
+        if now - self._outranked_s >= VACANT_S * 2.0**self._renewals and self._take_lead():
+            self._renewals = min(self._renewals + 1, MOST_RENEWALS)
 
     def _is_gone(self, now: float) -> bool:
         """Whether the leader has been silent, or not steered, for too long for this vehicle's turn."""
@@ -209,5 +229,6 @@ class Succession:
         if term > GREATEST_TERM:
             return False
         self.term = self.highest = term
-        self.listens, self._unsteered_s = False, math.inf
+        self.listens = False
+        self._unsteered_s = self._outranked_s = math.inf
         return True

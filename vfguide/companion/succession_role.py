@@ -23,6 +23,7 @@ from vfguide.companion.succession import Succession
 from vfguide.companion.supervisor import Mode
 from vfguide.laws.leader import LeaderTask
 from vfguide.link.codec import LeaderMessage, LinkDataError, encode, is_leaders
+from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState
 
 PASSED_S = 2.0 * COPY_S
@@ -97,7 +98,9 @@ class SuccessionRole(Role):
         """One step of the part that is due."""
         now = navigated.state.time_s
         carries = not self._flies_path
-        if self._succession.step(now, eligible=carries and mode.steers) and carries:
+        ordered = self._arrangements.leads_by_order(now)
+        eligible = carries and mode.steers
+        if self._succession.step(now, eligible=eligible, ordered=ordered) and carries:
             self._follower_role.take_lead()
         self._tell()
         self._report.term = self._succession.term
@@ -224,6 +227,12 @@ class SuccessionRole(Role):
         for role in (self._leader_role, self._follower_role):
             if role is not None:
                 role.receive_neighbour(vehicle, data, now)
+
+    def receive_traffic(self, report: TrafficReport, now: float) -> None:
+        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        for role in (self._leader_role, self._follower_role):
+            if role is not None:
+                role.receive_traffic(report, now)
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""

@@ -97,6 +97,7 @@ class Traffic:
         self._spacing = np.array([one.spacing for one in others] * 2)
         self._least = np.array([one.least_m for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
+        self._may_stop = np.array([one.leads and one.may_stop for one in others] + [False] * count)
         self._leads = np.array([one.leads for one in others] + [False] * count, dtype=bool)
         self._weight = np.array([LEADER_WEIGHT if one.leads else 1.0 for one in others] * 2)
 
@@ -161,6 +162,7 @@ class Traffic:
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
         known.turn_rate[row], known.altitude[row] = state.turn_rate, state.altitude_amsl
         known.steered[row] = state.steered
+        known.held[row] = cmath.rect(1.0, state.course_setpoint)
         if self._leads[row]:
             self._leader_s = state.time_s
 
@@ -171,6 +173,16 @@ class Traffic:
     def altitude_of(self, row: int) -> float:
         """Altitude that a vehicle said last, m above mean sea level."""
         return float(self._heard.altitude[row])
+
+    def places(self, here: Viewpoint) -> list[tuple[complex, complex]]:
+        """(place in m, velocity in m/s) of those who were heard a short time ago, carried on until now."""
+        age = here.time_s - self._believed.time
+        recent = np.flatnonzero(age <= FORGET_S)
+        if not recent.size:
+            return []
+        age[age > FORGET_S] = 0.0
+        place, velocity = self._believed.propagate(age, here.wind)
+        return [(complex(place[row]), complex(velocity[row])) for row in recent]
 
     def possibilities(
         self, here: Viewpoint, leader: LeaderState[float] | None
@@ -188,9 +200,11 @@ class Traffic:
         if self.is_clear(here, leader):
             return None
         age = here.time_s - self._heard.time
-        silent = age > SILENT_S
         known = age <= FORGET_S
-        linked = self._works_for(known & (age > self._stopped_s))
+        # A leader is heard with each of its reports: silence shows sooner.
+        quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
+        linked = self._works_for(known & quiet)
+        silent = (age > SILENT_S) | (quiet & linked)
         known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > self._above)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
@@ -220,7 +234,7 @@ class Traffic:
             room = np.abs(self._heard.offset - own_place) - keep
             fastest = drift + max(abs(own_drift), abs(wanted_drift))
             near |= known & ~alone & (room < ALONG_S * fastest)
-        stopped = known & believed & self._leads & (age > self._stopped_s) & linked
+        stopped = known & believed & self._may_stop & (age > self._stopped_s) & linked
         near |= stopped & (
             np.abs(self._heard.place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity)
         )
@@ -236,6 +250,7 @@ class Traffic:
             believed=believed[rows],
             place=place[rows],
             velocity=velocity[rows],
+            held=self._heard.held[rows],
             wind=self._heard.wind[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],

@@ -24,11 +24,15 @@ PEAK = 1.0 / (1.0 - RAMP)
 """Greatest speed of a motion in parts of its mean speed."""
 
 
+MAIN_PATH = "main"
+"""Name of the path that a mission begins with."""
+
+
 class Flown(IntEnum):
     """What is flown by an arrangement."""
 
     FORMATION = 1
-    """The mission's path, each vehicle in its slot."""
+    """A path of the mission, each vehicle in its slot."""
     HOLD = 2
     """A circle, each vehicle in its slot and at a height of its own."""
     ABORT = 3
@@ -102,6 +106,12 @@ class Arrangement:
     """Of all followers that fly in it; who has none leaves the formation."""
     circle: Circle | None = None
     """Of a hold."""
+    path: str = MAIN_PATH
+    """Name of the mission's path that the leader follows, after a hold where there is one."""
+    turn_radius_m: float = 0.0
+    """The leader turns no tighter onto that path; 0 as long as the path was not changed."""
+    lead: str = ""
+    """Name of the vehicle that leads from its time on; empty where that is not changed."""
     _by_name: dict[str, Place] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -9,7 +9,15 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Literal
 
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point, ends
+from vfguide.formation.arrangement import (
+    MAIN_PATH,
+    Arrangement,
+    Circle,
+    Flown,
+    Place,
+    Point,
+    ends,
+)
 from vfguide.formation.assignment import assigned
 from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import (
@@ -51,6 +59,10 @@ class Order:
     """Followers that come back."""
     action: Action | None = None
     """Hold, go on, or call everything off."""
+    path: str | None = None
+    """Name of the mission's path to be followed."""
+    lead: str | None = None
+    """Name of the vehicle that is to lead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +81,21 @@ class Formation:
     """What is flown."""
     circle: Circle | None = None
     """Of the hold that is flown."""
+    path: str = MAIN_PATH
+    """Name of the mission's path that is followed."""
+    turn_radius_m: float = 0.0
+    """The leader turns no tighter onto it; 0 as long as it was not changed."""
+    paths: tuple[str, ...] = (MAIN_PATH,)
+    """Names of all paths of the mission."""
+    may_lead: tuple[str, ...] = ()
+    """Who may lead, the mission's leader first; empty without deputies."""
+    holder: str = ""
+    """Who leads; the mission's leader where it is not said."""
+
+    @property
+    def leads(self) -> str:
+        """Name of the vehicle that leads."""
+        return self.holder or self.leader
 
     @property
     def spacing(self) -> float | None:
@@ -87,6 +114,9 @@ class Formation:
             number=arrangement.number,
             flown=arrangement.flown,
             circle=arrangement.circle,
+            path=arrangement.path,
+            turn_radius_m=arrangement.turn_radius_m,
+            holder=arrangement.lead or self.holder,
         )
 
     def holds_after(self, order: Order) -> bool:
@@ -102,6 +132,7 @@ def arrangement_of(
     number: int,
     time_s: float,
     circle: Circle | None = None,
+    turn_radius_m: float = 0.0,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to, and how everybody gets there.
 
@@ -112,6 +143,7 @@ def arrangement_of(
         number: of the arrangement, greater than that of any before.
         time_s: when it begins, s on the formation's clock.
         circle: where to hold, for an order to hold; any other order in a hold keeps the circle that is flown.
+        turn_radius_m: for an order of another path, of the turns onto it.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
@@ -120,7 +152,8 @@ def arrangement_of(
         raise RefusedOrderError(
             "everything was called off: the formation begins anew with its companions"
         )
-    _check_names(order, formation)
+    check_known(order, formation)
+    _check_state(order, formation)
     end = _ends(order, formation)
     begin = {name: formation.slots.get(name, end[name]) for name in end}
     # Companions compare slots as orders tell them.
@@ -151,6 +184,9 @@ def arrangement_of(
         across_s=found.across_s,
         places=found.places,
         circle=circle if flown is Flown.HOLD else None,
+        path=order.path or formation.path,
+        turn_radius_m=turn_radius_m if order.path else formation.turn_radius_m,
+        lead=order.lead or "",
     )
     return arrangement, found
 
@@ -164,27 +200,58 @@ def _rounded(point: Point) -> Point:
     )
 
 
-def _check_names(order: Order, formation: Formation) -> None:
-    """See that an order is about followers, each in the formation or out of it as it has to be.
+def check_known(order: Order, formation: Formation) -> None:
+    """See that an order names what the mission has, whatever is flown now.
 
     Raises:
-        RefusedOrderError: it is not.
+        RefusedOrderError: it names a vehicle or a path that there is not, or that may not do it.
     """
-    named = [*(order.swap or ()), *order.slots, *order.leave, *order.join]
-    for name in named:
+    for name in (*(order.swap or ()), *order.slots, *order.leave, *order.join):
         if name == formation.leader:
             raise RefusedOrderError(f"{name} leads: it has no slot that could be changed")
         if name not in formation.home:
             known = ", ".join(formation.home) or "none"
             raise RefusedOrderError(f"no follower is called {name!r}: there are {known}")
+    if order.swap is not None and order.swap[0] == order.swap[1]:
+        raise RefusedOrderError(f"{order.swap[0]} cannot change places with itself")
+    if order.path is not None and order.path not in formation.paths:
+        known = ", ".join(formation.paths)
+        raise RefusedOrderError(f"no path is called {order.path!r}: the mission has {known}")
+    name = order.lead or ""
+    if name and not formation.may_lead:
+        raise RefusedOrderError(
+            f"{name} cannot lead: the mission names no deputies; write them under deputies"
+        )
+    if name and name not in formation.may_lead:
+        known = ", ".join(formation.may_lead)
+        raise RefusedOrderError(f"{name} may not lead: leader and deputies are {known}")
+
+
+def _check_state(order: Order, formation: Formation) -> None:
+    """See that each is in the formation or out of it as it has to be, and that something changes.
+
+    Raises:
+        RefusedOrderError: it is not so.
+    """
     for name in (*(order.swap or ()), *order.leave):
         if name not in formation.slots:
             raise RefusedOrderError(f"{name} is not in the formation")
     for name in order.join:
         if name in formation.slots:
             raise RefusedOrderError(f"{name} is in the formation already")
-    if order.swap is not None and order.swap[0] == order.swap[1]:
-        raise RefusedOrderError(f"{order.swap[0]} cannot change places with itself")
+    if order.action == "resume" and formation.flown is not Flown.HOLD:
+        raise RefusedOrderError(
+            "nothing is held: the mission is flown, and nothing is to be resumed"
+        )
+    if order.path == formation.path:
+        raise RefusedOrderError(f"the path {order.path!r} is followed already")
+    if order.lead is None:
+        return
+    if order.lead == formation.leads:
+        raise RefusedOrderError(f"{order.lead} leads already")
+    staying = {formation.leader, *formation.slots, *order.join} - {*order.leave}
+    if order.lead not in staying:
+        raise RefusedOrderError(f"{order.lead} is not in the formation: it cannot lead")
 
 
 def _ends(order: Order, formation: Formation) -> dict[str, Point]:

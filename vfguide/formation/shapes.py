@@ -1,7 +1,7 @@
 """The shapes of a formation: slots of any number of followers behind, beside or around their leader."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, get_args
 
 Shape = Literal[
@@ -24,6 +24,10 @@ DIAGONAL = math.sqrt(0.5)
 """Of a step of length 1 at 45 degrees, how far it goes back and aside."""
 
 
+SAME_M = 0.3
+"""Slots that differ by no more are the same: orders carry tenths of a metre."""
+
+
 def shape_slots(shape: Shape, count: int, spacing: float) -> tuple[Offset, ...]:
     """Slots of a shape, the nearest to the leader first; the leader itself is at (0, 0).
 
@@ -41,6 +45,29 @@ def shape_slots(shape: Shape, count: int, spacing: float) -> tuple[Offset, ...]:
     if shape not in SLOTS:
         raise ValueError(f"no shape is called {shape!r}: there are {', '.join(SHAPES)}")
     return tuple((spacing * forward, spacing * right) for forward, right in SLOTS[shape](count))
+
+
+def named_shape(slots: Iterable[Offset]) -> tuple[Shape, float] | None:
+    """The shape that slots are, and the distance between its neighbours (m); None where they are none.
+
+    Args:
+        slots: (forward, right) of each follower, m, in any order.
+    """
+    wanted = sorted(slots)
+    reach = sum(math.hypot(*place) for place in wanted)
+    if reach <= 0.0:
+        return None
+    for shape in SHAPES:
+        spacing = reach / sum(math.hypot(*place) for place in shape_slots(shape, len(wanted), 1.0))
+        left = list(shape_slots(shape, len(wanted), spacing))
+        for place in wanted:
+            near = [one for one in left if math.dist(one, place) <= SAME_M]
+            if not near:
+                break
+            left.remove(near[0])
+        else:
+            return shape, spacing
+    return None
 
 
 def vee(count: int) -> list[Offset]:

@@ -15,6 +15,9 @@ from vfguide.elementwise import FloatArray, Number
 Direction = Literal[1, -1]
 """Turning sense seen from above: 1 clockwise (the course increases), -1 counter-clockwise."""
 
+END_SHARE = 0.25
+"""Of the last circle of a path that hands back: once the leader has flown it without a break it is proven."""
+
 
 @dataclass(frozen=True, slots=True)
 class PathPoint(Generic[Number]):
@@ -76,6 +79,11 @@ class Path(ABC):
     @abstractmethod
     def length(self) -> float:
         """Once round a closed path, or to where it goes round again, m; infinite for one without end."""
+
+    @property
+    def last_circle(self) -> float | None:
+        """Progress from which it goes round a circle on which all are handed back, m; None without one."""
+        return None
 
     @abstractmethod
     def nearest(

@@ -15,6 +15,10 @@ NEAR_CENTRE = 0.05
 tangent turns faster than anything could follow, so its rate stops growing there."""
 
 
+PATH_TURN_SHARE = 1.2
+"""A leader that joins a path may turn by so much more than the path itself, to come onto it."""
+
+
 def desired_course(point: PathPoint[Number], gain: float, approach_angle: float) -> Number:
     """Course of the field, rad: chi^d = chi_p - chi_inf (2/pi) atan(k e).
 
@@ -33,6 +37,20 @@ def desired_course_slope(error: Number, gain: float, approach_angle: float) -> N
     """Change of the desired course with the cross-track error, rad/m: -chi_inf (2/pi) k / (1 + (k e)^2)."""
     scaled = gain * error
     return -approach_angle * (2.0 / math.pi) * gain / (1.0 + scaled * scaled)
+
+
+def joining_turn_rate(
+    point: PathPoint[Number], ground_speed: Number, least_radius: float
+) -> Number:
+    """Greatest turn rate (rad/s) of a leader on its way onto a path: of turns that its formation can fly.
+
+    Args:
+        point: the nearest point of the path.
+        ground_speed: of the leader, m/s.
+        least_radius: of its turns, m; a path that turns tighter itself is followed.
+    """
+    tightest = PATH_TURN_SHARE * abs(point.curvature)
+    return ground_speed * greater_of(tightest, tightest * 0.0 + 1.0 / least_radius)
 
 
 def tangent_rate_per_speed(point: PathPoint[Number], course: Number) -> Number:

@@ -6,10 +6,15 @@ the mission, the leader's airspeed is too, and the wind is measured by every fol
 
 from dataclasses import dataclass
 
-from vfguide.elementwise import Number, like
+from vfguide.angles import wrap_angle
+from vfguide.elementwise import Number, clip, like
 from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.path_field import (
+    desired_course,
+    desired_course_rate_per_speed,
+    joining_turn_rate,
+)
 from vfguide.guidance.settings import PathGains
 from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
 from vfguide.state import LeaderState, VehicleState
@@ -29,6 +34,8 @@ class KnownLeader:
     """Time constant of its rates, s."""
     height: float = 0.0
     """The mission's flying height, from which the path's heights count, m above the origin."""
+    least_radius: float = 0.0
+    """It turns no tighter onto its path, m; 0 where that is left to the field."""
 
     def point_beside(self, leader: LeaderState[Number]) -> PathPoint[Number]:
         """Its path, nearest to where it is."""
@@ -60,6 +67,10 @@ def extrapolate_along_path(
     turn_rate = ground_speed_on_course(airspeed, course, *wind) * desired_course_rate_per_speed(
         point, course, *field
     )
+    if known.least_radius > 0.0:
+        limit = joining_turn_rate(point, leader.ground_speed, known.least_radius)
+        turn_rate = clip(turn_rate + wrap_angle(course - leader.course) / period, -limit, limit)
+        course = leader.course
     middle = course + turn_rate * (period / 2.0)
     north, east = polar(ground_speed_on_course(airspeed, middle, *wind) * period, middle)
     course = course + turn_rate * period

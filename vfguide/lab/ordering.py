@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from random import Random, SystemRandom
 
@@ -42,9 +42,6 @@ LISTEN_S = 6.0
 KNOWS_S = 8.0
 """So long it asks for the order that is flown, if one is."""
 
-LEAD_S = 6.0
-"""An order's time is so far ahead when it is given."""
-
 REPEAT_S = 0.5
 """Between two copies of an order, until it is flown or refused."""
 
@@ -58,6 +55,26 @@ CHANCE_BITS = 3
 """... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
+
+HEARD_S = 10.0
+"""What was heard longer ago says nothing of now: a desk may stay open from one flight to the next."""
+
+MOST_KNOWN = 8
+"""Orders that a desk remembers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rehearsed:
+    """An order that was rehearsed, and can be given."""
+
+    order: Order
+    """What is wanted."""
+    formation: Formation
+    """From which it was rehearsed."""
+    arrangement: Arrangement
+    """What it came to then."""
+    prediction: Prediction | None
+    """What the rehearsal says; None of an order to call everything off, for which none is awaited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,48 +109,85 @@ class OrderDesk:
     member: Member
     """As which it speaks."""
 
-    def __init__(self, mission: Mission) -> None:
-        """Begin with nothing heard of the formation of a mission."""
+    def __init__(self, mission: Mission, *, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin with nothing heard of the formation of a mission; the clock (s) tells what is old."""
         self._mission = mission
+        self._clock = clock
         origin = mission.origin
         self._frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
-        self.states = dict[str, HeardState]()
-        """Newest state of each vehicle, times on the formation's clock."""
+        self._states: dict[str, tuple[float, HeardState]] = {}
         self._may_lead = (mission.leader.vehicle, *mission.deputies)
-        self._lead: HeardState | None = None
-        self.flown: Arrangement | None = None
-        """The newest order that was repeated."""
+        self._lead: tuple[float, HeardState] | None = None
+        self._known: dict[int, Arrangement] = {}
         self.replies: dict[str, Reply] = {}
         """Newest answers to the order that is given."""
         self.given: tuple[int, int] | None = None
         """Its number and its CRC-32."""
+        self.awaited: frozenset[str] = frozenset()
+        """Vehicles whose answers to it count."""
 
     def heard_state(self, vehicle: str, data: bytes) -> None:
         """Take a vehicle's state."""
         try:
-            self.states[vehicle] = motion_of(data, self._frame)
+            self._states[vehicle] = self._clock(), motion_of(data, self._frame)
         except LinkDataError:
             return
 
-    def heard_lead(self, vehicle: str, data: bytes) -> None:
-        """Take a state of the leader by which a vehicle leads in the place of the mission's."""
+    def heard_lead(self, vehicle: str, data: bytes) -> bool:
+        """Take a state of the leader by which a vehicle leads in its place; whether it does lead."""
         try:
             state = motion_of(data, self._frame)
         except LinkDataError:
-            return
+            return False
         if not is_leaders(data) or holder_of(state.term, self._may_lead) != vehicle:
-            return
-        if self._lead is None or state.term >= self._lead.term:
-            self._lead = state
+            return False
+        known = self._fresh_lead
+        if known is not None and state.term < known.term:
+            return False
+        self._lead = self._clock(), state
+        return True
+
+    @property
+    def states(self) -> dict[str, HeardState]:
+        """Newest state of each vehicle that is heard, times on the formation's clock."""
+        now = self._clock()
+        return {
+            name: state
+            for name, (heard_s, state) in self._states.items()
+            if now - heard_s < HEARD_S
+        }
+
+    @property
+    def _fresh_lead(self) -> HeardState | None:
+        if self._lead is None or self._clock() - self._lead[0] >= HEARD_S:
+            return None
+        return self._lead[1]
 
     @property
     def leader(self) -> HeardState | None:
-        """How the leader moves by which all fly; None while none was heard."""
-        return self._lead or self.states.get(self._mission.leader.vehicle)
+        """How the leader moves by which all fly; None while none is heard."""
+        return self._fresh_lead or self.states.get(self._mission.leader.vehicle)
+
+    @property
+    def leads(self) -> str:
+        """Name of the vehicle that leads, as far as is known."""
+        lead = self._fresh_lead
+        return holder_of(0 if lead is None else lead.term, self._may_lead)
+
+    @property
+    def flown(self) -> Arrangement | None:
+        """The order that is flown; None where there is none, or where it was not heard."""
+        return self._known.get(self.newest_number)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the formation is heard: its leader, or of one without a companion a follower."""
+        return self.leader is not None or (self._mission.leader.is_foreign and bool(self.states))
 
     def awaited_from(self, formation: Formation, order: Arrangement) -> set[str]:
         """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
-        succeeded = self._lead is not None and formation.leader not in self.states
+        succeeded = self._fresh_lead is not None and formation.leader not in self.states
+        succeeded = succeeded or self._mission.leader.is_foreign
         return {*formation.slots, *order.vehicles, *([] if succeeded else [formation.leader])}
 
     def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
@@ -143,9 +197,17 @@ class OrderDesk:
             order = decode_order(data)
         except LinkDataError:
             return
-        flying = {state.arrangement for state in self.states.values()}
-        if order.number in flying and (self.flown is None or order.number > self.flown.number):
-            self.flown = order
+        self.note_order(order)
+
+    def note_order(self, order: Arrangement) -> None:
+        """Remember an order: it is the one that is flown once the vehicles say its number."""
+        # Of two orders of one number the one counts that was there when it began to be flown.
+        if order.number in self._known and order.number == self.newest_number:
+            return
+        self._known[order.number] = order
+        flown = self.newest_number
+        while len(self._known) > MOST_KNOWN:
+            del self._known[min(number for number in self._known if number != flown)]
 
     def heard_reply(self, vehicle: str, data: bytes) -> None:
         """Take a vehicle's answer."""
@@ -159,9 +221,9 @@ class OrderDesk:
     @property
     def newest_number(self) -> int:
         """Of the order that is flown, as states say."""
-        term = 0 if self._lead is None else self._lead.term
         numbers = {name: state.arrangement for name, state in self.states.items()}
-        return agreed_number(numbers, holder_of(term, self._may_lead))
+        foreign = self._mission.leader.is_foreign
+        return agreed_number(numbers, self._mission.timekeeper if foreign else self.leads)
 
     def formation(self) -> Formation:
         """As it is.
@@ -169,15 +231,17 @@ class OrderDesk:
         Raises:
             VfguideError: the order that is flown is not known.
         """
-        first = formation_of_mission(self._mission)
+        first = replace(formation_of_mission(self._mission), holder=self.leads)
         number = self.newest_number
         if number == 0:
             return first
-        if self.flown is None or self.flown.number != number:
+        flown = self.flown
+        if flown is None:
             raise VfguideError(
                 f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
             )
-        return first.after(self.flown)
+        # Who leads may have changed since then, and is heard.
+        return replace(first.after(flown), holder=self.leads)
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
         """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
@@ -190,6 +254,13 @@ class OrderDesk:
             state.east + run * math.sin(state.course),
             state.course,
         )
+
+    def places(self) -> dict[str, LeaderPlace]:
+        """Where each vehicle was that was heard."""
+        return {
+            name: LeaderPlace(state.north, state.east, state.course)
+            for name, state in self.states.items()
+        }
 
 
 async def give_order(
@@ -221,30 +292,75 @@ async def give_order(
             " `vfguide keys make MISSION`"
         )
     async with at_desk(mission, watched, random or Random()) as (desk, link):
-        await _listen(desk, link, order)
-        formation = _present(desk, mission, order)
-        number = new_number(desk.newest_number, time.time(), SystemRandom())
-        arrangement = _resolved(mission, order, desk, formation, number)
-        prediction = None
-        if arrangement.flown is not Flown.ABORT:
-            prediction = await asyncio.to_thread(
-                rehearsed, mission, formation, arrangement, leader=desk.leader_place(_now(desk))
-            )
-            tell(predicted(prediction))
-            # The leader has flown on meanwhile.
-            arrangement = _resolved(mission, order, desk, formation, number)
+        await await_formation(desk, calls_off=order.action == "abort")
+        if order.action != "abort":
+            # The others say where they are every half second at least.
+            await asyncio.sleep(1.0)
+            await await_order(desk, link)
+        found = await rehearse_order(mission, order, desk, link)
+        if found.prediction is not None:
+            tell(predicted(found.prediction))
         if dry_run:
-            return Outcome(number=0, arrangement=arrangement, prediction=prediction)
-        tell(f"order {number}: given, to begin in {LEAD_S:g} s")
-        await _give(desk, link, arrangement, formation, tell)
-        waited = desk.awaited_from(formation, arrangement)
-        return Outcome(
-            number=number,
-            arrangement=arrangement,
-            prediction=prediction,
-            replies=dict(desk.replies),
-            silent=tuple(sorted(waited - set(desk.replies))),
+            return Outcome(number=0, arrangement=found.arrangement, prediction=found.prediction)
+        return await give_rehearsed(mission, found, desk, link, tell=tell)
+
+
+async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: Link) -> Rehearsed:
+    """Fly an order in virtual time from the formation as it is; an order to abort is not flown.
+
+    It is flown in a thread: a cancelled rehearsal goes on to its end there, and nobody hears of it.
+
+    Raises:
+        RefusedOrderError: it cannot be carried out; one sentence says why.
+        VfguideError: the order that is flown is not known.
+    """
+    formation = _present(desk, mission, order)
+    arrangement = _resolved(
+        mission, order, desk, formation, number=formation.number + 1, lead_s=link.order_lead_s
+    )
+    prediction = None
+    if arrangement.flown is not Flown.ABORT:
+        prediction = await asyncio.to_thread(
+            rehearsed,
+            mission,
+            formation,
+            arrangement,
+            leader=desk.leader_place(_now(desk)),
+            joining=desk.places(),
         )
+    return Rehearsed(
+        order=order, formation=formation, arrangement=arrangement, prediction=prediction
+    )
+
+
+async def give_rehearsed(
+    mission: Mission, found: Rehearsed, desk: OrderDesk, link: Link, *, tell: Tell
+) -> Outcome:
+    """Give an order that was rehearsed, and wait for what becomes of it.
+
+    Raises:
+        RefusedOrderError: it cannot be carried out any more; one sentence says why.
+        VfguideError: another order has been given since.
+    """
+    aborts = found.arrangement.flown is Flown.ABORT
+    if not aborts and desk.newest_number != found.formation.number:
+        raise VfguideError(
+            f"order {desk.newest_number} has been given since this one was rehearsed: rehearse it again"
+        )
+    number = new_number(desk.newest_number, time.time(), SystemRandom())
+    # The leader has flown on since.
+    arrangement = _resolved(
+        mission, found.order, desk, found.formation, number=number, lead_s=link.order_lead_s
+    )
+    tell(f"order {number}: given, to begin in {link.order_lead_s:g} s")
+    await _give(desk, link, arrangement, found.formation, tell)
+    return Outcome(
+        number=number,
+        arrangement=arrangement,
+        prediction=found.prediction,
+        replies=dict(desk.replies),
+        silent=tuple(sorted(desk.awaited - set(desk.replies))),
+    )
 
 
 def new_number(newest: int, unix_s: float, chance: Random) -> int:
@@ -290,10 +406,16 @@ def _present(desk: OrderDesk, mission: Mission, order: Order) -> Formation:
 
 
 def _resolved(
-    mission: Mission, order: Order, desk: OrderDesk, formation: Formation, number: int
+    mission: Mission,
+    order: Order,
+    desk: OrderDesk,
+    formation: Formation,
+    *,
+    number: int,
+    lead_s: float,
 ) -> Arrangement:
-    """The arrangement of an order that begins a while from now."""
-    time_s = _now(desk) + LEAD_S
+    """The arrangement of an order that begins so many seconds from now."""
+    time_s = _now(desk) + lead_s
     found, _ = resolve(
         mission,
         order,
@@ -344,33 +466,35 @@ async def at_desk(
         yield desk, link
 
 
-async def _listen(desk: OrderDesk, link: Link, order: Order) -> None:
-    """Wait until all is known that an order needs: the formation's time, the leader, the order that is flown.
-
-    To call everything off the time is enough.
+async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
+    """Wait until the formation's time is known and, but to call everything off, its leader.
 
     Raises:
         VfguideError: they are not heard.
     """
-    leader, loop = desk.member.trust.leader, asyncio.get_running_loop()
-    began, calls_off = loop.time(), order.action == "abort"
-    while not ((calls_off or desk.leader is not None) and math.isfinite(_now(desk))):
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+    while not ((calls_off or desk.is_ready) and math.isfinite(_now(desk))):
         if loop.time() - began > LISTEN_S:
             raise VfguideError(
-                f"neither the leader {leader!r} nor a deputy in its place is heard: see that its companion"
-                " runs; check link and keys"
+                f"neither the leader {desk.member.trust.leader!r} nor a deputy in its place is heard: see"
+                " that its companion runs; check link and keys"
             )
         await asyncio.sleep(0.05)
-    # The others say where they are every half second at least.
-    await asyncio.sleep(1.0)
-    if calls_off:
-        return
-    while (number := desk.newest_number) and (desk.flown is None or desk.flown.number != number):
-        if loop.time() - began > LISTEN_S + KNOWS_S:
-            return
-        known = 0 if desk.flown is None else desk.flown.number
-        link.say(Kind.REPLY, encode_reply(Reply(number=known, verdict=Verdict.UNKNOWN)))
+
+
+async def await_order(desk: OrderDesk, link: Link) -> None:
+    """Ask for the order that is flown, if one is and it is not known, until it is or nobody answers."""
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+    while desk.newest_number and desk.flown is None and loop.time() - began <= KNOWS_S:
+        ask_for_order(link)
         await asyncio.sleep(REPEAT_S)
+
+
+def ask_for_order(link: Link) -> None:
+    """Have the vehicles repeat the order that they fly by."""
+    link.say(Kind.REPLY, encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN)))
 
 
 async def _give(
@@ -378,8 +502,9 @@ async def _give(
 ) -> None:
     """Give an order again and again until all have said what becomes of it, and tell what they say."""
     data = encode_order(order)
-    waited = desk.awaited_from(formation, order)
+    desk.awaited = frozenset(desk.awaited_from(formation, order))
     desk.given, desk.replies = (order.number, check_of(data)), {}
+    desk.note_order(order)
     told: dict[str, Reply] = {}
     last_s = order.time_s + LAST_S
     while _now(desk) < last_s:
@@ -391,7 +516,7 @@ async def _give(
                 tell(said(vehicle, reply))
         if all(
             vehicle in desk.replies and desk.replies[vehicle].verdict in DECIDED
-            for vehicle in waited
+            for vehicle in desk.awaited
         ):
             return
 

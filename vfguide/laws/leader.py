@@ -11,11 +11,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number
+from vfguide.elementwise import Number, clip
 from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
 from vfguide.guidance.observer import speed_estimate_rate
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.path_field import (
+    desired_course,
+    desired_course_rate_per_speed,
+    joining_turn_rate,
+)
 from vfguide.guidance.setpoint import cruise_setpoint
 from vfguide.guidance.settings import GuidanceSettings, PathGains
 from vfguide.guidance.sliding_laws import sliding_course_rate
@@ -159,6 +163,8 @@ class LeaderTask:
     """Slots, and what their vehicles can do."""
     height: float = 0.0
     """The mission's flying height, from which the path's heights count, m above the origin."""
+    least_radius: float = 0.0
+    """It turns no tighter onto its path, m; 0 where that is left to the field."""
     law: type[LeaderLaw] = PathField
     """By which it follows the path."""
     gains: Section = field(default_factory=Section)
@@ -215,6 +221,9 @@ def leader_step(
         period=period,
     )
     motion, memory = law.step(view, law.start(view) if memory is FIRST else memory)
+    if task.least_radius > 0.0:
+        limit = joining_turn_rate(point, motion.ground_speed, task.least_radius)
+        motion = replace(motion, course_rate=clip(motion.course_rate, -limit, limit))
     # Everything below flies by the ground speed that the law flew by.
     state = replace(state, ground_speed=motion.ground_speed)
     airspeed = state.airspeed * 0.0 + task.airspeed

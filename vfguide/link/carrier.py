@@ -29,6 +29,9 @@ class Carrier(ABC):
     presence_s: ClassVar[float] = 1.0
     """Every member has said how it is within this time, s, where presences are not kept."""
 
+    order_lead_s: ClassVar[float] = 6.0
+    """An order is given so long before its time, s: to be heard and answered by all."""
+
     def __init__(
         self,
         address: Any,  # noqa: ANN401 - each carrier has addresses of its own

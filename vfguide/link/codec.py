@@ -1,15 +1,16 @@
 """Leader states as bytes and back: compact, versioned, checked.
 
-Layout, little-endian: "VFLS", version (u8), flags (u8), two bytes of zero, sequence number (u32), then as f64
-the time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course (rad),
-ground speed (m/s), acceleration (m/s²), turn rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s),
-then the term and the arrangement (u32 each), and the CRC-32 of all that (u32). 104 bytes. Position is
-geodetic, so that no two vehicles have to agree on an origin.
+Layout, little-endian: "VFLS", version (u8), flags (u8), course setpoint (u16), sequence number (u32), then
+as f64 the time of validity (s), latitude and longitude (degrees), altitude above mean sea level (m), course
+(rad), ground speed (m/s), acceleration (m/s²), turn rate (rad/s), turn acceleration (rad/s²) and climb rate
+(m/s), then the term and the arrangement (u32 each), and the CRC-32 of all that (u32). 104 bytes. Position
+is geodetic, so that no two vehicles have to agree on an origin.
+
+The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, tells none.
 
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
 The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
-The third says that the number of its order is not known: the state came over a radio without room for it.
 """
 
 import math
@@ -19,7 +20,7 @@ from dataclasses import dataclass
 
 MAGIC = b"VFLS"
 VERSION = 2
-LAYOUT = struct.Struct("<4sBB2xI10dII")
+LAYOUT = struct.Struct("<4sBBHI10dII")
 CHECKSUM = struct.Struct("<I")
 NOT_STEERED = 0x01
 """Flag: a pilot or the autopilot itself flies the sender."""
@@ -27,8 +28,9 @@ NOT_STEERED = 0x01
 LEADS = 0x02
 """Flag: the state is that of the leader by which the sender leads, in a term above 0."""
 
-HIDES_ORDER = 0x04
-"""Flag: the number of the order came over a radio, which has no room for it, and is not known."""
+
+COURSES = 65535
+"""Course setpoints that are told apart, 0.1 mrad each."""
 
 FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
@@ -73,8 +75,9 @@ class LeaderMessage:
     """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
     """Whether the sender's companion steers it, and with that keeps it clear of the others."""
-    tells_order: bool = True
-    """Whether `arrangement` is known: a radio has no room for a large number."""
+    course_setpoint: float = math.nan
+    """Course that the sender's autopilot was told to hold, rad in 0 to 2 pi: without its companion it flies
+    on along it. NaN where its companion does not steer it, or did not tell."""
     leads: bool = False
     """Whether this is the leader by which the sender leads, and not the sender itself."""
 
@@ -84,9 +87,8 @@ def encode(message: LeaderMessage) -> bytes:
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
-        (0 if message.steered else NOT_STEERED)
-        | (LEADS if message.leads else 0)
-        | (0 if message.tells_order else HIDES_ORDER),
+        (0 if message.steered else NOT_STEERED) | (LEADS if message.leads else 0),
+        course_in_steps(message.course_setpoint),
         message.sequence,
         message.time_s,
         message.latitude_deg,
@@ -112,7 +114,7 @@ def decode(data: bytes) -> LeaderMessage:
     """
     if len(data) != SIZE:
         raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
-    magic, version, flags, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
+    magic, version, flags, setpoint, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
     if magic != MAGIC:
         raise LinkDataError("not a leader state")
     if version != VERSION:
@@ -140,9 +142,14 @@ def decode(data: bytes) -> LeaderMessage:
         term=term,
         arrangement=arrangement,
         steered=not flags & NOT_STEERED,
-        tells_order=not flags & HIDES_ORDER,
+        course_setpoint=(setpoint - 1) * math.tau / COURSES if setpoint else math.nan,
         leads=bool(flags & LEADS),
     )
+
+
+def course_in_steps(course: float) -> int:
+    """A course setpoint (rad, any turn) as it crosses the link; 0 for one that is not known."""
+    return 1 + round(course / math.tau * COURSES) % COURSES if math.isfinite(course) else 0
 
 
 def is_leaders(data: bytes) -> bool:

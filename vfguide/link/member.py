@@ -9,21 +9,32 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from random import random
 
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Envelope, Kind
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence, encode_presence
-from vfguide.link.trust import HEARD_BEFORE, Message, RefusedError, Trust
+from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError, Trust
 
 logger = logging.getLogger(__name__)
 
 ALARMS = {
-    "another companion of this name": "a companion calls itself %r, too, or its recording is played:"
+    TWIN: "a companion calls itself %r, too, or its recording is played:"
     " see that each vehicle has one companion",
     "a second leader": "%r hears two companions of the leader: stop one of them",
 }
 """Refusals that people have to know of, and what the log says the first time."""
+
+YOUNG_S = 10.0
+"""A member that has spoken for longer was here before another of its name that speaks up."""
+
+TWIN_QUIET_S, TWIN_SPREAD_S = 6.0, 4.0
+"""So long another of one's name has to be silent before one speaks again; and up to so much longer, by
+chance, since the other may have stepped back, too."""
+
+AFTER_START_S = 1.0
+"""What was said by so much later than one's own start is of no run of this companion before."""
 
 QUIET_S = 0.5
 """After this long without a message the next presence is looked at, whoever it is of."""
@@ -73,7 +84,7 @@ class Member:
         neighbours: Collection[str] = (),
         receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
         receive_presence: Callable[[str, Presence], None] | None = None,
-        receive_lead: Callable[[str, bytes], None] | None = None,
+        receive_lead: Callable[[str, bytes], object] | None = None,
         receive_order: Callable[[bytes, bytes, bool], None] | None = None,
         receive_reply: Callable[[str, bytes], None] | None = None,
         peer_clock: PeerClock | None = None,
@@ -127,8 +138,34 @@ class Member:
             )
             if useful
         )
+        self._began_s = clock()
+        self._known_s = math.inf
+        self._twin_s = -math.inf
+        self._twin_quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
         self.heeds_orders = receive_order is not None or receive_reply is not None
         """Whether orders and what is said to them are wanted."""
+
+    @property
+    def stands_back(self) -> bool:
+        """Whether another companion of this name was here before: this one is not to steer then."""
+        return self.clock() - self._twin_s < self._twin_quiet_s
+
+    @property
+    def is_young(self) -> bool:
+        """Whether another of this name may have been here before: own states are worth listening for."""
+        return self.clock() - self._known_s < YOUNG_S
+
+    def note_twin(self, said_s: float) -> None:
+        """Note a true message in one's own name that somebody else has said, at a time of the formation, s.
+
+        Who has not been here for long steps back. A recording of this companion's own run before is older
+        than its start. A leader does not step back: followers tell two of them apart by asking.
+        """
+        now = self.clock()
+        ago_s = self.formation_time() - said_s
+        live = ago_s < now - self._began_s - AFTER_START_S
+        if live and not self.trust.leads and (self.stands_back or self.is_young):
+            self._twin_s, self._known_s = now, math.inf
 
     @property
     def candidates(self) -> tuple[str, ...]:
@@ -152,11 +189,22 @@ class Member:
         return self.trust.counters
 
     def publish(self, body: bytes) -> Parcel:
-        """Seal the own state, and send it."""
+        """Seal the own state, and send it, unless another of this name was here before."""
+        if self.stands_back:
+            self.counters["not said: another companion of this name"] += 1
+            return self._seal(Kind.STATE, EVERYBODY, body)
+        if self._known_s == math.inf:
+            self._known_s = self.clock()
         return self._send(Kind.STATE, EVERYBODY, body)
 
     def say(self, kind: Kind, body: bytes) -> Parcel:
-        """Seal an order, what is said to one or a repeated one, and send it to all."""
+        """Seal an order, what is said to one or a repeated one, and send it to all.
+
+        Another companion of this name answers for the vehicle, if it was here before.
+        """
+        if self.stands_back and kind in {Kind.REPLY, Kind.REPEAT}:
+            self.counters["not said: another companion of this name"] += 1
+            return self._seal(kind, EVERYBODY, body)
         return self._send(kind, EVERYBODY, body)
 
     def ask(self) -> None:
@@ -195,7 +243,12 @@ class Member:
         wanted = self._wants(envelope.kind, envelope.sender, envelope.body)
         if not (wanted or self._is_sign_of_life(envelope)):
             return False
-        message = self.trust.believe(envelope, self.clock())
+        try:
+            message = self.trust.believe(envelope, self.clock())
+        except RefusedError as refusal:
+            if str(refusal) == TWIN:
+                self.note_twin(envelope.time_s)
+            raise
         self._believed_s = self.clock()
         if wanted:
             self._use(message)

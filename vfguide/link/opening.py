@@ -56,6 +56,11 @@ class Link:
             if not status.connected
         )
 
+    @property
+    def order_lead_s(self) -> float:
+        """How long before its time an order is to be given, s: as the slowest link needs it."""
+        return max(carrier.order_lead_s for carrier in self.carriers)
+
     async def settle(self) -> None:
         """Wait until each link has been tried once; some seconds at most."""
         with suppress(TimeoutError):

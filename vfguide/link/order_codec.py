@@ -1,10 +1,12 @@
 """Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
 
 An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
-1 there is a circle, 2 it is flown clockwise), followers (u8), number (u32), time (f64, s), time
-to climb and time across (f32, s); with a circle its centre (f64, degrees) and its radius (f32, m); then for
-each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end,
-each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
+1 there is a circle, 2 it is flown clockwise, 4 there is another path, 8 somebody else is to lead),
+followers (u8), number (u32), time (f64, s), time to climb and time across (f32, s); with a circle its centre
+(f64, degrees) and its radius (f32, m); of another path the radius of the turns onto it (f32, m), the length
+of its name (u8) and the name (UTF-8); of who is to lead length and name; then for each follower the length
+of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end, each forward, right and up,
+and the layer (-32768 for none); and the CRC-32 of all that.
 
 An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
 order's CRC-32 (u32), the text (UTF-8), and the CRC-32 of all that. Two orders of one number are told apart
@@ -17,13 +19,14 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Flown, Place, Point
 from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
 VERSION = 2
 HEADER = struct.Struct("<4sBBBBIdff")
 CIRCLE = struct.Struct("<ddf")
+RADIUS = struct.Struct("<f")
 OFFSETS = struct.Struct("<7h")
 REPLY = struct.Struct("<4sBBBxII")
 CHECKSUM = struct.Struct("<I")
@@ -33,7 +36,7 @@ STEP_M = 0.1
 
 NO_LAYER = -32768
 
-HAS_CIRCLE, CLOCKWISE = 1, 2
+HAS_CIRCLE, CLOCKWISE, HAS_PATH, HAS_LEAD = 1, 2, 4, 8
 
 GREATEST_TIME_S = 1e10
 LONGEST_S = 3600.0
@@ -86,6 +89,8 @@ def encode_order(order: Arrangement) -> bytes:
     """
     circle = order.circle
     flags = 0 if circle is None else HAS_CIRCLE | (CLOCKWISE if circle.clockwise else 0)
+    changed = order.path != MAIN_PATH or order.turn_radius_m > 0.0
+    flags |= (HAS_PATH if changed else 0) | (HAS_LEAD if order.lead else 0)
     try:
         body = HEADER.pack(
             ORDER_MAGIC,
@@ -100,6 +105,10 @@ def encode_order(order: Arrangement) -> bytes:
         )
         if circle is not None:
             body += CIRCLE.pack(circle.latitude_deg, circle.longitude_deg, circle.radius_m)
+        if changed:
+            body += RADIUS.pack(order.turn_radius_m) + _name_bytes(order.path)
+        if order.lead:
+            body += _name_bytes(order.lead)
         body += b"".join(_place_bytes(place) for place in order.places)
     except (struct.error, OverflowError) as error:
         raise ValueError(f"the order cannot be put into bytes: {error}") from None
@@ -128,20 +137,16 @@ def decode_order(data: bytes) -> Arrangement:
     _, version, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
     if version != VERSION:
         raise LinkDataError(f"an order of version {version}, this companion reads {VERSION}")
-    if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE):
+    if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE | HAS_PATH | HAS_LEAD):
         raise LinkDataError("the order's number or flags are none")
     # Not "beyond": a comparison with NaN is false whichever way it is put.
     if not (abs(time_s) <= GREATEST_TIME_S and 0.0 <= climb_s <= LONGEST_S):
         raise LinkDataError("a time of the order is out of range")
     if not 0.0 <= across_s <= LONGEST_S:
         raise LinkDataError("a time of the order is out of range")
-    offset = HEADER.size
-    circle = None
     try:
         what = Flown(flown)
-        if flags & HAS_CIRCLE:
-            circle = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
-            offset += CIRCLE.size
+        (circle, path, radius, lead), offset = _options(body, HEADER.size, flags)
         places = []
         for _ in range(count):
             place, offset = _place(body, offset)
@@ -160,6 +165,9 @@ def decode_order(data: bytes) -> Arrangement:
         across_s=across_s,
         places=tuple(places),
         circle=circle,
+        path=path,
+        turn_radius_m=radius,
+        lead=lead,
     )
 
 
@@ -194,21 +202,29 @@ def _values(point: Point) -> tuple[float, float, float]:
     return point.forward, point.right, point.up
 
 
+def _name_bytes(name: str) -> bytes:
+    data = name.encode()
+    if not 0 < len(data) <= LONGEST_NAME:
+        raise ValueError(f"the name {name!r} is too long for an order")
+    return bytes([len(data)]) + data
+
+
+def _name(body: bytes, offset: int) -> tuple[str, int]:
+    """(a name, what comes behind it)."""
+    end = offset + 1 + body[offset]
+    if not 0 < end - offset - 1 <= LONGEST_NAME or end > len(body):
+        raise ValueError("a name without an end, or none")
+    return body[offset + 1 : end].decode(), end
+
+
 def _place_bytes(place: Place) -> bytes:
-    name = place.vehicle.encode()
-    if not 0 < len(name) <= LONGEST_NAME:
-        raise ValueError(f"the name {place.vehicle!r} is too long for an order")
     numbers = [round(value / STEP_M) for value in (*_values(place.begin), *_values(place.end))]
     layer = NO_LAYER if place.layer is None else round(place.layer / STEP_M)
-    return bytes([len(name)]) + name + OFFSETS.pack(*numbers, layer)
+    return _name_bytes(place.vehicle) + OFFSETS.pack(*numbers, layer)
 
 
 def _place(body: bytes, offset: int) -> tuple[Place, int]:
-    length = body[offset]
-    end = offset + 1 + length
-    if not 0 < length <= LONGEST_NAME:
-        raise ValueError("a follower without a name")
-    name = body[offset + 1 : end].decode()
+    name, end = _name(body, offset)
     *values, layer = OFFSETS.unpack_from(body, end)
     numbers = [value * STEP_M for value in values]
     place = Place(
@@ -218,6 +234,24 @@ def _place(body: bytes, offset: int) -> tuple[Place, int]:
         layer=None if layer == NO_LAYER else layer * STEP_M,
     )
     return place, end + OFFSETS.size
+
+
+def _options(
+    body: bytes, offset: int, flags: int
+) -> tuple[tuple[Circle | None, str, float, str], int]:
+    """((circle, path, radius of the turns onto it in m, who is to lead), what comes behind all that)."""
+    circle, path, radius, lead = None, MAIN_PATH, 0.0, ""
+    if flags & HAS_CIRCLE:
+        circle = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
+        offset += CIRCLE.size
+    if flags & HAS_PATH:
+        (radius,) = RADIUS.unpack_from(body, offset)
+        if not RADII_M[0] <= radius <= RADII_M[1]:
+            raise ValueError("turns onto a path that nobody can fly")
+        path, offset = _name(body, offset + RADIUS.size)
+    if flags & HAS_LEAD:
+        lead, offset = _name(body, offset)
+    return (circle, path, radius, lead), offset
 
 
 def _circle(body: bytes, offset: int, *, clockwise: bool) -> Circle:

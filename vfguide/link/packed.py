@@ -1,16 +1,17 @@
-"""What a formation says over a radio that all share: packets of at most 49 bytes, each with a short tag.
+"""What a formation says over a radio that all share: packets of at most 51 bytes, each with a short tag.
 
 Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
-first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower), time (u48, 0.1 ms,
-on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
+first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower, 255 an operator), time
+(u48, 0.1 ms, on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 
 | body of | holds |
 |---|---|
-| a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 11 zeros, since a slot has to be longer the shorter its shortest packet is |
-| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u16; 65535 is one for which that has no room) |
+| a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 13 zeros, since a slot has to be longer the shorter its shortest packet is |
+| a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u32) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
+| a piece of an order, of an answer to one, or of an order that is repeated | mark (u16: the first bytes of the BLAKE2b of the whole), which piece (u8, from 0), bytes of the whole (u16), 28 bytes of it, zeros behind its end |
 
 The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
 packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
@@ -43,12 +44,19 @@ LARGEST_TIME = 2**48 - 1
 
 HEADER = struct.Struct("<BHB6s")
 BEAT = struct.Struct("<BBBH")
-BEAT_ALONE = struct.Struct("<BBBH11x")
-MOTION = struct.Struct("<ii3sHHhhhhBH")
+BEAT_ALONE = struct.Struct("<BBBH13x")
+MOTION = struct.Struct("<ii3sHHhhhhBI")
 QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
 PRESENCE = struct.Struct("<QB10s8s")
+PIECE_SIZE = 28
+"""Bytes of a message that a piece of it carries."""
+
+PIECE = struct.Struct(f"<HBH{PIECE_SIZE}s")
 EPOCH = struct.Struct("<Q")
+
+REVISION = "2"
+"""Of these packets and of the turns that they are sent in: it is in every tag."""
 
 NOT_STEERED = 0x80
 """Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
@@ -56,14 +64,11 @@ NOT_STEERED = 0x80
 ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
 """Flags of a presence."""
 
-LARGE_ORDER = 2**16 - 1
-"""In the place of the number of an order that is as large, or larger."""
-
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
 """What becomes of the last two."""
 
-LEADER = 0
-"""Number of the leader."""
+LEADER, OPERATOR = 0, 255
+"""Numbers of the leader, and of an operator."""
 
 MOST_VEHICLES = 255
 """Whose numbers fit into a byte, and so does their count."""
@@ -84,6 +89,12 @@ class PackedKind(IntEnum):
     """What the leader's clock shows."""
     PRESENCE = 5
     """How the sender's companion is."""
+    ORDER = 6
+    """A piece of what an operator wants."""
+    REPLY = 7
+    """A piece of what is said to an order."""
+    REPEAT = 8
+    """A piece of an order that the sender repeats."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +109,20 @@ class BeatInfo:
     """Vehicles of the formation."""
     period_ms: int
     """From one beat to the next, ms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A part of a message that no packet has room for."""
+
+    mark: int
+    """The first bytes of a hash of the whole: by it pieces are known to belong together."""
+    index: int
+    """Which one it is, from 0."""
+    size: int
+    """Bytes of the whole."""
+    data: bytes
+    """The part: PIECE_SIZE bytes, the last with zeros behind its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +151,8 @@ class Packet:
     """When the question arrived that is answered, 0.1 ms on the leader's clock."""
     presence: Presence | None = None
     """Of a presence."""
+    piece: Piece | None = None
+    """Of an order, of an answer to one, or of an order that is repeated."""
     tagged: bytes
     """All that the tag is about."""
     tag: bytes
@@ -145,7 +172,7 @@ def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> 
         formation: its name.
         vehicles: names of its vehicles by their numbers.
     """
-    names = "\n".join([formation, *vehicles]).encode()
+    names = "\n".join([REVISION, formation, *vehicles]).encode()
     return hashlib.blake2b(
         names, key=radio_key, digest_size=KEY_SIZE, person=b"vfguide key"
     ).digest()
@@ -198,7 +225,7 @@ def encode_motion(message: LeaderMessage) -> bytes:
         limited(message.turn_acceleration * 1e3, 15),
         limited(message.climb_rate * 1e2, 15),
         max(limited(message.term, 8), 0),
-        max(limited(message.arrangement, 16), 0) if message.tells_order else LARGE_ORDER,
+        message.arrangement,
     )
 
 
@@ -225,6 +252,11 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
     flags |= LINK_LOST * (presence.figures.get(LINKS_LOST, 0.0) > 0.0)
     mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
     return PRESENCE.pack(session, flags, mode, version)
+
+
+def encode_piece(piece: Piece) -> bytes:
+    """The body of a packet that carries a part of a message."""
+    return PIECE.pack(piece.mark, piece.index, piece.size, piece.data)
 
 
 def encode_packet(
@@ -289,8 +321,7 @@ def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
         turn_acceleration=turn_acceleration * 1e-3,
         climb_rate=climb_rate * 1e-2,
         term=term,
-        arrangement=0 if arrangement == LARGE_ORDER else arrangement,
-        tells_order=arrangement != LARGE_ORDER,
+        arrangement=arrangement,
         steered=steered,
     )
 
@@ -338,6 +369,13 @@ def _presence(packet: Packet, body: bytes) -> Packet:
     return replace(packet, session=session, presence=presence)
 
 
+def _piece(packet: Packet, body: bytes) -> Packet:
+    mark, index, size, data = _fields(PIECE, body)
+    if index * PIECE_SIZE >= size:
+        raise LinkDataError("a piece behind the end")
+    return replace(packet, piece=Piece(mark=mark, index=index, size=size, data=data))
+
+
 def _fields(layout: struct.Struct, body: bytes) -> tuple[Any, ...]:
     if len(body) != layout.size:
         raise LinkDataError(f"{len(body)} bytes where {layout.size} are due")
@@ -350,4 +388,7 @@ DECODERS = {
     PackedKind.QUESTION: _question,
     PackedKind.ANSWER: _answer,
     PackedKind.PRESENCE: _presence,
+    PackedKind.ORDER: _piece,
+    PackedKind.REPLY: _piece,
+    PackedKind.REPEAT: _piece,
 }

@@ -23,8 +23,25 @@ MOST_FIGURES = 100
 LINKS_LOST = "links_lost"
 """Figure: how many of a companion's links do not stand."""
 
+TERM, ORDER = "term", "order"
+"""Figures: the term of its leader, where the mission names deputies, and the order that it flies by."""
+
+LEADER_FIGURES = (
+    "led_by_age_s",
+    "led_by_north_m",
+    "led_by_east_m",
+    "led_by_altitude_m",
+    "led_by_course_rad",
+    "led_by_speed_m_s",
+    "led_by_turn_rad_s",
+)
+"""Figures: how a leader without a companion moved, in the mission's local frame, and how long ago."""
+
 LEAST_FIGURES = frozenset(
-    {LINKS_LOST, "links", "leader_age_ms_last", "refused", "wind_north_m_s", "wind_east_m_s"}
+    {
+        *(LINKS_LOST, "links", "leader_age_ms_last", "refused", "wind_north_m_s", "wind_east_m_s"),
+        *(TERM, ORDER),
+    }
 )
 """Figures by which people decide; the others are statistics."""
 

@@ -39,6 +39,10 @@ RATES = {"leader": 10.0, "followers": 2.5, "air": 4000.0}
 """Numbers that an address may give: states per second of the leader and of each follower, which count at the
 leader alone, and bytes per second that all radios together can send."""
 
+ORDER_LEAD_S = 10.0
+"""An order is given so long before its time: with twelve vehicles each round of its pieces takes 2 s; where
+some are lost all have heard it after three, and answers wait for their turns."""
+
 READ = 4096
 """Bytes that are read at once."""
 
@@ -115,14 +119,15 @@ def vehicles_of(member: Member) -> tuple[str, ...]:
         InputError: they are not known to one who watches, or are too many.
     """
     leader = member.trust.leader
-    if member.watches:
+    if member.watches and not member.neighbours:
         names = member.trust.vehicles
         if not names:
             raise InputError(
                 "on a radio only a roster tells the names of those who are heard: give --roster"
             )
     else:
-        names = (leader, *sorted({member.name, *member.neighbours} - {leader}))
+        own = set() if member.watches else {member.name}
+        names = (leader, *sorted({*own, *member.neighbours} - {leader}))
     if len(names) > MOST_VEHICLES:
         raise InputError(f"a radio carries {MOST_VEHICLES} vehicles at most, not {len(names)}")
     return names
@@ -134,6 +139,7 @@ class RadioCarrier(DatagramCarrier):
 
     address: RadioAddress
     presence_s = PRESENCE_S
+    order_lead_s = ORDER_LEAD_S
 
     def __init__(
         self,

@@ -2,8 +2,9 @@
 
 The leader sends at each beat, ten times a second unless it says otherwise. A cycle is some beats; between
 two of them there are as many slots of equal length as it takes for every follower, and an answer of the
-leader, to have one turn in a cycle. Follower i, from 0, has slot `1 + i // beats` after beat `i % beats`;
-the answer comes after the last follower, as if it were one more.
+leader, to have one turn in a cycle, and an operator one turn for each two beats. Follower i, from 0, has slot
+`1 + i // beats` after beat `i % beats`; the answer comes after the last follower, as if it were one more. All
+that is left of the cycle is the operator's, who is silent unless there is an order to be given.
 
 A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
 are not compared. Where a beat is missed, its own clock goes on counting. After two seconds, and three beats,
@@ -18,9 +19,9 @@ import math
 from dataclasses import dataclass
 
 from vfguide.errors import InputError
-from vfguide.link.packed import LEADER, BeatInfo
+from vfguide.link.packed import LEADER, OPERATOR, BeatInfo
 
-SHORTEST_FRAME, LONGEST_FRAME = 39, 54
+SHORTEST_FRAME, LONGEST_FRAME = 41, 56
 """Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
 
 HANDOVER_S, MISSED_BEATS = 2.0, 3
@@ -91,7 +92,7 @@ class Timetable:
     @property
     def slots(self) -> int:
         """Between two beats, the beat's own included."""
-        return 1 + math.ceil(self.members / self.beats)
+        return 1 + math.ceil((self.members + math.ceil(0.5 * self.beats)) / self.beats)
 
     @property
     def slot_s(self) -> float:
@@ -99,9 +100,17 @@ class Timetable:
         return self.period_s / self.slots
 
     def offset_s(self, sender: int) -> float:
-        """From the beginning of a cycle to the turn of a follower, s; that of `members` is the answer's."""
+        """From the beginning of a cycle to the turn of a follower, s.
+
+        That of `members` is the answer's, and those above it are the operator's.
+        """
         place = sender - 1
         return (place % self.beats) * self.period_s + (1 + place // self.beats) * self.slot_s
+
+    @property
+    def operator_turns(self) -> range:
+        """Numbers by which `offset_s` tells the turns of an operator."""
+        return range(self.members + 1, self.beats * (self.slots - 1) + 1)
 
     def info(self, beat: int) -> BeatInfo:
         """What the leader says at a beat."""
@@ -151,7 +160,7 @@ class Beat:
         """Know nothing yet.
 
         Args:
-            number: of the member; None for one who only listens.
+            number: of the member; OPERATOR for an operator, None for one who only listens.
         """
         self._number = number
         self.timetable: Timetable | None = None
@@ -193,7 +202,11 @@ class Beat:
     def next_turn(self, now: float) -> Turn | None:
         """The member's next turn, at or after this time; None for one that may not speak."""
         table, number = self.timetable, self._number
-        if table is None or number is None or number >= table.members:
+        if table is None or number is None:
+            return None
+        if number == OPERATOR:
+            return self._next_of_operator(table, now)
+        if number >= table.members:
             return None
         if number == LEADER:
             return self._next_of_leader(table, now)
@@ -207,6 +220,11 @@ class Beat:
         count = math.ceil((after - self._origin_s) / table.period_s - ROUNDING)
         beat = Turn(at_s=self._origin_s + count * table.period_s, beat=count % table.beats)
         return min(beat, answer, key=lambda turn: turn.at_s)
+
+    def _next_of_operator(self, table: Timetable, now: float) -> Turn:
+        after = max(now, self._spoke_s + 0.5 * table.slot_s)
+        turns = (self._next(table, table.offset_s(one), after) for one in table.operator_turns)
+        return Turn(at_s=min(turns))
 
     def _next(self, table: Timetable, offset_s: float, after: float) -> float:
         first_s = self._origin_s + offset_s

@@ -8,7 +8,9 @@ alone, and answers one question in a cycle: of those that wait, the one whose as
 Stamps of the clock comparison leave the waiting for turns out: the answer is stamped when it leaves, and the
 asker takes the question's arrival for as much earlier as the question had waited for its turn.
 
-What was in a collision, or lost otherwise, is not sent again.
+What was in a collision, or lost otherwise, is not sent again; what is said about orders is said in rounds.
+It takes every second turn of a follower at most, so that its states go on. An operator has turns of its own,
+and says nothing else but its question for the leader's clock.
 
 A beat counts if its tag is right. After two seconds without one, a beat counts whose tag cannot be checked:
 a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a forged beat
@@ -28,6 +30,7 @@ from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
     LEADER,
+    OPERATOR,
     TICK_S,
     PackedKind,
     Packet,
@@ -38,6 +41,7 @@ from vfguide.link.packed import (
     encode_motion,
     encode_packed_presence,
     encode_packet,
+    encode_piece,
     encode_question,
     formation_key,
     formation_mark,
@@ -47,8 +51,9 @@ from vfguide.link.packed import (
 from vfguide.link.peer_clock import HURRIED_S, OPEN
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
+from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
-from vfguide.link.trust import HEARD_BEFORE, Message, RefusedError
+from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
@@ -66,12 +71,33 @@ PRESENCE_S, IDLE_S = 4.0, 1.0
 LEAST_LATE_S = 0.002
 """s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
 
-ONLY_LEADER = frozenset({PackedKind.BEAT, PackedKind.ANSWER})
-ONLY_FOLLOWERS = frozenset({PackedKind.QUESTION})
-"""Kinds that not everybody may say."""
+VEHICLES_MAY = frozenset(
+    {PackedKind.STATE, PackedKind.PRESENCE, PackedKind.REPLY, PackedKind.REPEAT}
+)
+LEADER_MAY = VEHICLES_MAY | {PackedKind.BEAT, PackedKind.ANSWER}
+FOLLOWERS_MAY = VEHICLES_MAY | {PackedKind.QUESTION}
+OPERATOR_MAY = frozenset({PackedKind.QUESTION, PackedKind.ORDER, PackedKind.REPLY})
+"""Kinds that a sender may say."""
+
+PIECES = frozenset(PACKED_KINDS.values())
+"""Kinds of packets about orders."""
+
+OPERATOR_NAME = "the operator"
+"""Who answers as one: no vehicle's name has a blank."""
 
 UNKNOWN_SESSION = "another session or forged"
 """Why a packet is refused whose tag is not of this session of the leader."""
+
+LISTEN_CYCLES, TWIN_S = 2, 3.0
+"""A member that starts listens for so many cycles whether its turns are taken, and is silent for so many s
+after another of its name was heard."""
+
+RECENT_S = 1.0
+"""Another of one's own name is believed by what it said this short a time ago: what is older may be played
+again by somebody who has recorded it ..."""
+
+REMEMBERED = 64
+"""... and of what was said since, so many own packets are known."""
 
 LONGEST_CYCLE_S = 10.0
 """Of a beat that nothing vouches for: a slower one would keep a member silent for long."""
@@ -109,6 +135,7 @@ class Station:
         key: bytes,
         channel: Channel,
         timetable: Timetable | None = None,
+        listens_first: bool = True,
     ) -> None:
         """Make one that has heard nothing.
 
@@ -119,8 +146,10 @@ class Station:
             key: the formation's radio key; empty to believe anybody.
             channel: how fast the radio is.
             timetable: of the leader, who tells the others.
+            listens_first: whether its turns may be taken by another of its name; not where all begin at once.
         """
         self._member = member
+        self._listens_first = listens_first
         self._vehicles = vehicles
         self._mark = formation_mark(formation)
         self._key = formation_key(key, formation, vehicles)
@@ -128,10 +157,13 @@ class Station:
         self._timetable = timetable
         known = member.name in vehicles and not member.watches
         self._number = vehicles.index(member.name) if known else None
+        if member.watches and member.heeds_orders:
+            self._number = OPERATOR
         self._beat = Beat(self._number)
-        self._proven_s = -math.inf
+        self._proven_s = self._twin_s = -math.inf
+        self._listens_since = math.inf
         self._framer = Framer(member.counters)
-        self._sent: deque[bytes] = deque(maxlen=8)
+        self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
         self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
         self._true_leader_s = -math.inf
         self._state: Waiting | None = None
@@ -142,6 +174,8 @@ class Station:
         self._answered_s: dict[int, float] = {}
         self._presence: Presence | None = None
         self._told_s = -math.inf
+        self._to_order, self._ordered = OrderOutbox(), OrderInbox()
+        self._spoke_of_orders = False
 
     def begin(self, now: float) -> None:
         """Begin to hear and, for the leader, to give the beat; at a time on the clock of the turns, s."""
@@ -158,9 +192,19 @@ class Station:
                 self._state = Waiting(body=parcel.body, since_s=now)
             case Kind.QUESTION:
                 self._question = Waiting(body=parcel.body, since_s=now)
+            case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
+                self._post_about_order(parcel, now)
             case _:
-                # Answers and presences are made here, where the turn is known; orders are not for radios.
+                # Answers and presences are made here, where the turn is known.
                 return
+
+    def _post_about_order(self, parcel: Parcel, now: float) -> None:
+        """Have something about an order said: an order as its operator has signed it."""
+        content = parcel.data if parcel.kind is Kind.ORDER else parcel.body
+        try:
+            self._to_order.post(parcel.kind, parcel.body, content, now)
+        except ValueError:
+            self._member.counters["radio: too long for its pieces"] += 1
 
     def announce(self, presence: Presence) -> None:
         """Say now and then how the member is, and soon where that has changed."""
@@ -179,7 +223,12 @@ class Station:
             # It would run into the next one's.
             self._member.counters["radio: late for its turn"] += 1
             return b""
-        packet = self._said_by_leader(turn, now) if self._number == LEADER else self._said(now)
+        if self._number == LEADER:
+            packet = self._said_by_leader(turn, now)
+        elif self._number == OPERATOR:
+            packet = self._due_question(now) or self._piece(now)
+        else:
+            packet = self._said(now)
         if not packet:
             return b""
         frame = encode_frame(packet)
@@ -220,25 +269,39 @@ class Station:
         packet = decode_packet(data)
         if packet.formation != self._mark:
             raise RefusedError("another formation")
-        if packet.sender >= len(self._vehicles):
+        leads, operates = packet.sender == LEADER, packet.sender == OPERATOR
+        if packet.sender >= len(self._vehicles) and not operates:
             raise RefusedError("a stranger")
-        leads = packet.sender == LEADER
-        if packet.kind in (ONLY_FOLLOWERS if leads else ONLY_LEADER):
+        may = LEADER_MAY if leads else OPERATOR_MAY if operates else FOLLOWERS_MAY
+        if packet.kind not in may:
             raise RefusedError("not for its sender to say")
         began_s = now - self._channel.latency_s(len(data) + OVERHEAD)
+        if packet.sender == self._number and not self._member.trust.proven:
+            # What nothing vouches for yet is good enough to be silent by: speaking hits the other's turns.
+            self._twin_s = now
+            self._take_unproven_beat(packet, began_s)
+            raise RefusedError(TWIN)
         epoch = self._epoch_of(packet)
         if epoch is None:
             self._take_unproven_beat(packet, began_s)
             raise RefusedError(UNKNOWN_SESSION)
         if packet.sender == self._number:
-            raise RefusedError("another companion of this name")
+            self._note_twin(packet.ticks * TICK_S)
+            raise RefusedError(TWIN)
         self._check_newer(packet, epoch)
-        self._proven_s = began_s
+        if packet.kind is not PackedKind.QUESTION:
+            # A question proves no session: one that joins late would wait while others ask.
+            self._proven_s = began_s
         if leads:
             self._note_leader(packet, epoch, began_s)
-        elif packet.kind is not PackedKind.QUESTION:
+        elif packet.kind is not PackedKind.QUESTION and not operates:
             self._beat.hear_follower(packet.sender, began_s)
         self._use(packet, epoch)
+
+    def _note_twin(self, said_s: float) -> None:
+        """Note another of this name, if what it says (s of the formation's time) is of now."""
+        if abs(self._member.formation_time() - said_s) < RECENT_S:
+            self._member.note_twin(said_s)
 
     def _epoch_of(self, packet: Packet) -> int | None:
         """The leader's session that a packet was said under; None where its tag is of none that counts."""
@@ -327,9 +390,35 @@ class Station:
                 self._accept(packet, Kind.STATE, epoch, encode(packet.state))
             case PackedKind.PRESENCE if packet.presence is not None:
                 self._member.accept_presence(self._vehicles[packet.sender], packet.presence)
+            case _ if packet.kind in PIECES and self._member.heeds_orders:
+                self._take_piece(packet, epoch)
+
+    def _take_piece(self, packet: Packet, epoch: int) -> None:
+        """Take a piece about an order, and use the message once all of it has come.
+
+        Raises:
+            LinkDataError: it is of no message.
+            RefusedError: it is no operator's order.
+        """
+        if packet.piece is None:
+            return
+        content = self._ordered.take(packet.sender, packet.kind, packet.piece)
+        match packet.kind:
+            case _ if content is None:
+                return
+            case PackedKind.ORDER:
+                # The operator's signature counts, as on every link.
+                if self._member.trust.read(content).kind is not Kind.ORDER:
+                    raise RefusedError("not an operator's order")
+                self._member.take(content)
+            case PackedKind.REPLY:
+                self._accept(packet, Kind.REPLY, epoch, content)
+            case PackedKind.REPEAT:
+                self._accept(packet, Kind.REPEAT, epoch, content)
 
     def _accept(self, packet: Packet, kind: Kind, session: int, body: bytes) -> None:
-        sender = self._vehicles[packet.sender]
+        operates = packet.sender == OPERATOR
+        sender = OPERATOR_NAME if operates else self._vehicles[packet.sender]
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
 
     def _hear_answer(self, packet: Packet) -> None:
@@ -350,7 +439,7 @@ class Station:
         """The leader's packet for a turn."""
         table = self._beat.timetable
         if turn.beat is None or table is None:
-            return self._answer(now) or self._said_of_itself(now, PRESENCE_S)
+            return self._answer(now) or self._said_of_itself(now, PRESENCE_S) or self._piece(now)
         beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
             return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
@@ -364,6 +453,10 @@ class Station:
         presence = self._said_of_itself(now, PRESENCE_S)
         if presence:
             return presence
+        self._spoke_of_orders = not self._spoke_of_orders
+        piece = self._piece(now) if self._spoke_of_orders else b""
+        if piece:
+            return piece
         state = self._fresh_state(now)
         return self._said_of_itself(now, IDLE_S) if state is None else self._sealed_state(state)
 
@@ -393,8 +486,19 @@ class Station:
             steered=message.steered,
         )
 
+    def _is_free(self, now: float) -> bool:
+        """Whether nobody else has this member's turns: heard before it speaks for the first time."""
+        table = self._beat.timetable
+        if table is None or self._member.trust.proven or not self._listens_first:
+            return True
+        self._listens_since = min(self._listens_since, now)
+        listened = now - self._listens_since >= (LISTEN_CYCLES - 0.5) * table.cycle_s
+        return listened and now - self._twin_s > TWIN_S
+
     def _due_question(self, now: float) -> bytes:
         """The question that waits, unless the last was asked a short time ago."""
+        if not self._is_free(now):
+            return b""
         clock, table, question = self._member.peer_clock, self._beat.timetable, self._question
         if clock is None or table is None or question is None:
             return b""
@@ -426,6 +530,14 @@ class Station:
         (session, *_) = self._member.trust.epochs(clock_s)
         body = encode_answer(asker, question.number, session, ticks_of(question.received_s))
         return self._sealed(PackedKind.ANSWER, body, clock_s)
+
+    def _piece(self, now: float) -> bytes:
+        """The next piece of what is to be said about orders."""
+        found = self._to_order.next_piece(now)
+        if found is None:
+            return b""
+        kind, piece = found
+        return self._sealed(kind, encode_piece(piece), self._member.formation_time())
 
     def _said_of_itself(self, now: float, every_s: float) -> bytes:
         """The presence, where it is time for it."""

@@ -189,7 +189,7 @@ class Session:
         await self._client.publish(topic, parcel.data, qos=1, retain=True, timeout=patience_s)
 
     async def _watch_echo(self) -> None:
-        """Listen for own states until one has come back, and after a while again."""
+        """Listen for own states, at first as long as another of this name may show up, and now and then."""
         topic = self._own_states
         while True:
             self._parts.echo.listen()
@@ -206,7 +206,7 @@ class Session:
             await asyncio.sleep(BEAT_S)
             if echo.check():
                 status.warn("not heard", f"own states do not come back: {hint}")
-            if echo.heard:
+            if echo.heard and not self._parts.member.is_young:
                 return
 
 

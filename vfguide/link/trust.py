@@ -53,6 +53,9 @@ def new_session() -> int:
     return secrets.randbits(64) or 1
 
 
+TWIN = "another companion of this name"
+"""Why a message is refused that is signed with one's own key, and not by oneself."""
+
 HEARD_BEFORE = "heard before"
 """Why a message is refused that came before, or a newer one of its kind."""
 
@@ -252,7 +255,7 @@ class Trust:
                 raise RefusedError("forged") from None
         if envelope.sender == self.name:
             self._vain += 1.0
-            raise RefusedError("another companion of this name")
+            raise RefusedError(TWIN)
         self._note(heard, envelope)
         if envelope.session == self._epoch:
             self._leader_s = now

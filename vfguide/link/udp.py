@@ -1,6 +1,7 @@
 """What a formation shares, by UDP alone: a multicast group, a broadcast address or a list of peers."""
 
 import asyncio
+import errno
 import socket
 import struct
 from collections.abc import Mapping
@@ -72,7 +73,12 @@ def interface_of(name: str) -> bytes:
         return struct.pack("=4si", bytes(4), 0)
     with suppress(OSError):
         return struct.pack("=4si", socket.inet_aton(name), 0)
-    return struct.pack("=4si", bytes(4), socket.if_nametoindex(name))
+    try:
+        number = socket.if_nametoindex(name)
+    except OSError:
+        # Python's own has no number, and does not say which.
+        raise OSError(errno.ENODEV, f"no interface {name!r}") from None
+    return struct.pack("=4si", bytes(4), number)
 
 
 @link("udp")

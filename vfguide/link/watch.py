@@ -4,7 +4,6 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from functools import partial
 from random import Random
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -50,7 +49,10 @@ def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
     for name, known in roster.operators.items():
         if known == public:
             return name
-    raise InputError("the key is no operator's in the roster; run `vfguide keys make`")
+    raise InputError(
+        "the key is no operator's in the roster; give operator.key, which `vfguide keys make` puts beside the"
+        " vehicles' keys"
+    )
 
 
 async def presences(watched: Watched, *, seconds: float, random: Random) -> dict[str, Presence]:
@@ -108,40 +110,6 @@ async def watching(
         yield link, found
 
 
-@asynccontextmanager
-async def overhearing(
-    watched: Watched,
-    followers: Sequence[str],
-    *,
-    receive_state: Callable[[str, bytes], None],
-    receive_presence: Callable[[str, Presence], None],
-    random: Random,
-) -> AsyncIterator[Link]:
-    """The link of one who hears all states and presences and says nothing about itself.
-
-    It need not stand: a connection is made again for ever.
-
-    Args:
-        watched: the formation.
-        followers: names of those whose states are wanted beside the leader's.
-        receive_state: called with a vehicle's name and its new state.
-        receive_presence: called with a vehicle's name and what it says about itself.
-        random: keeps those who lost the same broker from coming back in step.
-    """
-    member = watching_member(
-        watched,
-        random,
-        receive_presence=receive_presence,
-        receive=partial(receive_state, watched.leader),
-        neighbours=followers,
-        receive_neighbour=receive_state,
-    )
-    async with open_link(
-        watched.addresses, formation=watched.formation, member=member, random=random
-    ) as link:
-        yield link
-
-
 def watching_member(
     watched: Watched,
     random: Random,
@@ -150,8 +118,23 @@ def watching_member(
     receive: Callable[[bytes], None] = ignore,
     neighbours: Sequence[str] = (),
     receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
+    receive_lead: Callable[[str, bytes], None] | None = None,
+    receive_order: Callable[[bytes, bytes, bool], None] | None = None,
+    receive_reply: Callable[[str, bytes], None] | None = None,
 ) -> Member:
-    """A member that only listens, and asks the leader whether it lives if it has a key to ask with."""
+    """A member that says nothing about itself; it asks the leader whether it lives if it has a key for it.
+
+    Args:
+        watched: the formation.
+        random: makes up a name where there is no key.
+        receive_presence: called with a vehicle's name and what it says about itself.
+        receive: called with each new state of the leader.
+        neighbours: names of those whose states are wanted beside the leader's.
+        receive_neighbour: called with the name of one of them and its new state.
+        receive_lead: as of `Member`.
+        receive_order: as of `Member`.
+        receive_reply: as of `Member`.
+    """
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
     if watched.roster is not None:
         asks = watched.key is not None
@@ -174,5 +157,8 @@ def watching_member(
         neighbours=neighbours,
         receive_neighbour=receive_neighbour,
         receive_presence=receive_presence,
+        receive_lead=receive_lead,
+        receive_order=receive_order,
+        receive_reply=receive_reply,
         peer_clock=PeerClock() if asks else None,
     )

@@ -77,6 +77,7 @@ class ZenohCarrier(DatagramCarrier):
         self._session: Any = None
         self._publisher: Any = None
         self._waiting: deque[bytes] = deque(maxlen=MOST_WAITING)
+        self._passed_over = 0
         self._lock = Lock()
 
     @classmethod
@@ -144,11 +145,11 @@ class ZenohCarrier(DatagramCarrier):
 
     def _hear(self, loop: asyncio.AbstractEventLoop, data: bytes) -> None:
         """Take a message in Zenoh's thread."""
-        if len(data) > LARGEST:
-            return
         with self._lock:
             first = not self._waiting
-            self._waiting.append(data)
+            self._passed_over += len(self._waiting) == MOST_WAITING
+            # What is longer than any message is none: one byte more is enough to see that.
+            self._waiting.append(data[: LARGEST + 1])
         if first:
             # The loop may have ended meanwhile.
             with suppress(RuntimeError):
@@ -159,5 +160,8 @@ class ZenohCarrier(DatagramCarrier):
         with self._lock:
             waiting = [*self._waiting]
             self._waiting.clear()
+            passed_over, self._passed_over = self._passed_over, 0
+        if passed_over:
+            self.status.counters["dropped: too many at once"] += passed_over
         for data in waiting:
             self.arrived(data)

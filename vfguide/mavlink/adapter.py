@@ -211,6 +211,10 @@ class AutopilotAdapter(ABC):
     def hand_back(self) -> list[MAVLink_message]:
         """Leave it for a loiter that the autopilot flies by itself."""
 
+    def loiter_at(self, altitude_amsl: float) -> list[MAVLink_message]:
+        """Loiter at another altitude (m above mean sea level), where it was handed back to its loiter."""
+        return [loiter_altitude(self._vehicle, altitude_amsl)]
+
     @abstractmethod
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """Hold a course over ground and a speed."""
@@ -261,6 +265,13 @@ def command_long(vehicle: Vehicle, command: int, *parameters: float) -> MAVLink_
     padded = (*parameters, *(0.0,) * (7 - len(parameters)))
     return mavlink.MAVLink_command_long_message(
         vehicle.system_id, vehicle.component_id, command, 0, *padded
+    )
+
+
+def loiter_altitude(vehicle: Vehicle, altitude_amsl: float) -> MAVLink_message:
+    """DO_CHANGE_ALTITUDE, m above mean sea level: ArduPlane 4.7 and PX4 1.18 take it in their loiters."""
+    return command_long(
+        vehicle, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, altitude_amsl, mavlink.MAV_FRAME_GLOBAL
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
-from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.framing import Frame, frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
@@ -16,6 +16,7 @@ from vfguide.mavlink.reports import (
     GpsReport,
     HeartbeatReport,
     LandedReport,
+    OrderRequest,
     ParameterReport,
     PositionReport,
     Report,
@@ -25,6 +26,7 @@ from vfguide.mavlink.reports import (
     VersionReport,
 )
 from vfguide.mavlink.signing import Signing
+from vfguide.mavlink.traffic_messages import traffic_report
 
 UNKNOWN_HEADING = 65535
 """hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
@@ -92,6 +94,19 @@ def landed_report(message: MAVLink_message) -> LandedReport:
 def command_report(message: MAVLink_message) -> CommandReport:
     """COMMAND_ACK."""
     return CommandReport(command=message.command, result=message.result)
+
+
+def order_request(message: MAVLink_message) -> OrderRequest | None:
+    """COMMAND_LONG with MAV_CMD_USER_1, or None of any other command and where a number is none."""
+    known = math.isfinite(message.param1) and math.isfinite(message.param2)
+    if message.command != mavlink.MAV_CMD_USER_1 or not known:
+        return None
+    return OrderRequest(
+        sender=(message.get_srcSystem(), message.get_srcComponent()),
+        code=message.param1,
+        spacing=message.param2,
+        confirmation=message.confirmation,
+    )
 
 
 def version_report(message: MAVLink_message) -> VersionReport:
@@ -169,6 +184,7 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: estimator_report,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_report,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: sensors_report,
+    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: traffic_report,
 }
 """What is listened to. Everything else is passed over and counted."""
 
@@ -177,7 +193,12 @@ class Codec:
     """Frames of one companion's connection: datagrams to reports, messages to bytes."""
 
     def __init__(
-        self, system_id: int, component_id: int, *, signing: Signing | None = None
+        self,
+        system_id: int,
+        component_id: int,
+        *,
+        signing: Signing | None = None,
+        takes_orders: bool = False,
     ) -> None:
         """Listen to one autopilot and speak as the onboard computer of the same system.
 
@@ -185,11 +206,13 @@ class Codec:
             system_id: of the vehicle.
             component_id: of its autopilot.
             signing: signs what is said, and lets nothing else be heard; without it signatures are ignored.
+            takes_orders: whether requests for orders are heard, of whoever addresses them to this companion.
         """
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
         self._source = (system_id, component_id)
         self._signing = signing
+        self._takes_orders = takes_orders
         self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
 
     def decode(self, datagram: bytes) -> list[Report]:
@@ -199,7 +222,7 @@ class Codec:
             if frame is None:
                 self.counters["not MAVLink"] += 1
             elif (frame.system_id, frame.component_id) != self._source:
-                self.counters["not this vehicle's"] += 1
+                reports += self._others(frame)
             elif (reader := REPORTS.get(frame.message_id)) is None:
                 self.counters["not used"] += 1
             elif (message := self._message(frame.content)) is None:
@@ -213,6 +236,20 @@ class Codec:
             else:
                 reports.append(report)
         return reports
+
+    def _others(self, frame: Frame) -> list[Report]:
+        """What somebody else has sent: of interest only where it requests an order of this companion."""
+        wanted = self._takes_orders and frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_LONG
+        message = self._message(frame.content) if wanted else None
+        target = (self._source[0], COMPANION_COMPONENT)
+        if message is None or (message.target_system, message.target_component) != target:
+            self.counters["not this vehicle's"] += 1
+            return []
+        if self._signing is not None and not self._signing.accepts(frame):
+            self.counters["not signed"] += 1
+            return []
+        request = order_request(message)
+        return [] if request is None else [request]
 
     def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
         """One datagram of these messages."""

@@ -16,6 +16,15 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 from vfguide.mavlink.codec import time_report
 from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.reports import TimeReport
+from vfguide.mavlink.traffic_messages import (
+    GREATEST_M_S,
+    Pair,
+    altitude_of,
+    climb_of,
+    is_on_earth,
+    pair_of,
+    traffic_report,
+)
 
 Kind = Literal[
     "FOLLOW_TARGET",
@@ -36,20 +45,6 @@ KINDS: tuple[Kind, ...] = (
 
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
 """Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
-
-LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
-"""Altitudes that aircraft can have; another is one that is not known."""
-
-GREATEST_M_S = 1000.0
-"""A velocity above this is no velocity."""
-
-GREATEST_CLIMB_M_S = 30.0
-"""Nor is a climb rate above this a climb rate."""
-
-LONG_SILENT_S = 5.0
-"""Not heard by an ADS-B receiver for longer: what it repeats then is no report."""
-
-Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,21 +67,6 @@ class LeaderReport:
     """How old it was when it was sent, as far as the message says, s."""
     climb_rate: float = 0.0
     """m/s, positive up; 0 where it does not say."""
-
-
-def altitude_of(metres: float) -> float:
-    """An altitude (m), NaN where it cannot be one."""
-    return metres if LOWEST_M <= metres <= HIGHEST_M else math.nan
-
-
-def climb_of(down: float) -> float:
-    """A climb rate of a velocity downward (m/s), 0 where it cannot be one."""
-    return -down if abs(down) <= GREATEST_CLIMB_M_S else 0.0
-
-
-def pair_of(north: float, east: float, *, greatest: float) -> Pair | None:
-    """A vector, or None where it is none or too long."""
-    return (north, east) if math.hypot(north, east) <= greatest else None
 
 
 def global_position(message: MAVLink_message) -> LeaderReport | None:
@@ -154,29 +134,20 @@ def high_latency(message: MAVLink_message) -> LeaderReport | None:
 
 
 def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
-    """ADSB_VEHICLE: course (not heading) in centidegrees, cm/s, and how many seconds ago it was heard."""
-    flags = message.flags
-    wanted = mavlink.ADSB_FLAGS_VALID_COORDS
-    if flags & wanted != wanted or message.tslc > LONG_SILENT_S:
+    """ADSB_VEHICLE."""
+    found = traffic_report(message)
+    if found is None:
         return None
-    velocity = None
-    if flags & mavlink.ADSB_FLAGS_VALID_HEADING and flags & mavlink.ADSB_FLAGS_VALID_VELOCITY:
-        course, speed = math.radians(message.heading * 1e-2), message.hor_velocity * 1e-2
-        velocity = speed * math.cos(course), speed * math.sin(course)
-    # A pressure altitude may be off by a hundred metres: it puts nobody out of the way.
-    geometric = message.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
-    climbs = flags & mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
-    known = geometric and flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE
-    return report(
-        "ADSB_VEHICLE",
-        None,
-        message.lat,
-        message.lon,
-        message.altitude * 1e-3 if known else math.nan,
-        velocity=velocity,
-        age_s=float(message.tslc),
-        # Unlike all other messages this one counts it upward.
-        climb_rate=climb_of(-message.ver_velocity * 1e-2) if climbs else 0.0,
+    return LeaderReport(
+        kind="ADSB_VEHICLE",
+        stamp_s=None,
+        latitude_deg=found.latitude_deg,
+        longitude_deg=found.longitude_deg,
+        # Followers hold heights by it: a pressure altitude is too rough for that.
+        altitude_amsl=found.altitude_amsl if found.altitude_error == 0.0 else math.nan,
+        velocity=found.velocity,
+        age_s=found.age_s,
+        climb_rate=found.climb_rate,
     )
 
 
@@ -197,7 +168,7 @@ def report(
     Autopilots without a fix report 0, 0: nobody flies there.
     """
     latitude_deg, longitude_deg = latitude * 1e-7, longitude * 1e-7
-    if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0 or latitude == longitude == 0:
+    if not is_on_earth(latitude, longitude):
         return None
     if needs_velocity and velocity is None:
         return None

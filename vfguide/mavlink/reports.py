@@ -26,6 +26,28 @@ class PositionReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TrafficReport:
+    """ADSB_VEHICLE: another aircraft, as an ADS-B receiver hears it."""
+
+    icao_address: int
+    """Of the aircraft, 24 bits."""
+    latitude_deg: float
+    """degrees, north positive."""
+    longitude_deg: float
+    """degrees, east positive."""
+    altitude_amsl: float
+    """m above mean sea level; NaN where it does not say."""
+    velocity: tuple[float, float] | None
+    """Over ground (north, east), m/s; None where it does not say."""
+    climb_rate: float
+    """m/s, positive up; 0 where it does not say."""
+    age_s: float
+    """How long ago it was heard, s."""
+    altitude_error: float = 0.0
+    """By how much the altitude may be off, m: 0 of a geometric one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AirspeedReport:
     """VFR_HUD."""
 
@@ -53,6 +75,20 @@ class LandedReport:
 
     state: int
     """MAV_LANDED_STATE."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderRequest:
+    """COMMAND_LONG with MAV_CMD_USER_1 for a companion, of a ground station: an order in two numbers."""
+
+    sender: tuple[int, int]
+    """MAVLink system and component that it comes from."""
+    code: float
+    """param1: which order."""
+    spacing: float
+    """param2: between neighbours, m; 0 to leave it as it is."""
+    confirmation: int
+    """0 the first time it is sent, then rising."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +178,7 @@ Report = (
     | AirspeedReport
     | HeartbeatReport
     | LandedReport
+    | OrderRequest
     | CommandReport
     | TextReport
     | ParameterReport
@@ -150,4 +187,5 @@ Report = (
     | EstimatorReport
     | SensorsReport
     | VersionReport
+    | TrafficReport
 )

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
+from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.flight_path import Location, dotted
 from vfguide.mission.foreign_leader import ADSB_DISTANCE_M, OWN_COMPANION, completed
 
@@ -64,6 +65,8 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
         _vehicles_with_two_roles,
         _ambiguous_leader_name,
         _deputies_who_cannot_lead,
+        _paths_without_use,
+        _contradicting_orders,
         _lost_strangers,
         _unused_vehicles,
         _shared_system_ids,
@@ -73,6 +76,7 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
         _unheard_leader,
         _slots_near_adsb,
         _more_jitter_than_delay,
+        _deputies_on_a_radio,
     )
     whole = completed(data)
     return tuple(found for check in checks for found in check(_group(whole)))
@@ -185,6 +189,86 @@ def _deputies_who_cannot_lead(data: Mapping[str, object]) -> Iterator[Inconsiste
             )
         elif deputy in deputies[:index]:
             yield Inconsistency(("deputies", index), f"'{deputy}' is named twice", "remove one")
+
+
+def _deputies_on_a_radio(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Deputies in a formation that is joined by a radio, which has no room for what they say."""
+    if data.get("deputies") and _group(data, "rehearsal").get("radio") is not None:
+        yield Inconsistency(
+            ("deputies",),
+            "deputies cannot lead over a radio (rehearsal.radio)",
+            "remove one of the two",
+        )
+
+
+def _paths_without_use(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Other paths that cannot be ordered: of the first's name, or of a leader without a companion."""
+    others = _group(data, "paths")
+    follows = _group(data, "leader").get("follows", OWN_COMPANION)
+    if others and follows != OWN_COMPANION:
+        yield Inconsistency(
+            ("paths",),
+            f"a leader with `follows: {follows}` flies no path that is ordered",
+            "remove them, or let the leader have a companion",
+        )
+    if MAIN_PATH in others:
+        yield Inconsistency(
+            ("paths", MAIN_PATH), "`main` is the name of `path`", "give it another name"
+        )
+
+
+def _contradicting_orders(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Orders of the time table for one time, and of followers that are not where the order needs them."""
+    orders = data.get("orders")
+    if not isinstance(orders, list | tuple):
+        return
+    present = {role.vehicle for role in _roles(data) if role.location[0] == "followers"}
+    followers = set(present)
+    before: float | None = None
+    for index, one in enumerate(orders):
+        order = _group(one)
+        time_s = _number(order.get("at_s"))
+        if time_s is not None and before is not None and time_s <= before:
+            yield Inconsistency(
+                ("orders", index, "at_s"),
+                f"{time_s:g} s is no later than the {before:g} s of the order before",
+                "put orders in the order of their times, one for each time",
+            )
+        before = before if time_s is None else time_s
+        for field, named in _named_in(order):
+            wrong = [name for name in named if (name in present) is (field == "join")]
+            for name in wrong:
+                place = ("orders", index, field)
+                yield _misplaced(place, name, followers, joins=field == "join")
+        present -= set(_names(order.get("leave")))
+        present |= set(_names(order.get("join"))) & followers
+
+
+def _named_in(order: Mapping[str, object]) -> Iterator[tuple[str, list[str]]]:
+    """(field, followers that it names) of an order."""
+    for field in ("swap", "leave", "join"):
+        yield field, _names(order.get(field))
+
+
+def _names(value: object) -> list[str]:
+    """The names in a list of some; none where it is none."""
+    return (
+        [name for name in value if isinstance(name, str)] if isinstance(value, list | tuple) else []
+    )
+
+
+def _misplaced(place: Location, name: str, followers: set[str], *, joins: bool) -> Inconsistency:
+    """What to say of a follower that is not where an order needs it."""
+    if name not in followers:
+        known = ", ".join(sorted(followers)) or "none"
+        return Inconsistency(place, f"'{name}' is no follower", f"name one of: {known}")
+    if joins:
+        return Inconsistency(
+            place, f"'{name}' is in the formation already", "remove it, or let it leave before"
+        )
+    return Inconsistency(
+        place, f"'{name}' has left the formation", "remove it, or let it join before"
+    )
 
 
 def _lost_strangers(data: Mapping[str, object]) -> Iterator[Inconsistency]:

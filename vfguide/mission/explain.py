@@ -6,7 +6,7 @@ Finding one's way in the model of a mission file by the locations that validatio
 import difflib
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin
@@ -115,6 +115,7 @@ EXPECTED = {
 
 REMEDIES = {
     "airspeed_range": "write [lowest, highest]",
+    "climb_end": "write both positive, or both negative",
     "airspeed_range_m_s": "write [lowest, highest]",
     "easement_m": "shorten it, or leave it out",
     "line_given_twice": "remove one of the two",
@@ -144,7 +145,19 @@ class Explanation:
 def explain(error: ValidationError) -> list[Explanation]:
     """One explanation for each finding that is not reported elsewhere."""
     details = error.errors(include_url=False)
-    return [_explain_one(one) for one in details if one["type"] not in COVERED_ELSEWHERE]
+    return [
+        _explain_one(one)
+        for one in details
+        if one["type"] not in COVERED_ELSEWHERE and not _is_short_by_faults(one, details)
+    ]
+
+
+def _is_short_by_faults(one: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
+    """Whether a list is found too short only since faulty entries of it do not count."""
+    if one["type"] != "too_short":
+        return False
+    place = one["loc"]
+    return any(other["loc"][: len(place)] == place and other is not one for other in details)
 
 
 def described(value: object) -> str:

@@ -12,13 +12,14 @@ no worse. The same kinematics as those of the study in docs/accuracy.md.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.path import END_SHARE
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance
 from vfguide.mission.climb_limits import climbs_beyond_limits, lowest_of_the_path
@@ -33,7 +34,7 @@ from vfguide.mission.loop_limits import (
     observer_out_of_tune,
 )
 from vfguide.mission.model import Mission
-from vfguide.mission.order_plan import timetable
+from vfguide.mission.order_plan import on_path, timetable
 from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
 from vfguide.mission.starts import follower_start, leader_start
 from vfguide.mission.turn_limits import field_beyond_bank, turns_beyond_bank
@@ -111,6 +112,28 @@ def orders_that_cannot_be(mission: Mission) -> Iterator[Finding]:
             f"the last order ends at {last.time_s + last.duration_s:.0f} s, after the rehearsal"
         )
         yield Finding("warning", ("orders",), message, "lengthen rehearsal.duration_s")
+
+
+def hand_back_at_the_end(mission: Mission) -> Iterator[Finding]:
+    """A route at whose end nobody would be handed back, or before the rehearsal is over."""
+    path = path_of(mission.path)
+    if path.last_circle is None:
+        return
+    if mission.leader.is_foreign:
+        message = (
+            "hands nobody back: where a leader without a companion ends its route is not known"
+        )
+        yield Finding("warning", ("path",), message, "order an abort, or take over, at its end")
+        return
+    run = path.last_circle + END_SHARE * (path.length - path.last_circle)
+    end_s = run / mission.leader.airspeed_m_s
+    if end_s < mission.rehearsal.duration_s:
+        yield Finding(
+            "warning",
+            ("rehearsal", "duration_s"),
+            f"the route hands all vehicles back after about {end_s:.0f} s: figures count what they fly then",
+            f"shorten rehearsal.duration_s to {math.floor(end_s)}",
+        )
 
 
 def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
@@ -259,6 +282,7 @@ OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     observer_out_of_tune,
     crowded_starts,
     distant_starts,
+    hand_back_at_the_end,
     settling_after_the_end,
     losses_after_the_end,
     orders_that_cannot_be,
@@ -287,19 +311,38 @@ def check_mission(mission: Mission, source: MissionSource | None = None) -> tupl
         mission: a mission that agrees with itself.
         source: where its fields stand, so that findings can name lines.
     """
-    conditions = conditions_of(mission.path, mission.wind)
     findings = [found for check in OF_THE_MISSION for found in check(mission)]
-    hopeless = list(leader_in_wind(mission, conditions))
-    findings += hopeless
-    for check in () if hopeless else OF_THE_GROUND_TRACK:
+    findings += _along_the_path(mission)
+    for name in mission.paths:
+        findings += _along_another_path(mission, name)
+    if source is not None:
+        findings = [one.placed(source) for one in findings]
+    return worst_first(findings)
+
+
+def _along_the_path(mission: Mission) -> list[Finding]:
+    """What is found along the path that the mission begins with, up to the first error."""
+    conditions = conditions_of(mission.path, mission.wind)
+    findings = list(leader_in_wind(mission, conditions))
+    for check in () if findings else OF_THE_GROUND_TRACK:
         found_on_track = list(check(mission, conditions))
         findings += found_on_track
         if any(one.severity == "error" for one in found_on_track):
             # what follows would only describe the same impossible turn in other words
             break
-    if source is not None:
-        findings = [one.placed(source) for one in findings]
-    return worst_first(findings)
+    return findings
+
+
+def _along_another_path(mission: Mission, name: str) -> Iterator[Finding]:
+    """The same along a path that may be ordered; what holds on every path is told of the first alone."""
+    for one in _along_the_path(on_path(mission, name)):
+        if one.severity != "note":
+            place = ("paths", name, *one.location[1:])
+            yield replace(
+                one,
+                location=place if one.location[:1] == ("path",) else one.location,
+                message=f"on the path '{name}': {one.message}",
+            )
 
 
 def report_on(mission: Mission, source: MissionSource | None = None) -> Report:

@@ -16,6 +16,9 @@ from vfguide.mission.quantity import Positive, Section, Switch
 
 MOST_AREAS, MOST_CORNERS = 100, 500
 
+EDGE_POINTS = 121
+"""Of a round area, as it is drawn."""
+
 
 class FencePolygon(Section):
     """An area with straight edges."""
@@ -45,6 +48,11 @@ class FencePolygon(Section):
             inside ^= crosses & (here[0] + rise * away_east > north)
         return np.where(inside, nearest, -nearest)
 
+    def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
+        """(north, east) of its corners in their order and of the first again, m."""
+        corners = np.array([one.local(frame) for one in (*self.points, self.points[0])])
+        return corners[:, 0], corners[:, 1]
+
 
 class FenceCircle(Section):
     """A round area."""
@@ -62,6 +70,12 @@ class FenceCircle(Section):
         """How far inside of it places (m) are, m; negative outside."""
         middle = self.centre.local(frame)
         return np.asarray(self.radius_m - np.hypot(north - middle[0], east - middle[1]))
+
+    def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
+        """(north, east) of points once round it, the last the first again, m."""
+        north, east = self.centre.local(frame)
+        angle = np.linspace(0.0, math.tau, EDGE_POINTS)
+        return north + self.radius_m * np.cos(angle), east + self.radius_m * np.sin(angle)
 
 
 class Fence(Section):
@@ -81,11 +95,15 @@ class Fence(Section):
         """Whether it limits anything."""
         return bool(self.polygons or self.circles or self.max_height_m)
 
+    @property
+    def areas(self) -> tuple[FencePolygon | FenceCircle, ...]:
+        """All of them."""
+        return (*self.polygons, *self.circles)
+
     def room(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
         """How far places (m) are from what they may not cross, m; negative where they are beyond it."""
         least = np.full(north.shape, math.inf)
-        areas: list[FencePolygon | FenceCircle] = [*self.polygons, *self.circles]
-        for area in areas:
+        for area in self.areas:
             inward = area.inward(north, east, frame)
             least = np.minimum(least, inward if area.inclusion else -inward)
         return least

@@ -96,7 +96,8 @@ def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Findi
     yield from _rally_points_beyond(mission)
 
 
-def _fences(mission: Mission) -> list[Fence]:
+def fences_of(mission: Mission) -> list[Fence]:
+    """The mission's own and that of its plan, where they limit anything."""
     return [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
 
 
@@ -104,7 +105,7 @@ def tracks_beyond_the_fence(
     mission: Mission, found: Callable[[Mission], Iterable[Track]]
 ) -> Iterator[Finding]:
     """Tracks that leave the mission's fence, or come near it; they are asked for only where there is one."""
-    fences = _fences(mission)
+    fences = fences_of(mission)
     if not fences:
         return
     frame = frame_of(mission.model_dump())
@@ -127,7 +128,7 @@ def tracks_beyond_the_fence(
 
 
 def _rally_points_beyond(mission: Mission) -> Iterator[Finding]:
-    fences = _fences(mission)
+    fences = fences_of(mission)
     frame = frame_of(mission.model_dump()) if fences else None
     for index, point in enumerate(mission.path.rally_points):
         north, east = (np.array([one]) for one in point.local(frame))

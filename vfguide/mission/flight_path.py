@@ -174,7 +174,7 @@ def path_of(shape: PathShape) -> Path:
     return made_path(kind, shape)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def made_path(kind: type[Path], shape: PathShape) -> Path:
     """A path of a kind; a curve takes a while to look at."""
     return kind.of(shape)

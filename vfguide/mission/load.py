@@ -83,7 +83,7 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
         )
     spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
-    _read_plan_of(tree.data, source)
+    _read_plans_of(tree.data, source)
     faults = [Fault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults]
     mission = None
     try:
@@ -96,18 +96,31 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
     return LoadedMission(mission, source)
 
 
-def _read_plan_of(data: dict[str, Any], source: MissionSource) -> None:
-    """Read the plan that the path of a mission names, which lies beside the mission's file.
+def _read_plans_of(data: dict[str, Any], source: MissionSource) -> None:
+    """Read the plans that the paths of a mission name, which lie beside the mission's file.
 
     Raises:
-        MissionError: it cannot be read, or is no plan.
+        MissionError: one cannot be read, or is no plan.
     """
-    path = data.get("path")
+    if "path" in data:
+        data["path"] = _with_plan(data["path"], ("path",), source)
+    others = data.get("paths")
+    if isinstance(others, dict):
+        for name, path in others.items():
+            others[name] = _with_plan(path, ("paths", str(name)), source)
+
+
+def _with_plan(path: object, place: Location, source: MissionSource) -> object:
+    """A path with what is in the plan that it names; any other as it is.
+
+    Raises:
+        MissionError: the plan cannot be read, or is none.
+    """
     if not isinstance(path, dict) or path.get("type") != "plan" or "contents" in path:
-        return
+        return path
     name = path.get("file")
     if not isinstance(name, str):
-        return
+        return path
     try:
         # A mission that comes along is known by its name alone.
         mission = Path(source.file)
@@ -115,10 +128,10 @@ def _read_plan_of(data: dict[str, Any], source: MissionSource) -> None:
         contents = read_plan(beside.parent / name)
     except InputError as error:
         message, _, remedy = str(error).rpartition("; ")
-        location = ("path", "file")
+        location = (*place, "file")
         fault = Fault(source.file, source.line_of(location), location, message, remedy)
         raise MissionError((fault,)) from error
-    data["path"] = {**path, "contents": {"file": name, **contents}}
+    return {**path, "contents": {"file": name, **contents}}
 
 
 def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:

@@ -72,12 +72,22 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
         yield Finding("warning", ("controller", "kappa"), message, remedy)
 
 
+RADIO_BYTES = 56
+"""Of a leader's state on a radio."""
+
+
 def mean_leader_age(mission: Mission) -> float:
     """Mean age (s) of the newest leader state: delay, and what losses add; jitter goes either way.
 
     Of states sent every dt with a share p lost, the newest is older by dt p / (1 - p) on average.
     """
     rehearsal = mission.rehearsal
+    radio = rehearsal.radio
+    if radio is not None:
+        # Half an interval of its own states, half a step before they are looked at, and the way.
+        way_s = RADIO_BYTES * (20.0 / radio.baud + 1.0 / radio.air_bytes_s)
+        lost = radio.loss + radio.bursts - radio.loss * radio.bursts
+        return way_s + (0.5 + lost / (1.0 - lost)) / radio.leader_hz + 0.5 / rehearsal.rate_hz
     wait = rehearsal.link_loss / (1.0 - rehearsal.link_loss) / rehearsal.rate_hz
     return rehearsal.link_delay_s + wait
 

@@ -16,6 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.fence import Fence
@@ -28,6 +29,7 @@ from vfguide.mission.quantity import (
     MissionName,
     NotNegative,
     Number,
+    PathName,
     Positive,
     Section,
     Speed,
@@ -37,6 +39,9 @@ from vfguide.mission.quantity import (
 from vfguide.mission.rehearsal import Acceptance, CalmWind, Rehearsal, Wind
 from vfguide.mission.vehicle import Vehicle
 from vfguide.registry import leader_laws
+
+MAX_PATHS = 16
+"""Beside the first. Every companion looks at all of them before the flight."""
 
 Silence = Annotated[Positive, Field(le=3600.0)]
 
@@ -148,6 +153,13 @@ class Follower(Section):
     """Its place in the formation."""
 
 
+class Avoidance(Section):
+    """What is kept clear of beside the formation's own vehicles."""
+
+    traffic_m: Annotated[NotNegative, Field(le=1000.0)] = 100.0
+    """Distance from aircraft that the autopilot reports as ADSB_VEHICLE, level, m; 0 to look at none."""
+
+
 class Mission(Section):
     """One flight: who flies, where, in which formation, and how it is rehearsed."""
 
@@ -170,6 +182,12 @@ class Mission(Section):
 
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
     """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""
+
+    paths: Annotated[
+        dict[PathName, Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]],
+        Field(max_length=MAX_PATHS),
+    ] = Field(default_factory=dict)
+    """Other paths by name, for orders in flight (`path: NAME`); `main` is the one above."""
 
     leader: Leader
     """Who leads, and how fast."""
@@ -200,6 +218,9 @@ class Mission(Section):
     rehearsal: Rehearsal = Rehearsal()
     """How the flight is rehearsed on the computer."""
 
+    avoidance: Avoidance = Avoidance()
+    """How far aircraft are kept away that are not of the formation."""
+
     fence: Fence = Fence()
     """Where every vehicle has to stay, beside the fence of a plan; `vfguide check` looks at all slots."""
 
@@ -210,6 +231,11 @@ class Mission(Section):
     def follows_height(self) -> bool:
         """Whether slots count from the leader's own height."""
         return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
+
+    @property
+    def paths_by_name(self) -> Mapping[str, PathShape]:
+        """All paths, `main` the one that the mission begins with."""
+        return {MAIN_PATH: self.path, **self.paths}
 
     @property
     def leader_vehicle(self) -> Vehicle:

@@ -1,23 +1,26 @@
 """What a mission says of orders: its first formation, how fast slots may move, its time table."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Flown, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot as GuidanceSlot
 from vfguide.guidance.limits import GRAVITY
+from vfguide.mission.climb_limits import climbs_beyond_limits
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.orders import Slot
-from vfguide.mission.slot_limits import slots_beyond_centre, slots_out_of_airspeed
+from vfguide.mission.path_frame import least_radius
+from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
+from vfguide.mission.turn_limits import turns_beyond_bank
 
 RESERVE_M_S = 1.5
 """What an aircraft keeps of its airspeed range for its law, while its slot moves."""
@@ -44,6 +47,24 @@ RADIUS_S, WIDTHS = 10.0, 5.0
 """Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
 
 
+LEAST_TURN_M = 20.0
+"""Turns onto another path are no tighter, however slow the formation is."""
+
+Check = Callable[[Mission, Conditions], Iterator[Finding]]
+
+OF_SLOTS: tuple[Check, ...] = (slots_beyond_centre, slots_out_of_airspeed)
+"""What is looked at of slots along a path that is flown already."""
+
+OF_PATHS: tuple[Check, ...] = (
+    leader_in_wind,
+    slots_beyond_centre,
+    turns_beyond_bank,
+    slots_out_of_airspeed,
+    climbs_beyond_limits,
+)
+"""What is looked at of a formation along another path."""
+
+
 @dataclass(frozen=True, slots=True)
 class LeaderPlace:
     """Where a leader is, and where it flies to."""
@@ -59,7 +80,22 @@ class LeaderPlace:
 def formation_of_mission(mission: Mission) -> Formation:
     """The formation that a mission begins with."""
     home = {one.vehicle: one.slot.point for one in mission.followers}
-    return Formation(leader=mission.leader.vehicle, home=home, slots=home)
+    may_lead = (mission.leader.vehicle, *mission.deputies) if mission.deputies else ()
+    return Formation(
+        leader=mission.leader.vehicle,
+        home=home,
+        slots=home,
+        paths=tuple(mission.paths_by_name),
+        may_lead=may_lead,
+    )
+
+
+def on_path(mission: Mission, name: str) -> Mission:
+    """The same mission as if it began on another of its paths; itself where it has none of this name."""
+    shapes = mission.paths_by_name
+    if name == MAIN_PATH or name not in shapes:
+        return mission
+    return mission.model_copy(update={"path": shapes[name], "paths": {**shapes}})
 
 
 def resolve(
@@ -79,20 +115,34 @@ def resolve(
         formation: as it is.
         number: of the arrangement.
         time_s: when it begins, s on the formation's clock.
-        leader: where it will be then, for an order to hold; as planned if absent.
+        leader: where it will be then, for an order to hold; as planned at that time if absent.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
     """
-    if mission.leader.is_foreign:
-        raise RefusedOrderError("the leader has no companion that could confirm an order")
+    if mission.leader.is_foreign and (
+        order.action in {"hold", "resume"} or order.path or order.lead
+    ):
+        raise RefusedOrderError(
+            "the leader has no companion: it flies no circle or path that is ordered, and nobody succeeds it"
+        )
+    mission = on_path(mission, order.path or formation.path)
     circle = None
     if order.action == "hold":
         circle = circle_at(mission, formation, leader or planned_place(mission, time_s))
     conditions = conditions_of(mission.path, mission.wind)
+    radius = 0.0
 
     def attempt(limits: MotionLimits) -> tuple[Arrangement, Transition]:
-        return arrangement_of(order, formation, limits, number=number, time_s=time_s, circle=circle)
+        return arrangement_of(
+            order,
+            formation,
+            limits,
+            number=number,
+            time_s=time_s,
+            circle=circle,
+            turn_radius_m=radius,
+        )
 
     slow = MotionLimits(forward=2.0, back=2.0, aside=2.0, acceleration=0.5)
     found, way = attempt(slow)
@@ -100,8 +150,11 @@ def resolve(
         return found, way
     after = {place.vehicle: place.end for place in found.places}
     ordered = with_slots(mission, after)
-    for finding in (*_misfits(ordered, conditions), *_outside(ordered, found.circle)):
-        raise RefusedOrderError(f"{finding.message}; {finding.remedy}")
+    checks = OF_SLOTS if order.path is None else OF_PATHS
+    for finding in (*_misfits(ordered, conditions, checks), *_outside(ordered, found.circle)):
+        raise RefusedOrderError(f"{_whose(finding, ordered)}{finding.message}; {finding.remedy}")
+    if order.path is not None:
+        radius = max(least_radius(ordered.model_dump()), LEAST_TURN_M)
     slots = {name: [point] for name, point in after.items()}
     for place in found.places:
         slots[place.vehicle].append(place.begin)
@@ -143,9 +196,15 @@ def motion_limits(
     )
 
 
-def planned_place(mission: Mission, time_s: float) -> LeaderPlace:
-    """Where the leader of a rehearsal is by then, about: along its path at its airspeed."""
-    place = path_of(mission.path).at(mission.leader.airspeed_m_s * time_s)
+def planned_place(mission: Mission, time_s: float, *, progress: float = 0.0) -> LeaderPlace:
+    """Where the leader of a rehearsal is by then, about: along its path at its airspeed.
+
+    Args:
+        mission: the mission.
+        time_s: since it was at a place of its path, s.
+        progress: of that place, m.
+    """
+    place = path_of(mission.path).at(progress + mission.leader.airspeed_m_s * max(time_s, 0.0))
     return LeaderPlace(float(place.north), float(place.east), float(place.course))
 
 
@@ -186,14 +245,23 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
     """
     formation = formation_of_mission(mission)
     found = []
+    # On its path the leader is at this progress (m) at this time (s).
+    progress = since_s = 0.0
     for number, timed in enumerate(mission.orders, 1):
+        flown = on_path(mission, formation.path)
+        leader = planned_place(flown, timed.at_s - since_s, progress=progress)
         try:
             arrangement, way = resolve(
-                mission, timed.order, formation, number=number, time_s=timed.at_s
+                mission, timed.order, formation, number=number, time_s=timed.at_s, leader=leader
             )
         except RefusedOrderError as error:
             raise RefusedOrderError(f"orders[{number - 1}], at {timed.at_s:g} s: {error}") from None
         found.append((arrangement, way))
+        if timed.path is not None:
+            path = path_of(on_path(mission, timed.path).path)
+            point = path.nearest(leader.north, leader.east, leader.course)
+            progress = float(point.progress)
+            since_s = timed.at_s + abs(point.cross_track_error) / mission.leader.airspeed_m_s
         formation = formation.after(arrangement)
     for (before, _), (after, _) in pairwise(found):
         late_s = before.time_s + before.duration_s - after.time_s
@@ -203,6 +271,16 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
                 f" {before.duration_s:.0f} s, give it {late_s:.0f} s more"
             )
     return tuple(found)
+
+
+def _whose(finding: Finding, mission: Mission) -> str:
+    """Whose slot a finding is about that does not name its vehicle, for the beginning of a sentence."""
+    match finding.location:
+        case ("followers", int(index), *_):
+            name = mission.followers[index].vehicle
+            return "" if f"'{name}'" in finding.message else f"{name}: "
+        case _:
+            return ""
 
 
 def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
@@ -221,9 +299,11 @@ def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
             yield finding
 
 
-def _misfits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Slots that nothing can be done about."""
-    for check in (slots_beyond_centre, slots_out_of_airspeed):
+def _misfits(
+    mission: Mission, conditions: Conditions, checks: Sequence[Check]
+) -> Iterator[Finding]:
+    """What keeps the formation from being flown, whatever is done."""
+    for check in checks:
         for finding in check(mission, conditions):
             if finding.severity == "error":
                 yield finding

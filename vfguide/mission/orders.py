@@ -31,11 +31,8 @@ class Slot(Section):
         return Point(self.forward_m, self.right_m, self.up_m)
 
 
-class TimedOrder(Section):
-    """What the formation is to do from a moment of the flight on; docs/orders.md explains it."""
-
-    at_s: Annotated[NotNegative, Field(ge=5.0)]
-    """When it begins, s from the start; the formation agrees on it in the seconds before."""
+class WrittenOrder(Section):
+    """What a formation is to do, as somebody writes it down; docs/orders.md explains it."""
 
     shape: Shape | None = None
     """`vee`, `echelon-left`, `echelon-right`, `line-abreast`, `trail`, `diamond` or `finger-four`."""
@@ -55,6 +52,12 @@ class TimedOrder(Section):
     join: tuple[VehicleName, ...] = ()
     """Followers that come back."""
 
+    path: Annotated[str, Field(max_length=32)] | None = None
+    """Another path to be followed: a name under `paths`, or `main`."""
+
+    lead: VehicleName | None = None
+    """Who is to lead: the leader or a deputy."""
+
     action: Literal["hold", "resume", "abort"] | None = None
     """`hold`: all circle, each at a height of its own; `resume`: the mission goes on; `abort`: everybody back
     to the autopilot, at once."""
@@ -62,7 +65,10 @@ class TimedOrder(Section):
     @model_validator(mode="after")
     def _says_something(self) -> Self:
         if self.order == Order():
-            kind, text = "order", "say what: shape, spacing_m, swap, slots, leave, join or action"
+            kind, text = (
+                "order",
+                "say what: shape, spacing_m, swap, slots, leave, join, path, lead or action",
+            )
             raise PydanticCustomError(kind, text)
         return self
 
@@ -77,4 +83,13 @@ class TimedOrder(Section):
             leave=self.leave,
             join=self.join,
             action=self.action,
+            path=self.path,
+            lead=self.lead,
         )
+
+
+class TimedOrder(WrittenOrder):
+    """What the formation is to do from a moment of the flight on."""
+
+    at_s: Annotated[NotNegative, Field(ge=5.0, le=86400.0)]
+    """When it begins, s from the start; the formation agrees on it in the seconds before."""

@@ -30,14 +30,23 @@ ARTICLE_WIND_M_S = 8.0
 
 
 def with_frame(data: object) -> object:
-    """A mission, given as plain data, whose path knows what it needs of the rest; anything else as it is."""
+    """A mission, given as plain data, whose paths know what they need of the rest; anything else as it is."""
     if not isinstance(data, Mapping):
         return data
-    path = data.get("path")
-    if not isinstance(path, Mapping) or not takes_frame(path.get("type")):
-        return data
     frame = frame_of(data)
-    return {**data, "path": {**path, "frame": frame}} if frame is not None else data
+    if frame is None:
+        return data
+    framed = {"path": _framed(data["path"], frame)} if "path" in data else {}
+    others = data.get("paths")
+    if isinstance(others, Mapping):
+        framed["paths"] = {name: _framed(path, frame) for name, path in others.items()}
+    return {**data, **framed}
+
+
+def _framed(path: object, frame: MissionFrame) -> object:
+    if isinstance(path, Mapping) and takes_frame(path.get("type")):
+        return {**path, "frame": frame}
+    return path
 
 
 def takes_frame(kind: object) -> bool:

@@ -130,6 +130,7 @@ class Reader:
             if command is None and "complexItemType" not in item:
                 raise InputError(f"item {number} has no command; save it again with QGroundControl")
             if command in ENDS or str(item.get("complexItemType")) in LANDINGS:
+                self.end = "hand-back"
                 self.left_out.add("the return and the landing")
                 return
             if command in WAYPOINTS or command in LOITERS:

@@ -44,7 +44,9 @@ Duration = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=6
 
 VEHICLE_NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 MISSION_NAME = r"^[a-z0-9][a-z0-9-]{0,63}$"
+PATH_NAME = r"^[a-z][a-z0-9-]{0,31}$"
 NAME_RULES = {
+    PATH_NAME: "a lower-case letter and up to 31 more, digits and hyphens",
     VEHICLE_NAME: "a letter and up to 31 more letters, digits, hyphens or underscores",
     MISSION_NAME: "up to 64 lower-case letters, digits and hyphens",
 }
@@ -55,6 +57,10 @@ VehicleName = Annotated[str, Field(pattern=VEHICLE_NAME)]
 
 MissionName = Annotated[str, Field(pattern=MISSION_NAME)]
 """What a mission is called: also the name of its record."""
+
+
+PathName = Annotated[str, Field(pattern=PATH_NAME)]
+"""What one of a mission's other paths is called."""
 
 
 def known_in(registry: Registry | PlantNames) -> Callable[[str], str]:

@@ -187,6 +187,28 @@ class LeaderTelemetry(Section):
     """Share of messages that never arrive, 0 to below 1."""
 
 
+class Radio(Section):
+    """A telemetry radio that the whole formation shares, in virtual time; docs/link.md explains it."""
+
+    leader_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 10.0
+    """States per second of the leader."""
+
+    followers_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 2.5
+    """States per second of each follower."""
+
+    baud: Annotated[WholeNumber, Field(ge=1200, le=12_000_000)] = 57_600
+    """Of the serial lines to the radios, bits per second."""
+
+    air_bytes_s: Annotated[Number, Field(ge=10.0, le=1e6)] = 4000.0
+    """What all radios together can send, bytes per second."""
+
+    loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
+    """Share of the packets that a receiver misses outside bursts, 0 to below 1."""
+
+    bursts: Annotated[NotNegative, Field(lt=1.0)] = 0.0
+    """Share of the time in which a receiver hears nothing, in bursts of a second on average, 0 to below 1."""
+
+
 class Loss(Section):
     """What a vehicle loses in the rehearsal, for a while or for good."""
 
@@ -228,6 +250,9 @@ class Rehearsal(Section):
 
     losses: tuple[Loss, ...] = ()
     """What vehicles lose on the way."""
+
+    radio: Radio | None = None
+    """The link is a shared radio; if absent each state takes `link_delay_s`."""
 
     link_delay_s: Duration = 0.1
     """Time a leader state takes to arrive, s."""

@@ -49,12 +49,14 @@ def mission_schema() -> dict[str, object]:
         # What it refers to is not a part of the path alone.
         schema["$defs"] |= shape.pop("$defs", {}) | {shape["title"]: shape}
         mapping[name] = f"#/$defs/{shape['title']}"
-    schema["properties"]["path"] = {
-        "description": schema["properties"]["path"]["description"],
+    kinds = {
         "discriminator": {"mapping": mapping, "propertyName": "type"},
         "oneOf": [{"$ref": place} for place in mapping.values()],
         "title": "Path",
     }
+    path, others = schema["properties"]["path"], schema["properties"]["paths"]
+    schema["properties"]["path"] = {"description": path["description"], **kinds}
+    others["patternProperties"] = dict.fromkeys(others["patternProperties"], kinds)
     # A leader without a companion needs neither; see `foreign_leader`.
     leader = schema["$defs"]["Leader"]
     leader["anyOf"] = [{"required": leader.pop("required")}, {"required": ["follows"]}]

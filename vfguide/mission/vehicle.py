@@ -105,6 +105,11 @@ class Vehicle(Section):
     """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
     does: wind and direction through the air are then found from the ground velocity, slowly."""
 
+    may_stop: Switch = True
+    """Whether it may come to a standstill in the air, as under a parachute or in a simulator that hangs.
+    Followers of a leader that may keep clear of the place where it fell silent; one right behind leaves its
+    slot for it."""
+
     response: Literal["declared", "auto"] = "declared"
     """`auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
     TECS_TIME_CONST), limits the tighter of its own and these; what is declared counts until it has told."""

@@ -67,7 +67,7 @@ def check_end(climb_deg: float, end_m: float | None) -> None:
     """
     if end_m is not None and not climb_deg * end_m > 0.0:
         kind = "climb_end"
-        message = "climb_deg and end_height_m go together: write both positive, or both negative"
+        message = "climb_deg leads away from end_height_m"
         raise PydanticCustomError(kind, message)
 
 

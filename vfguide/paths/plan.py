@@ -52,7 +52,7 @@ class PlanShape(RouteShape):
 
     end: End | None = None
     """After the last waypoint, as of `waypoints`; as the plan's last item has it if absent: `repeat` for
-    a jump to the first waypoint, else `loiter`."""
+    a jump to the first waypoint, `hand-back` for a return or a landing, else `loiter`."""
 
     contents: SkipJsonSchema[PlanContents | None] = None
     """What the file said, so that the mission can be taken elsewhere without it."""

@@ -39,7 +39,7 @@ MOST_WAYPOINTS = 2000
 USUAL_EASEMENT = 1.0
 """In parts of the radius."""
 
-End = Literal["repeat", "reverse", "loiter"]
+End = Literal["repeat", "reverse", "loiter", "hand-back"]
 
 
 class Waypoint(Place):
@@ -90,8 +90,8 @@ class RouteShape(PathShape):
         Annotated[quantity.Number, AfterValidator(_round_something), Field(ge=-100e3, le=100e3)]
         | None
     ) = None
-    """`loiter`: radius of the circle, m, negative counter-clockwise; if absent that of the fillets,
-    clockwise."""
+    """`loiter` and `hand-back`: radius of the circle, m, negative counter-clockwise; if absent that of the
+    fillets, clockwise."""
 
     frame: SkipJsonSchema[MissionFrame | None] = Field(default=None, exclude=True)
     """What coordinates and radii count from; the mission fills it in."""
@@ -139,7 +139,8 @@ class WaypointsShape(RouteShape):
 
     end: End = "loiter"
     """After the last waypoint. `repeat`: on to the first. `reverse`: turn, and back along the route, again
-    and again. `loiter`: circle around the last one."""
+    and again. `loiter`: circle around the last one. `hand-back`: the same, and after a quarter of the circle
+    all vehicles go back to their autopilots' loiter, each at a height of its own."""
 
     @property
     def corners(self) -> tuple[Waypoint, ...]:
@@ -184,7 +185,7 @@ class Route:
         """Place the waypoints in the plane, and turn at each."""
         self.shape = shape
         self.closed = shape.after == "repeat"
-        self.circles = shape.after == "loiter"
+        self.circles = shape.after in {"loiter", "hand-back"}
         self.places = [(*one.local(shape.frame), one.up(shape.frame)) for one in shape.corners]
         self.loiter = self._loiter_bend()
         self.entry = circle_entry(self.loiter, self._sense())
@@ -397,6 +398,12 @@ class Waypoints(ChainedPath):
         line = Route(shape).line()
         self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
         self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
+        self._last_circle = line.again if shape.after == "hand-back" else None
+
+    @property
+    def last_circle(self) -> float | None:
+        """Progress from which it goes round a circle on which all are handed back, m; None without one."""
+        return self._last_circle
 
     @classmethod
     def of(cls, shape: RouteShape) -> Self:

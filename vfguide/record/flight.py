@@ -15,6 +15,12 @@ from vfguide.errors import InputError
 from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
 from vfguide.record.latency import Latency, compose_latency, describe_latency
 from vfguide.record.lead import slot_reference
+from vfguide.record.outline import (
+    Outline,
+    compose_outlines,
+    describe_outlines,
+    outline_arrays,
+)
 from vfguide.record.vehicle import (
     LEAD_SERIES,
     SERIES,
@@ -33,6 +39,7 @@ __all__ = [
     "FlightRecord",
     "IntegerArray",
     "Origin",
+    "Outline",
     "Role",
     "VehicleRecord",
 ]
@@ -125,6 +132,8 @@ class FlightRecord:
     """Of the local frame; None in records of earlier versions."""
     begin_unix_s: float | None = None
     """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
+    outlines: tuple[Outline, ...] = ()
+    """Edges of the fence and other paths, for drawing; none in records of earlier versions."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -169,6 +178,7 @@ class FlightRecord:
             "time_s": self.time_s,
             "path_north_m": self.path_north_m,
             "path_east_m": self.path_east_m,
+            **outline_arrays(self.outlines),
         }
         for number, vehicle in enumerate(self.vehicles):
             for name in series_of(vehicle):
@@ -222,6 +232,7 @@ def _describe(record: FlightRecord) -> dict[str, object]:
         "notes": list(record.notes),
         "origin": None if record.origin is None else asdict(record.origin),
         "begin_unix_s": record.begin_unix_s,
+        "outlines": describe_outlines(record.outlines),
         "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
     }
 
@@ -256,6 +267,7 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         notes=tuple(str(note) for note in description.get("notes", ())),
         origin=_compose_origin(origin) if (origin := description.get("origin")) else None,
         begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else float(begin),
+        outlines=compose_outlines(description.get("outlines", []), arrays),
     )
 
 

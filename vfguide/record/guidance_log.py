@@ -28,13 +28,25 @@ COLUMNS = (
     "limited",
     "lyapunov_m2",
     "formation_time_s",
+    "slot_forward_m",
+    "slot_right_m",
+    "slot_up_m",
+    "lead_term",
+    "lead_time_s",
+    "lead_north_m",
+    "lead_east_m",
+    "lead_course_rad",
+    "lead_height_m",
 )
+
+LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") :]
+"""Most often unknown, and then empty; files of earlier versions have none of them."""
 
 HEADER = (",".join(COLUMNS) + "\n").encode()
 """First line of the file."""
 
 GREATEST_SIZE = 256 * 1024**2
-"""Characters; ten hours at 20 Hz are 60 MB. Nothing is read beyond."""
+"""Characters; ten hours at 20 Hz are 60 to 120 MB. Nothing is read beyond."""
 
 LONGEST_LINE = 1000
 """Characters; a step takes a tenth of it."""
@@ -58,12 +70,34 @@ class GuidanceStep:
     """W, m²; NaN for the leader."""
     formation_time_s: float = math.nan
     """The same moment on the leader's clock, s; NaN while that is not known."""
+    slot_forward_m: float = math.nan
+    """Slot ahead of the leader that was ordered; NaN while the mission's counts, and for the leader."""
+    slot_right_m: float = math.nan
+    """The same, to its right."""
+    slot_up_m: float = math.nan
+    """The same, above it."""
+    lead_term: float = math.nan
+    """Term in which the vehicle leads; NaN where it does not, and in a mission without deputies."""
+    lead_time_s: float = math.nan
+    """When the leader by which it leads was at the place below, s on the companion's own clock."""
+    lead_north_m: float = math.nan
+    """The leader by which it leads, itself or one that it carries on, m north of the mission's origin."""
+    lead_east_m: float = math.nan
+    """The same, m east."""
+    lead_course_rad: float = math.nan
+    """The course of the same."""
+    lead_height_m: float = math.nan
+    """The height of the same above the mission's origin."""
 
 
 def encode_step(step: GuidanceStep) -> bytes:
     """A step as one line of the file."""
     numbers = (step.course_rad, step.speed_m_s, int(step.limited), step.lyapunov_m2)
-    fields = (f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}")
+    later = (getattr(step, name) for name in LATER_COLUMNS)
+    fields = (
+        *(f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}"),
+        *("" if math.isnan(value) else f"{value:.6f}" for value in later),
+    )
     return (",".join(str(field) for field in fields) + "\n").encode()
 
 
@@ -115,6 +149,9 @@ def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
     time_s = float(row["time_s"]) - zero_s
     if not math.isfinite(time_s):
         raise ValueError("a time is none")
+    later = {name: float(text) if (text := row.get(name)) else math.nan for name in LATER_COLUMNS}
+    if math.isfinite(later["lead_time_s"]):
+        later["lead_time_s"] -= zero_s
     return GuidanceStep(
         time_s=time_s,
         mode=row["mode"],
@@ -123,4 +160,5 @@ def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
         limited=bool(int(row["limited"])),
         lyapunov_m2=float(row["lyapunov_m2"]),
         formation_time_s=float(row.get("formation_time_s") or "nan"),
+        **later,
     )

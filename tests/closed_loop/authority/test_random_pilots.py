@@ -26,7 +26,7 @@ def load() -> ModuleType:
 AUTHORITY = load()
 
 
-@pytest.mark.parametrize("seed", [11, 21, 31, 41])
+@pytest.mark.parametrize("seed", [11, 21])
 def test_no_mode_of_a_pilot_is_undone(seed: int) -> None:
     counts, undone = AUTHORITY.meet(40, seed)
     assert undone == []

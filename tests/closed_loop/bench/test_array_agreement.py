@@ -39,14 +39,14 @@ def distances_on_arrays(mission: Mission, count: int) -> FloatArray:
     return np.moveaxis(np.array(seen), 0, -1)
 
 
-@pytest.mark.parametrize("name", MISSIONS)
 @pytest.mark.parametrize(
-    ("law", "plant"),
-    [
-        ("slot", "heading-hold"),
-        ("slot", "course-hold"),
-        ("pid", "heading-hold"),
-        ("article", "heading-hold"),
+    ("name", "law", "plant"),
+    [(name, "slot", "heading-hold") for name in MISSIONS]
+    + [
+        ("line-wind", "slot", "course-hold"),
+        ("circle-wind", "slot", "course-hold"),
+        ("circle-wind", "pid", "heading-hold"),
+        ("circle-wind", "article", "heading-hold"),
     ],
 )
 def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: str) -> None:

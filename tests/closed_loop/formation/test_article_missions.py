@@ -10,7 +10,7 @@ from vfguide.mission import Mission
 
 MissionWith = Callable[..., Mission]
 
-# Mean formation error over the last half of 300 s, m. The article claims 0.85, 2.31, 1.12 and 2.97.
+# Mean formation error over the last half, m. The article claims 0.85, 2.31, 1.12 and 2.97.
 REQUIRED = {"line-calm": 0.05, "line-wind": 0.15, "circle-calm": 0.05, "circle-wind": 0.25}
 
 # What is flown, 0.006, 0.006, 0.003 and 0.007 m, and half as much again: any filter or gain is worth more.
@@ -22,12 +22,16 @@ EASIEST_AND_HARDEST = pytest.mark.parametrize("name", ["line-calm", "circle-wind
 SHORT = {"duration_s": 100.0}
 """For what is not required of 300 s: all are in place after 20 s, and the mean is of the last half."""
 
+CALM = {"duration_s": 150.0}
+"""Nothing changes any more after that: one round of the circle takes 47 s."""
+
 
 @EVERY_MISSION
 def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(
     name: str, mission_with: MissionWith
 ) -> None:
-    summary = summarise(fly_lockstep(mission_with(name)).record)
+    mission = mission_with(name, rehearsal=CALM if "calm" in name else {})
+    summary = summarise(fly_lockstep(mission).record)
     formation = summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
     assert formation.mean_error_m <= USUAL[name]

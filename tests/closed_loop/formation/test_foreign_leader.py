@@ -12,6 +12,8 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import ForeignLeader as ForeignLeaderPlan
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.lab.rehearsal.aircraft import Aircraft, aircraft_of, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
@@ -19,6 +21,7 @@ from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
 from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission
+from vfguide.mission.order_plan import formation_of_mission, resolve
 
 if TYPE_CHECKING:
     from vfguide.link.memory import Mail
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 MissionWith = Callable[..., Mission]
 
 
-def flown(mission_with: MissionWith, duration_s: float = 100.0, **heard: Any) -> float:  # noqa: ANN401
+def flown(mission_with: MissionWith, duration_s: float = 64.0, **heard: Any) -> float:  # noqa: ANN401
     """Mean slot error (m) over the second half, with the leader heard in some way."""
     rehearsal = {"duration_s": duration_s, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal)
@@ -53,14 +56,14 @@ def test_slots_are_held_by_whatever_message_it_sends(
 
 def test_messages_that_take_now_50_and_now_500_ms_cost_little(mission_with: MissionWith) -> None:
     heard = {"message": "GLOBAL_POSITION_INT", "rate_hz": 5.0, "delay_s": 0.275, "jitter_s": 0.225}
-    rehearsal = {"duration_s": 100.0, "leader_telemetry": heard}
+    rehearsal = {"duration_s": 64.0, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": 0.05})
     assert summarise(fly_lockstep(mission).record).formation.mean_error_m < 0.3
 
 
 def unknown_delay_m(mission_with: MissionWith, **heard: Any) -> float:  # noqa: ANN401
     """Mean slot error (m) where the mission says nothing of how late the leader is heard."""
-    rehearsal = {"duration_s": 100.0, "leader_telemetry": heard}
+    rehearsal = {"duration_s": 64.0, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": None})
     return summarise(fly_lockstep(mission).record).formation.mean_error_m
 
@@ -216,3 +219,29 @@ def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
             off = max(off, math.hypot(newest.north - north, newest.east - east))
     assert heard == pytest.approx(300, abs=5)
     assert off < 0.1
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["f1 coordinates", "f1 is lost"])
+def test_orders_behind_it_are_decided_by_the_first_follower(
+    mission_with: MissionWith, *, lost: bool
+) -> None:
+    """Without f1 between the order and its decision nobody says that it is certain, and nobody moves."""
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    losses = [{"vehicle": "f1", "at_s": 7.0, "for_s": 20.0}] if lost else []
+    rehearsal = {"duration_s": 16.0, "start": start, "losses": losses}
+    mission = mission_with("foreign-leader", rehearsal=rehearsal)
+    content = mission.model_dump(exclude_unset=True)
+    content["orders"] = [{"at_s": 12.0, "shape": "vee", "spacing_m": 40}]
+    flight = fly_lockstep(Mission.model_validate(content))
+    said = {name: "".join(one.text for one in events) for name, events in flight.events.items()}
+    flown = {name for name, text in said.items() if "order 1 is flown from now on" in text}
+    assert flown == (set() if lost else {"f1", "f2", "f3"})
+    assert ("order 1: all have agreed" in said["f1"]) is not lost
+
+
+def test_a_leader_without_a_companion_cannot_be_ordered_onto_a_circle(
+    mission_with: MissionWith,
+) -> None:
+    mission = mission_with("foreign-leader")
+    with pytest.raises(RefusedOrderError, match="it flies no circle or path that is ordered"):
+        resolve(mission, Order(action="hold"), formation_of_mission(mission), number=1, time_s=9.0)

@@ -35,8 +35,8 @@ OWN_FAULTS = (
 LOST_S = (0.5, 1.0, 5.0)
 """What the leader's clock loses."""
 
-OFF_M = (1.0, 8.0, 100.0)
-"""How far that takes followers off: no further than the leader, which nothing steers meanwhile."""
+OFF_M = (1.0, 8.0, 180.0)
+"""How far that takes followers off. For the longest nothing steers the leader, and f1 stays beside it."""
 
 STEERED = {"tracking", "joining"}
 

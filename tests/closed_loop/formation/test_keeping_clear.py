@@ -60,7 +60,7 @@ def test_nobody_under_guidance_comes_near(mission: str, case: str) -> None:
     assert near == []
 
 
-@pytest.mark.parametrize("number", [*range(40), *ONCE_NEAR])
+@pytest.mark.parametrize("number", [*range(0, 40, 4), *ONCE_NEAR])
 def test_nobody_comes_near_on_a_flight_of_strays(number: int) -> None:
     nearest = fly(number, AFTERWARDS_S).nearest
     assert nearest.unavoidable or nearest.distance_m >= LEAST_M

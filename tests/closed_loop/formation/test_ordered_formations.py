@@ -15,7 +15,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader
+from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error
 from vfguide.link.memory import Mail
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
@@ -216,3 +216,57 @@ def select(autopilot: sitl_stub.Autopilot, mode: int) -> Sequence[object]:
     selected = mavlink.MAVLink_command_long_message(2, 1, SET_MODE, 0, 1, mode, 0, 0, 0, 0, 0)
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     return mavlink.MAVLink(None).parse_buffer(autopilot.receive(selected.pack(station))) or []
+
+
+def test_the_leader_goes_to_another_path_and_nobody_is_lost_on_the_turn(
+    mission_with: MissionWith,
+) -> None:
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    content = mission_with("shapes", rehearsal={"start": start}).model_dump(exclude_unset=True)
+    # The first leads north-east; after 20 s it is left for one that leads north, 170 m to the east.
+    north = {"type": "line", "point": {"north_m": 0, "east_m": 400}, "course_deg": 0}
+    content |= {"paths": {"north": north}, "orders": [{"at_s": 20.0, "path": "north"}]}
+    flight = Flown(Mission.model_validate(content))
+    flight.until(55.0)
+    assert flight.numbers() == [1, 1, 1, 1]
+    record = flight.record()
+    later = record.time_s >= 50.0
+    assert np.abs(record.leader.east_m[later] - 400.0).max() < 8.0
+    assert np.abs(record.leader.course_rad[later]).max() < 0.1
+    # By its own field: it is told beside which path it was all the time.
+    assert np.abs(record.leader.path_cross_track_error_m[later]).max() < 8.0
+    assert nearest(record, 10.0) >= 20.0
+    moved = record.time_s >= 15.0
+    errors = [slot_error(record.leader, one).distance_m[moved] for one in record.followers]
+    assert max(float(one.max()) for one in errors) < 6.0
+
+
+@pytest.mark.parametrize("deputies", [[], ["f1"]])
+def test_at_the_end_of_a_route_all_go_back_to_their_autopilots_together(
+    mission_with: MissionWith, deputies: list[str]
+) -> None:
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    content = mission_with("shapes", rehearsal={"start": start}).model_dump(exclude_unset=True)
+    corners = [{"north_m": 0, "east_m": 0}, {"north_m": 450, "east_m": 0}]
+    route = {"type": "waypoints", "waypoints": corners, "end": "hand-back", "radius_m": 150}
+    content |= {"path": route, "orders": [], "paths": {}, "deputies": deputies}
+    flight = Flown(Mission.model_validate(content))
+    flight.until(12.0)
+    assert {one.companion.flight_mode for one in flight.aircraft.values()} == {"GUIDED"}
+    flight.until(45.0)
+    assert {one.companion.flight_mode for one in flight.aircraft.values()} == {"LOITER"}
+    said = {
+        name: [event.time_s for event in one.events if "route is at its end" in event.text]
+        for name, one in flight.aircraft.items()
+    }
+    # Each says so once, and all of them within a quarter of a second.
+    assert [len(times) for times in said.values()] == [1, 1, 1, 1]
+    moments = [times[0] for times in said.values()]
+    assert max(moments) - min(moments) <= 0.25
+    record = flight.record()
+    assert nearest(record, 15.0) >= 7.0
+    f1, f2, f3 = (float(height(record, name)[-1]) for name in ("f1", "f2", "f3"))
+    # There, and on their way to 30 and 45 m above the leader.
+    assert f1 == pytest.approx(15.0, abs=3.0)
+    assert min(f2, f3) >= f1 + 8.0
+    assert all("leads" not in flight.words(name) for name in deputies)

@@ -143,7 +143,7 @@ def test_a_flight_that_breaks_ends_with_3(
     def break_down(*_arguments: object, **_named: object) -> None:
         raise VfguideError("a flight process died (exit code -9)")
 
-    monkeypatch.setattr("vfguide.commands.fly.fly_lockstep", break_down)
+    monkeypatch.setattr("vfguide.commands.fly.fly_rehearsal", break_down)
     outcome = command("fly", alone_with())
     assert outcome.status == 3
     assert outcome.lines == ["a flight process died (exit code -9)"]

@@ -1,6 +1,7 @@
 """The console on live rehearsals: what it shows while aircraft fly, companions die and the broker goes."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
@@ -23,6 +24,13 @@ PATIENCE_MS = 120_000
 
 SPEEDUP = 2.0
 
+OPERATOR = "o" * 24
+"""Token of those who give orders."""
+
+POSTED = """path => fetch(path, {
+    method: "POST", headers: { "content-type": "application/json" }, body: "{}",
+}).then(answer => answer.status)"""
+
 
 class Shown(TypedDict):
     """A vehicle as the page shows it."""
@@ -43,12 +51,13 @@ def mission() -> Mission:
 
 @asynccontextmanager
 async def watched(
-    mission: Mission, broker: Broker, directory: Path
+    mission: Mission, broker: Broker, directory: Path, *, operators: bool = False
 ) -> AsyncIterator[tuple[LiveFlight, str]]:
-    """A live flight and the address of its console."""
+    """A live flight and the address of its console; orders are timed in real time."""
+    speedup, token = (1.0, OPERATOR) if operators else (SPEEDUP, None)
     async with (
-        live_flight(mission, directory=directory, links=[broker.url], speedup=SPEEDUP) as flight,
-        live_console(mission, flight.watched, address=Address(port=0)) as url,
+        live_flight(mission, directory=directory, links=[broker.url], speedup=speedup) as flight,
+        live_console(mission, flight.watched, address=Address(port=0), operator_token=token) as url,
     ):
         yield flight, url
 
@@ -118,18 +127,73 @@ def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
     asyncio.run(fly())
 
 
-def test_on_a_phone_it_is_usable_and_outlives_the_broker_and_looks_back(
+async def in_view(page: Page, place: Locator) -> bool:
+    """Whether something can be seen and pressed without scrolling, wherever the page is."""
+    for top in ("0", "document.body.scrollHeight"):
+        await page.evaluate(f"scrollTo(0, {top})")
+        box, size = await place.bounding_box(), page.viewport_size
+        assert box is not None
+        assert size is not None
+        if not (box["y"] >= 0.0 and box["y"] + box["height"] <= size["height"]):
+            return False
+        if not (box["x"] >= 0.0 and box["x"] + box["width"] <= size["width"]):
+            return False
+    return True
+
+
+async def looks_on(url: str, open_page: OpenPage) -> None:
+    """See that who has found the address of those who look gives no orders."""
+    async with open_page(url) as page:
+        await expect(page.locator("#freshness")).to_contain_text("live", timeout=PATIENCE_MS)
+        await expect(page.get_by_role("button", name="ABORT")).to_have_count(0)
+        await expect(page.get_by_role("button", name="Rehearse")).to_have_count(0)
+        assert await page.evaluate(POSTED, "/order/abort") == 403
+
+
+async def order_trail(page: Page) -> None:
+    """Have another shape rehearsed, then given, then flown."""
+    outcome = page.locator("#outcome")
+    give = page.get_by_role("button", name="Give this order")
+    await expect(give).to_be_disabled()
+    await page.get_by_label("Order", exact=True).select_option("trail")
+    await page.get_by_label("Spacing in metres").fill("4")
+    await page.get_by_role("button", name="Rehearse").tap()
+    await expect(outcome).to_contain_text("less than 7.5 m", timeout=PATIENCE_MS)
+    await expect(give).to_be_disabled()
+    await page.get_by_label("Spacing in metres").fill("25")
+    await page.get_by_role("button", name="Rehearse").tap()
+    await expect(outcome).to_contain_text("rehearsed: nearest", timeout=PATIENCE_MS)
+    await expect(give).to_be_enabled()
+    # Another order than the rehearsed one is not given by mistake.
+    await page.get_by_label("Spacing in metres").fill("20")
+    await expect(give).to_be_disabled()
+    await page.get_by_label("Spacing in metres").fill("25")
+    await give.tap()
+    orders = page.get_by_role("region", name="Orders")
+    await expect(orders).to_contain_text("flown by all", timeout=PATIENCE_MS)
+    await expect(orders).to_contain_text("f1: flies it")
+    await expect(page.locator("#flies")).to_contain_text("trail, 25 m apart", timeout=PATIENCE_MS)
+    # Slots are where the order has them, and the aircraft come there.
+    await expect(card(page, "f3").locator(".off dd")).to_have_text(
+        re.compile(r"^[01]\.\d m$"), timeout=PATIENCE_MS
+    )
+
+
+def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_off_after_a_broker_s_death(
     mission: Mission, mosquitto_program: str, open_page: OpenPage, tmp_path: Path
 ) -> None:
     async def fly() -> None:
         async with (
             running(mosquitto_program, tmp_path) as broker,
-            watched(mission, broker, tmp_path) as (_, url),
-            open_page(url, phone=True, dark=True) as page,
+            watched(mission, broker, tmp_path, operators=True) as (_, url),
+            open_page(f"{url.partition('?')[0]}?token={OPERATOR}", phone=True, dark=True) as page,
         ):
             leader, alarms = card(page, "leader"), page.get_by_role("alert")
             await expect(leader.locator(".mode")).to_have_text("tracking", timeout=PATIENCE_MS)
+            abort = page.get_by_role("button", name="ABORT")
             assert await overflow(page) <= 0
+            assert await in_view(page, abort)
+            await looks_on(url, open_page)
             await broker.kill()
             await expect(alarms).to_contain_text("No connection", timeout=PATIENCE_MS)
             await expect(alarms).to_contain_text("No aircraft has been heard", timeout=PATIENCE_MS)
@@ -145,5 +209,16 @@ def test_on_a_phone_it_is_usable_and_outlives_the_broker_and_looks_back(
             await expect(page.locator("#freshness")).to_contain_text("ago")
             await page.get_by_role("button", name="Back to now").tap()
             await expect(page.locator("#freshness")).to_contain_text("live")
+            await order_trail(page)
+            assert await overflow(page) <= 0
+            assert await in_view(page, abort)
+            await abort.tap()
+            await expect(page.locator("#outcome")).to_contain_text(
+                "back at their autopilots", timeout=PATIENCE_MS
+            )
+            answers = page.get_by_role("list", name="Answers")
+            await expect(answers).to_contain_text("f1: handed back")
+            await expect(page.locator("#flies")).to_contain_text("all was called off")
+            await expect(card(page, "f1").locator(".mode")).not_to_have_text("tracking")
 
     asyncio.run(fly())

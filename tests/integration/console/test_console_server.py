@@ -48,6 +48,18 @@ def ask(
     return found
 
 
+def cookies_of(page: str, token: str) -> tuple[int, list[str]]:
+    """(status, cookies) that a token gives."""
+    parts = urlsplit(page)
+    assert parts.hostname is not None
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=20)
+    connection.request("GET", f"/?token={token}")
+    answer = connection.getresponse()
+    found = answer.status, answer.headers.get_all("set-cookie", [])
+    connection.close()
+    return found
+
+
 def when_served(look: Callable[[str], Awaitable[None]], address: Address = ANYWHERE) -> None:
     """Look at a console that is served."""
 
@@ -93,6 +105,29 @@ def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
         assert status == 405
 
     when_served(look)
+
+
+def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use() -> None:
+    async def run() -> None:
+        tokens = {"token": "t" * 24, "operator_token": "o" * 24}
+        async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
+            page = url.partition("?")[0]
+            assert url == f"{page}?token={'t' * 24}"
+            kept = []
+            for token in ("t" * 24, "o" * 24):
+                _, cookies = await asyncio.to_thread(cookies_of, page, token)
+                kept.append(cookies)
+            looks, orders = kept
+            assert len(looks) == 1
+            assert len(orders) == 2
+            (own,) = (one for one in orders if "operator" in one)
+            assert {"HttpOnly", "SameSite=strict"} <= set(own.split("; "))
+            for cookies, first in ((looks, "event: flight"), (orders, "event: operator")):
+                cookie = "; ".join(one.split("; ")[0] for one in cookies)
+                _, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+                assert text.startswith(first)
+
+    asyncio.run(run())
 
 
 def test_every_answer_allows_the_pages_own_files_alone() -> None:

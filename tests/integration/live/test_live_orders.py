@@ -16,7 +16,7 @@ from vfguide.link.keys import OPERATOR
 from vfguide.mission import Mission, load_mission
 
 MISSION = Path(__file__).parents[3] / "missions" / "shapes.yaml"
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 IN_SLOTS_S = 20.0
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.lab.rehearsal.processes import free_port
@@ -39,6 +40,15 @@ async def link_of(kind: str, directory: Path, broker_in: Broker) -> AsyncIterato
         port = free_port(socket.SOCK_DGRAM)
         yield f"udp://239.255.79.16:{port}?interface=127.0.0.1"
         return
+    if kind == "zenoh":
+        # All companions have one address: a router, by which they find each other.
+        port, config = free_port(socket.SOCK_STREAM), zenoh.Config()
+        config.insert_json5("mode", '"router"')
+        config.insert_json5("listen/endpoints", f'["tcp/127.0.0.1:{port}"]')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        with zenoh.open(config):
+            yield f"zenoh://127.0.0.1:{port}"
+        return
     async with broker_in(directory) as broker:
         yield broker.url
 
@@ -67,7 +77,7 @@ class Logs:
         return self.flight.time_s - began_s
 
 
-@pytest.mark.parametrize("kind", ["udp", "mqtt"])
+@pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
 def test_a_deputy_leads_when_the_leaders_companion_is_killed(
     kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker
 ) -> None:

@@ -28,6 +28,9 @@ from vfguide.registry import links
 
 PATIENCE_S = 60.0
 
+OUTAGE_S = 5.0
+"""For so long an interface is gone."""
+
 GROUPS = count(1)
 
 
@@ -303,6 +306,90 @@ def test_a_network_that_goes_away_is_told_and_found_again(
     assert "not connected" in caplog.text
 
 
+class Interface:
+    """One that can go away, as an adapter that is unplugged: Linux says so in these words."""
+
+    def __init__(self, name: str) -> None:
+        self.gone = False
+        self._name = name
+        self._open_socket, self._number = udp.open_socket, socket.if_nametoindex
+
+    def number(self, name: str) -> int:
+        if self.gone and name == self._name:
+            raise OSError("no interface with this name")
+        return self._number(name)
+
+    def open_socket(self, address: UdpAddress) -> Any:  # noqa: ANN401 - a socket or what stands for one
+        real = self._open_socket(address)
+        return OnInterface(real, self) if address.interface == self._name else real
+
+
+class OnInterface:
+    """A socket on an interface that can go away."""
+
+    def __init__(self, real: socket.socket, interface: Interface) -> None:
+        self._real, self._interface = real, interface
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of the real one
+        return getattr(self._real, name)
+
+    def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
+        if self._interface.gone:
+            raise OSError(errno.ENODEV, "No such device")
+        return self._real.sendto(data, destination)
+
+    def recv(self, size: int) -> bytes:
+        data = self._real.recv(size)
+        if self._interface.gone:
+            raise BlockingIOError
+        return data
+
+
+def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_again_by_itself(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The follower's: nothing can be sent by it or heard, and no group be joined on it."""
+    (by_address,) = group()
+    links = {LEADER: (by_address,), "f1": (by_address.replace("=127.0.0.1", "=lo"),)}
+    interface = Interface("lo")
+
+    async def scenario() -> None:
+        async with crew_of(LEADER, "f1", **links) as (leader, one):
+            await speak(leader, lambda: one.heard)
+            await speak(one, lambda: leader.neighbours)
+            one.link.news()
+            interface.gone = True
+            await speak(one, lambda: not one.link.connected)
+            told = one.link.news()
+            one.heard.clear()
+            async with asyncio.timeout(PATIENCE_S):
+                for number in range(int(OUTAGE_S / 0.1)):
+                    leader.link.publish(b"unheard %d" % number)
+                    one.link.publish(b"unsaid %d" % number)
+                    await asyncio.sleep(0.1)
+                    told += one.link.news()
+            assert not one.heard
+            assert not one.link.connected
+            assert one.link.detail == "no interface 'lo'"
+            assert one.counters["failed to connect"] >= 3
+            assert len(told) == 1
+            assert "is lost" in told[0]
+            interface.gone = False
+            await speak(leader, lambda: one.heard)
+            leader.neighbours.clear()
+            await speak(one, lambda: leader.neighbours)
+            assert one.link.connected
+            assert [" is back" in text for text in one.link.news()] == [True]
+            assert one.counters["disconnected"] == 1
+
+    monkeypatch.setattr(udp, "open_socket", interface.open_socket)
+    monkeypatch.setattr(socket, "if_nametoindex", interface.number)
+    asyncio.run(scenario())
+    # That nothing can be sent, and that it is not there: each once, however often it is tried.
+    assert caplog.text.count("not connected, No such device") == 1
+    assert caplog.text.count("not connected, no interface 'lo'") == 1
+
+
 def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -310,7 +397,7 @@ def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
         links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
         async with crew_of("f1", f1=links) as (one,):
             assert not one.link.connected
-            assert "No such device" in one.link.detail or "no interface" in one.link.detail
+            assert one.link.detail == "no interface 'nosuch0'"
             await until(lambda: one.counters["failed to connect"] >= 3)
             one.link.publish(b"into the void")
 

@@ -85,6 +85,6 @@ def test_simulator_that_stops_leaves_its_aircraft_where_it_was() -> None:
 def test_back_is_when_the_last_distance_has_become_small_for_good() -> None:
     times = np.arange(0.0, 10.0, 1.0)
     near, away = np.zeros(10), np.array([0.0, 0, 0, 9, 9, 0, 9, 0, 0, 0])
-    assert back_after(times, np.array([near, away]), 3.0) == 3.0
-    assert back_after(times, np.array([near, near]), 3.0) == 0.0
-    assert back_after(times, np.array([near, near + 9.0]), 3.0) is None
+    assert back_after(times, np.array([near, away]), 3.0, 3.0) == 3.0
+    assert back_after(times, np.array([near, near]), 3.0, 3.0) == 0.0
+    assert back_after(times, np.array([near, near + 9.0]), 3.0, 3.0) is None

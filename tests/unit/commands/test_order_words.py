@@ -20,6 +20,8 @@ from vfguide.formation.orders import Order
         (["leave", "f1", "f3"], None, Order(leave=("f1", "f3"))),
         (["join", "f1"], None, Order(join=("f1",))),
         (["abort"], None, Order(action="abort")),
+        (["path", "survey"], None, Order(path="survey")),
+        (["lead", "f1"], None, Order(lead="f1")),
     ],
 )
 def test_words_become_an_order(words: list[str], spacing: float | None, order: Order) -> None:
@@ -32,8 +34,14 @@ def test_words_become_an_order(words: list[str], spacing: float | None, order: O
         ([], None, "nothing: is no order; there are vee"),
         (["ring"], None, "ring: is no order"),
         (["vee", "f1"], None, "vee f1: is no order"),
-        (["spacing"], None, "spacing: is no order"),
-        (["swap", "f1"], None, "swap f1: is no order"),
+        (
+            ["spacing"],
+            None,
+            "spacing: is not complete, or too much; write `vfguide order MISSION spacing",
+        ),
+        (["swap", "f1"], None, "write `vfguide order MISSION swap A B --link URL`"),
+        (["leave"], None, "write `vfguide order MISSION leave NAME --link URL`"),
+        (["lead", "f1", "f2"], None, "write `vfguide order MISSION lead NAME --link URL`"),
         (["hold"], 20.0, "--spacing: goes with a shape"),
         (["slot", "f1"], None, "slot f1: write NAME=FORWARD,RIGHT"),
         (["slot", "f1=nan,1"], None, "slot f1=nan,1: write"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.status import Beats, Freshness, readiness, status_json
+from vfguide.commands.status import Beats, Freshness, flies, readiness, status_json
 from vfguide.companion.supervisor import (
     DOUBTED,
     NO_LEADER,
@@ -47,6 +47,21 @@ def test_everything_that_speaks_against_it_stands_in_one_line() -> None:
     assert line.count("no companion is heard") == 3
     assert NOTHING_HEARD in line
     assert "\n" not in line
+
+
+def test_the_deputy_that_leads_and_the_order_that_is_flown_are_told() -> None:
+    """Of the terms of three who may lead f2 has 1, f1 2 and the leader 3."""
+    mission = MISSION.model_copy(update={"deputies": ("f1", "f2")})
+    assert flies(mission, {}) == "leader leads; the mission's formation is flown"
+    succeeded = replace(READY, figures={"term": 2.0, "order": 77.0})
+    behind = replace(READY, figures={"term": 0.0})
+    found = {"leader": behind, "f1": succeeded, "f2": succeeded}
+    assert flies(mission, found) == "f1 leads in the leader's place (term 2); order 77 is flown"
+    # One alone that is not the leader is not believed where another says something else.
+    alone = {"leader": behind, "f1": replace(READY, figures={"order": 77.0})}
+    assert flies(mission, alone) == "leader leads; the mission's formation is flown"
+    gone = replace(succeeded, status="offline")
+    assert flies(mission, {"f1": gone}) == "leader leads; the mission's formation is flown"
 
 
 def test_a_kept_presence_that_does_not_change_is_a_companion_that_is_gone() -> None:

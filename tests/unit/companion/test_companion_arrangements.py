@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.guidance.settings import PathGains
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -21,6 +22,7 @@ from vfguide.link.order_codec import (
     encode_order,
     encode_reply,
 )
+from vfguide.paths.circle import Circle as CirclePath
 from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]
@@ -397,6 +399,90 @@ def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
     assert member.has_left
 
 
+@pytest.mark.parametrize("number", [3, 4])
+@pytest.mark.parametrize("now", [5.5, 11.0])
+def test_an_abort_is_flown_whatever_its_number(
+    plan: MakePlan, slots: dict[str, Point], number: int, now: float
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(further(slots, number=4, time_s=10.0))
+    if now > 10.0:
+        formation.run(now)
+        assert formation.flown == dict.fromkeys(NAMES, 4)
+    for member in formation.members.values():
+        member.to_say()
+        abort = called_off(number=number, time_s=formation.now)
+        member.receive_order(abort, abort, formation.now)
+        member.receive_order(abort, abort, formation.now)
+        assert member.has_left
+        replies = [decode_reply(data) for data in member.to_say()[0]]
+        expected = (number, Verdict.FLOWN, check_of(abort))
+        assert [(one.number, one.verdict, one.check) for one in replies] == [expected] * 2
+    # By the greater number, and what was pending is flown by nobody.
+    formation.run(20.0)
+    assert set(formation.flown.values()) == {4 if now > 10.0 else number}
+    assert all(member.has_left for member in formation.members.values())
+
+
+def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: MakePlan) -> None:
+    begin = slots_of(plan)["f1"]
+    end = Point(begin.forward, begin.right, 6.0)
+    place = Place(vehicle="f1", begin=begin, end=begin, layer=20.0)
+    order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(place,))
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member.hear("leader", heard(10.0, 1), 10.0)
+    member.receive_order(encode_order(replace(order, places=(replace(place, end=end),))), b"", 10.0)
+    # Half of its way into the layer, and the abort tells the mission's slot.
+    abort = Arrangement(
+        number=2,
+        time_s=20.0,
+        flown=Flown.ABORT,
+        across_s=0.0,
+        places=(Place(vehicle="f1", begin=begin, end=begin),),
+    )
+    assert member.own_up(20.0) == pytest.approx(10.0)
+    member.receive_order(encode_order(abort), b"", 20.0)
+    assert member.own_up(60.0) == pytest.approx(10.0)
+
+
+def test_an_old_abort_of_a_lower_number_is_not_flown(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(further(slots, number=4, time_s=10.0))
+    formation.run(40.0)
+    formation.give(Arrangement(number=3, time_s=9.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    assert not any(member.has_left for member in formation.members.values())
+
+
+def test_no_order_brings_a_formation_back_after_an_abort(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    formation.give(Arrangement(number=4, time_s=5.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.run(6.0)
+    formation.give(further(slots, number=5, time_s=12.0))
+    formation.run(15.0)
+    assert formation.flown == dict.fromkeys(NAMES, 4)
+    assert not any(member.returns_to_formation() for member in formation.members.values())
+    refused = {reply.text for _, reply in formation.said if reply.verdict is Verdict.REFUSED}
+    assert refused == {
+        "everything was called off: no order brings the formation back, restart all companions"
+    }
+    # Nor does one that others are said to fly.
+    member, order = formation.members["f1"], encode_order(further(slots, number=6, time_s=14.0))
+    member.hear("leader", heard(15.0, 6), 15.0)
+    for repeated in (True, False):
+        member.receive_order(order, order, 15.1, repeated=repeated)
+        assert member.called_off == 4
+    # The same abort is answered as before, and a further one is flown.
+    formation.give(Arrangement(number=7, time_s=15.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    assert formation.flown == dict.fromkeys(NAMES, 7)
+
+
 class RebootedClock:
     """A follower's view of the formation's clock: 1000 s ahead of its own until the leader's starts anew."""
 
@@ -588,3 +674,84 @@ def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) 
     formation.start("f2")
     formation.run(64.0)
     assert formation.members["f2"].has_left
+
+
+def with_paths(plan: MakePlan) -> MakePlan:
+    """Plans of a mission that has another path, and two who may lead."""
+
+    def make(**options: object) -> FlightPlan:
+        one = plan(**options)
+        other = KnownPath(
+            CirclePath(north=0.0, east=0.0, radius=300.0, direction=1),
+            PathGains(gain=0.03, approach_angle=math.pi / 2.0),
+        )
+        task = plan(vehicle="f3").task
+        assert isinstance(task, FollowerTask)
+        lead = LeadPlan(order=("leader", "f1"), task=task, altitude_amsl=588.0)
+        return replace(one, paths={**one.paths, "survey": other}, lead=lead)
+
+    return make
+
+
+def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(9.9)
+    assert [one.route for one in formation.members.values()] == [None] * len(NAMES)
+    formation.run(10.05)
+    routes = [one.route for one in formation.members.values()]
+    assert all(one is not None and one.least_radius == pytest.approx(125.0) for one in routes)
+    # 1 / 125 m is less than the path's own 0.03 1/m.
+    assert {one.gains.gain for one in routes if one is not None} == {0.008}
+
+
+def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.members["f2"] = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    refused = {reply.text for name, reply in formation.said if name == "f2"}
+    assert "no path is called 'survey' in its mission: give all the same mission" in refused
+
+
+def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), lead="f1"))
+    formation.run(10.1)
+    assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
+    assert not formation.members["f1"].leads_by_order(12.0)
+
+
+def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), lead="f1"))
+    formation.run(11.0)
+    formation.start("f1")
+    while formation.flown["f1"] == 0:
+        formation.run(formation.now + 0.1)
+        assert formation.now < 30.0
+        assert not formation.members["f1"].leads_by_order(formation.now)
+
+
+def test_nobody_leads_by_an_order_who_is_no_deputy(plan: MakePlan, slots: dict[str, Point]) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), lead="f2"))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    assert "f2 is neither leader nor deputy of its mission" in {
+        reply.text for _, reply in formation.said
+    }

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from vfguide.companion.avoidance import KeepClear
+from vfguide.companion.avoidance import KeepClear, Obstacle
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -92,8 +92,8 @@ def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
     # The mission flies at 100 m; f1 is below another one, which is near.
     plan = flight_plan(mission("line-calm"), "f1")
     altitude = plan.frame.altitude_m + height_m
-    traffic = SimpleNamespace(altitude_of=lambda _: altitude + 5.0, vehicle_of=lambda _: plan)
+    above = Obstacle(name="f2", altitude_amsl=altitude + 5.0, least_m=7.0, under=True)
     navigated = SimpleNamespace(state=SimpleNamespace(time_s=10.0), altitude_amsl=altitude)
-    keep_clear = KeepClear(plan, cast("Any", traffic))
-    step = keep_clear._height_for(0, cast("Any", navigated))  # noqa: SLF001
+    keep_clear = KeepClear(plan, cast("Any", None))
+    step = keep_clear._height_for(above, cast("Any", navigated))  # noqa: SLF001
     assert step == pytest.approx(step_m)

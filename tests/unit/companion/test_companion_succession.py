@@ -188,6 +188,52 @@ def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term
     assert (one.leads, one.term) == (True, 6)
 
 
+def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    # f2 led f3 in term 1, was heard by f3 alone, and died.
+    one.hear_other(1, 10.0)
+    one.step(10.0, eligible=True)
+    one.step(10.0 + VACANT_S - STEP_S, eligible=True)
+    assert (one.leads, one.term) == (True, 0)
+    # It has led before, too: nothing begins.
+    assert not one.step(10.0 + VACANT_S, eligible=True)
+    # Terms 1 to 3 are a round; the next of the leader's is 6.
+    assert (one.leads, one.term) == (True, 6)
+
+
+def test_two_leaders_that_do_not_hear_each_other_take_no_turns() -> None:
+    one, other = deputy("leader"), deputy("f1")
+    hear_until(other, 10.0)
+    one.step(5.0, eligible=False)
+    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    now, changes, terms = 10.0, 0, (0, 0)
+    while now < 130.0:
+        now += STEP_S
+        # f3 hears both and obeys the higher term; each of them hears f3 alone.
+        highest = max(one.term, other.term)
+        one.hear_other(highest, now)
+        other.hear_other(highest, now)
+        one.step(now, eligible=True)
+        other.step(now, eligible=True)
+        changes += (one.term, other.term) != terms
+        terms = one.term, other.term
+    # After 3, 3, 6, 6, 12, 12, 24 and 24 s, and f1's first time.
+    assert 5 <= changes <= 10
+
+
+def test_a_leader_that_hears_its_successor_in_time_follows_it() -> None:
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    one.hear_other(1, 10.0)
+    one.step(10.0, eligible=True)
+    assert one.hear_leader("f2", 1, 10.5, steered=True)
+    one.step(20.0, eligible=False)
+    assert (one.leads, one.holder, one.term) == (False, "f2", 1)
+
+
 def test_no_state_with_an_impossible_term_ends_succession() -> None:
     one = deputy("f1")
     hear_until(one, 10.0)
@@ -346,3 +392,19 @@ class Formation(RuleBasedStateMachine):
 
 Formation.TestCase.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
 TestFormation = Formation.TestCase
+
+
+def test_a_deputy_that_is_ordered_to_lead_leads_at_once_in_a_term_of_its_own() -> None:
+    one = deputy("f2")
+    hear_until(one, 10.0)
+    assert not one.step(10.0, eligible=False, ordered=True)
+    assert one.step(10.05, eligible=True, ordered=True)
+    # Of terms 1 to 3 the first is that of the last in the order.
+    assert (one.term, one.holder) == (1, "f2")
+    # The mission's leader, ordered back, leads in the last of the next three.
+    leader = Succession("leader", ORDER, silence_s=SILENCE_S)
+    leader.step(0.0, eligible=True)
+    leader.step(LISTEN_S, eligible=True)
+    assert leader.hear_leader("f2", 1, 11.0, steered=True)
+    assert leader.step(11.05, eligible=True, ordered=True)
+    assert (leader.term, leader.holder) == (6, "leader")

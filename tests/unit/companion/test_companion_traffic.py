@@ -175,6 +175,29 @@ def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
         assert np.angle(straight[1] - straight[0]) == pytest.approx(TURN)
         assert np.angle(straight[-1] - straight[-2]) == pytest.approx(TURN)
     assert list(others.keep) == pytest.approx([8.0 + DRIFT_M_S * (3.0 - SILENT_S)] * 3)
+    # What predictions are off is added to what has to be kept, too.
+    assert list(others.floor) == pytest.approx([FLOOR_M + DRIFT_M_S * (3.0 - SILENT_S)] * 3)
+
+
+def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_told_to_hold(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    # A gust turns it to the right; what its autopilot holds is 0.2 rad to the left.
+    said = leader_bytes(10.0, turn_rate=TURN, course_setpoint=-0.2)
+    traffic.receive("f2", said, 10.0)
+    for time_s in (9.0, 11.0, 12.9):
+        data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
+        traffic.note("leader", heard_leader(plan, data, time_s))
+    seen = traffic.possibilities(beside(13.0), led(13.0))
+    assert seen is not None
+    tracks = seen[0].tracks
+    assert len(tracks) == 2
+    assert np.angle(tracks[1, 1] - tracks[1, 0]) == pytest.approx(-0.2, abs=1e-4)
+    # 60 m along that course from 200 m north, and 20 m/s times 0.95 s of the way it had turned to.
+    turned = 1.0 - np.exp(-3.0)
+    place = 200.0 + 60.0 * np.exp(-0.2j) + 20.0 * turned * (1.0 - np.exp(-0.2j))
+    assert tracks[1, 0] == pytest.approx(place, abs=0.02)
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(
@@ -239,6 +262,18 @@ def test_the_place_where_a_leader_fell_silent_is_not_flown_through(
         seen = traffic.possibilities(here, led(now))
         stands = seen is not None and any(np.ptp(track) == 0.0 for track in seen[0].tracks)
         assert stands is standing
+
+
+def test_of_a_leader_that_cannot_stop_no_place_is_kept_clear(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, replace(LEADING, may_stop=False)], plan().frame, SAME_CLOCK)
+    for time_s in (9.5, 10.5):
+        traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
+    traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+    here = replace(beside(10.8, east=0.0), place=complex(20.0 * 10.8 - 40.0, 0.0))
+    seen = traffic.possibilities(here, led(10.8))
+    assert seen is None or all(np.ptp(track) > 0.0 for track in seen[0].tracks)
 
 
 def test_one_whose_place_is_doubted_may_be_at_either_place(

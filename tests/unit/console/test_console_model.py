@@ -2,17 +2,21 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vfguide.companion.daemon import figures_of_leader
 from vfguide.companion.plan import local_frame
-from vfguide.lab.console.model import MODES, SERIES, Formation
+from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.lab.console.model import MODES, SERIES, Formation, slot_of
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission, load_mission
+from vfguide.state import HeardState
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
@@ -53,6 +57,21 @@ def state(
     )
 
 
+def trail(mission: Mission, *, time_s: float) -> Arrangement:
+    """All one behind the other, 20 m apart, from where they are at once."""
+    ends = {
+        name: Point(-20.0 * (row + 1), 0.0) for row, name in enumerate(mission.followers_by_name)
+    }
+    return Arrangement(
+        number=7,
+        time_s=time_s,
+        across_s=0.0,
+        places=tuple(
+            Place(vehicle=name, begin=Point(-20, -20), end=end) for name, end in ends.items()
+        ),
+    )
+
+
 def online(mode: str = "tracking", **more: float) -> Presence:
     return Presence(status="online", mode=mode, time_s=0.0, version="1", figures=more)
 
@@ -77,6 +96,99 @@ def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
     assert shown["across_m"] == pytest.approx(0.0, abs=1e-3)
     assert shown["north_m"] == pytest.approx(20.0, abs=1e-3)
     assert shown["course_deg"] == pytest.approx(90.0)
+
+
+def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it() -> None:
+    """It was at 100 m north 0.5 s ago and flies north at 20 m/s; f1's slot is behind and left of it."""
+    mission = load_mission(MISSION.with_name("foreign-leader.yaml"))
+    formation = Formation(mission)
+    forward, right, _ = slot_of(mission, "f1")
+    follower = state(mission, north=110.0 + forward, east=right, time_s=100.0)
+    heard = HeardState(
+        time_s=9.5,
+        north=100.0,
+        east=0.0,
+        course=0.0,
+        ground_speed=20.0,
+        acceleration=0.0,
+        turn_rate=0.0,
+        turn_acceleration=0.0,
+        altitude_amsl=ALTITUDE_M,
+        steered=False,
+    )
+    said = figures_of_leader(heard, 10.0)
+    # Before the formation's time is known it says nothing of now.
+    formation.take_presence("f1", online(**said), 1.0)
+    assert math.isnan(numbers(formation, mission.leader.vehicle, 1.0)["north_m"])
+    formation.take_state("f1", follower, 1.1)
+    formation.take_presence("f1", online(**said), 1.1)
+    leader = numbers(formation, mission.leader.vehicle, 1.1)
+    assert leader["north_m"] == pytest.approx(110.0, abs=1e-3)
+    assert leader["age_s"] == pytest.approx(0.5)
+    assert numbers(formation, "f1", 1.1)["along_m"] == pytest.approx(0.0, abs=1e-2)
+    # Older words, and what no aircraft does, change nothing.
+    for wrong in ({"led_by_age_s": 2.0}, {"led_by_age_s": 0.0, "led_by_speed_m_s": 1e300}):
+        formation.take_presence("f1", online(**{**said, "led_by_north_m": 0.0, **wrong}), 1.1)
+        shown = numbers(formation, mission.leader.vehicle, 1.1)
+        assert shown["north_m"] == pytest.approx(110.0, abs=1e-3)
+
+
+def test_slots_are_where_the_order_that_is_flown_has_them(mission: Mission) -> None:
+    """In trail f1 is 20 m behind the leader, whatever the mission says."""
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
+    formation.take_state("f1", state(mission, north=-20.0, east=3.0), 1.0)
+    assert numbers(formation, "f1", 1.0)["slot_east_m"] == pytest.approx(-20.0, abs=1e-3)
+    formation.take_order(7, trail(mission, time_s=99.0), leads="leader")
+    shown = numbers(formation, "f1", 1.0)
+    assert shown["slot_north_m"] == pytest.approx(-20.0, abs=1e-3)
+    assert shown["slot_east_m"] == pytest.approx(0.0, abs=1e-3)
+    assert shown["across_m"] == pytest.approx(-3.0, abs=1e-3)
+    assert shown["slot_altitude_m"] == pytest.approx(ALTITUDE_M, abs=1e-3)
+    flies = formation.flies()
+    assert (flies["number"], flies["order"]) == (7, "trail, 20 m apart")
+
+
+def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_state("f1", state(mission, north=0.0, east=0.0), 1.0)
+    formation.take_presence("f1", online("waiting"), 1.0)
+    assert any("f1 is not steered" in text for _, text in alarms(formation, 1.0))
+    left = trail(mission, time_s=99.0)
+    left = replace(left, places=tuple(one for one in left.places if one.vehicle != "f1"))
+    formation.take_order(7, left, leads="leader")
+    assert not any("f1" in text for _, text in alarms(formation, 1.0))
+
+
+def test_slots_of_an_order_that_was_not_heard_are_not_made_up_and_who_is_too_near_is_still_told(
+    mission: Mission,
+) -> None:
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
+    formation.take_state("f1", state(mission, north=-5.0, east=0.0), 1.0)
+    formation.take_order(7, None, leads="leader")
+    shown = numbers(formation, "f1", 1.0)
+    assert math.isnan(shown["slot_north_m"])
+    assert math.isnan(shown["along_m"])
+    assert "not heard" in str(formation.flies()["order"])
+    assert any("5 m apart" in text for _, text in alarms(formation, 1.0))
+
+
+def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission: Mission) -> None:
+    """The lost leader would be 100 m north by now; f1's slot is 20 m behind and left of there."""
+    formation = Formation(mission)
+    formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=95.0), 1.0)
+    formation.take_lead(state(mission, north=100.0, east=0.0, time_s=100.0), 6.0)
+    formation.take_state("f1", state(mission, north=80.0, east=-20.0, time_s=100.0), 6.0)
+    formation.take_order(0, None, leads="f1")
+    shown = numbers(formation, "f1", 6.0)
+    assert shown["slot_north_m"] == pytest.approx(80.0, abs=1e-2)
+    assert shown["along_m"] == pytest.approx(0.0, abs=1e-2)
+    assert formation.flies()["leads"] == "f1"
+    assert formation.flies()["succeeded"] is True
+    cards = dict(zip(formation.names, formation.cards(6.0), strict=True))
+    assert cards["f1"]["leads"] is True
+    assert cards["leader"]["leads"] is False
 
 
 def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:

@@ -59,9 +59,12 @@ def state(
 class Air:
     """A link behind which followers fly whatever they are ordered, and say so."""
 
+    order_lead_s = 6.0
+
     def __init__(self, desk: OrderDesk) -> None:
         self.desk = desk
         self.now = 100.0
+        self.order_lead_s = 6.0
         self.orders: list[Arrangement] = []
         self.member: Any = SimpleNamespace(
             trust=SimpleNamespace(leader="leader"), formation_time=lambda: self.now
@@ -104,7 +107,7 @@ def outcome_of(
 def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown_not_known(
     mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = OrderDesk(mission)
+    desk = OrderDesk(mission, clock=lambda: 0.0)
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, arrangement=2**31))
     outcome, air = outcome_of(mission, Order(action="abort"), desk, monkeypatch)
@@ -119,7 +122,7 @@ def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown
 def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gone_is_not_awaited(
     mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = OrderDesk(mission)
+    desk = OrderDesk(mission, clock=lambda: 0.0)
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, term=2))
     # Of three that may lead, f2 has the terms 1, 4, ..., f1 2, 5, ..., the leader 3, 6, ...
@@ -132,7 +135,7 @@ def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gon
 def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(
     mission: Mission,
 ) -> None:
-    desk = OrderDesk(mission)
+    desk = OrderDesk(mission, clock=lambda: 0.0)
     desk.heard_state("leader", state(47.4, term=2))
     before = desk.leader_place(100.0)
     desk.heard_lead("f1", state(47.5, term=2, leads=True))

@@ -53,6 +53,11 @@ def test_who_leaves_has_no_place_and_who_joins_gets_the_missions() -> None:
     assert place.begin == place.end == HOME["f2"]
 
 
+def test_nothing_is_resumed_where_nothing_is_held() -> None:
+    with pytest.raises(RefusedOrderError, match="nothing is held"):
+        ordered(Order(action="resume"))
+
+
 def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back() -> None:
     held = ordered(Order(action="hold"), circle=CIRCLE)
     assert held.flown is Flown.HOLD
@@ -109,3 +114,45 @@ def test_the_stack_of_a_hold_does_not_count_for_the_spacing() -> None:
     held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
     # f1 is 20 m behind and 20 m to the right: 28.28 m; with 15 m above it would be 32.02 m.
     assert held.spacing == pytest.approx(28.284, abs=0.001)
+
+
+def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between() -> None:
+    formation = replace(FORMATION, paths=("main", "survey"))
+    found, _ = arrangement_of(
+        Order(path="survey"), formation, LIMITS, number=7, time_s=100.0, turn_radius_m=120.0
+    )
+    assert (found.path, found.turn_radius_m) == ("survey", 120.0)
+    later = ordered(Order(shape="trail"), formation.after(found))
+    assert (later.path, later.turn_radius_m) == ("survey", 120.0)
+    # Nobody's slot changes by the path alone.
+    assert ends_of(found) == {name: (at.forward, at.right) for name, at in HOME.items()}
+
+
+def test_who_leads_by_an_order_leads_in_it_alone() -> None:
+    formation = replace(FORMATION, may_lead=("leader", "f1"))
+    found = ordered(Order(lead="f1"), formation)
+    assert found.lead == "f1"
+    after = formation.after(found)
+    assert after.leads == "f1"
+    # A later order does not say it again: the lead may have gone elsewhere by itself.
+    assert ordered(Order(shape="trail"), after).lead == ""
+
+
+@pytest.mark.parametrize(
+    ("order", "may_lead", "sentence"),
+    [
+        (Order(path="home"), (), "no path is called 'home': the mission has main, survey"),
+        (Order(path="main"), (), "the path 'main' is followed already"),
+        (Order(lead="f1"), (), "f1 cannot lead: the mission names no deputies"),
+        (Order(lead="f3"), ("leader", "f1"), "f3 may not lead: leader and deputies are leader, f1"),
+        (Order(lead="leader"), ("leader", "f1"), "leader leads already"),
+        (Order(lead="f1", leave=("f1",)), ("leader", "f1"), "f1 is not in the formation"),
+    ],
+)
+def test_a_path_that_there_is_not_and_a_leader_that_may_not_lead_are_refused(
+    order: Order, may_lead: tuple[str, ...], sentence: str
+) -> None:
+    formation = replace(FORMATION, paths=("main", "survey"), may_lead=may_lead)
+    with pytest.raises(RefusedOrderError) as refusal:
+        ordered(order, formation)
+    assert sentence in str(refusal.value)

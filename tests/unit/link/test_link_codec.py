@@ -56,6 +56,19 @@ def test_a_leader_state_is_104_bytes_laid_out_as_documented(leader_message: Make
     assert data == with_checksum(data[:100])
 
 
+@pytest.mark.parametrize(
+    ("course", "steps"),
+    [(math.nan, 0), (0.0, 1), (math.tau / 65535.0, 2), (-1e-9, 1), (3.2, 33378)],
+)
+def test_a_course_setpoint_is_told_in_steps_of_a_tenth_of_a_milliradian(
+    leader_message: Make, course: float, steps: int
+) -> None:
+    data = encode(leader_message(course_setpoint=course))
+    assert struct.unpack_from("<H", data, 6) == (steps,)
+    told = decode(data).course_setpoint
+    assert math.isnan(told) if math.isnan(course) else abs(told - course) < 1e-4
+
+
 def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
     good = encode(leader_message())
     for bit in range(8 * len(good)):

@@ -47,6 +47,30 @@ def test_a_hold_carries_its_circle() -> None:
     assert decode_order(encode_order(order)) == order
 
 
+@given(st.text("abc-", min_size=1, max_size=32), st.floats(20.0, 2000.0, width=32), st.booleans())
+def test_another_path_and_who_is_to_lead_survive_the_link(
+    path: str, radius_m: float, held: bool
+) -> None:
+    order = Arrangement(
+        number=4,
+        time_s=5.0,
+        across_s=10.0,
+        places=(Place(vehicle="f1", begin=Point(-20.0, 20.0), end=Point(-20.0, 20.0)),),
+        path=path,
+        turn_radius_m=radius_m,
+        lead="f1" if held else "",
+    )
+    assert decode_order(encode_order(order)) == order
+
+
+def test_turns_onto_a_path_that_nobody_can_fly_are_refused() -> None:
+    order = Arrangement(
+        number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=5.0
+    )
+    with pytest.raises(LinkDataError, match="nobody can fly"):
+        decode_order(encode_order(order))
+
+
 @given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
                  check=st.integers(0, 2**32 - 1), text=st.text(max_size=40)))  # fmt: skip
 def test_an_answer_survives_the_link(reply: Reply) -> None:

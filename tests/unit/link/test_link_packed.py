@@ -17,6 +17,7 @@ from vfguide.link.packed import (
     BeatInfo,
     PackedKind,
     Packet,
+    Piece,
     decode_packet,
     encode_answer,
     encode_beat,
@@ -24,6 +25,7 @@ from vfguide.link.packed import (
     encode_motion,
     encode_packed_presence,
     encode_packet,
+    encode_piece,
     encode_question,
     formation_key,
     formation_mark,
@@ -51,6 +53,7 @@ BODIES = {
     PackedKind.QUESTION: encode_question(2**64 - 1),
     PackedKind.ANSWER: encode_answer(5, 2**63, 77, 123),
     PackedKind.PRESENCE: encode_packed_presence(PRESENCE, 2**64 - 1),
+    PackedKind.ORDER: encode_piece(Piece(mark=7, index=2, size=80, data=bytes(28))),
 }
 
 
@@ -81,7 +84,7 @@ def states(draw: st.DrawFn) -> LeaderMessage:
         turn_acceleration=numbers[7],
         climb_rate=numbers[8],
         term=draw(st.integers(0, 300)),
-        arrangement=draw(st.integers(0, 70_000)),
+        arrangement=draw(st.integers(0, 2**32 - 1)),
         steered=draw(st.booleans()),
     )
 
@@ -124,8 +127,7 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
     assert found.turn_acceleration == pytest.approx(expected, abs=0.51e-3)
     assert found.climb_rate == pytest.approx(state.climb_rate, abs=0.51e-2)
     assert found.term == min(state.term, 255)
-    fits = state.arrangement < 65535
-    assert (found.arrangement, found.tells_order) == (state.arrangement if fits else 0, fits)
+    assert found.arrangement == state.arrangement
     # And so over the other links, and back.
     assert decode(encode(found)) == found
 
@@ -147,7 +149,7 @@ def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) ->
     # pi is half a turn; 22 m/s; -0.25 m/s², 0.125 rad/s, 0.0625 rad/s², 3 m/s down.
     fields = [32768, 2200, -250, 1250, 62, -300]
     assert data[21:33] == b"".join((one % 65536).to_bytes(2, "little") for one in fields)
-    assert data[33:36] == bytes([2, 1, 2])
+    assert data[33:38] == bytes([2, 1, 2, 0, 0])
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -205,8 +207,10 @@ def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
         (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, period_ms=0))), "no beat"),
         (packed(PackedKind.BEAT, encode_beat_alone(BEAT), steered=False), "flag"),
         (b"\x09" + bytes(30), "no kind"),
-        (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(22), sender=1), "no place"),
+        (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(24), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
+        (packed(PackedKind.ORDER, bytes([0, 0, 1, 28, 0]) + bytes(28)), "behind the end"),
+        (packed(PackedKind.REPLY, bytes(33)), "behind the end"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(15)), "printed"),
     ],
 )

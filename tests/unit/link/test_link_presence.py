@@ -130,7 +130,14 @@ def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None
         obstacle="ä" * 100,
         autopilot="é" * 100,
         warning="\U0001f6e9" * 200,
-        figures={**figures, "links": 2.0, "links_lost": 1.0, "leader_age_ms_last": 20.0},
+        figures={
+            **figures,
+            "links": 2.0,
+            "links_lost": 1.0,
+            "leader_age_ms_last": 20.0,
+            "term": 3.0,
+            "order": 2.0**32,
+        },
     )
     sizes = [len(encode_presence(one)) for one in shorter_presences(wide)]
     # 1400 bytes less the envelope and its signature.

@@ -29,7 +29,7 @@ from vfguide.link.envelope import (
     formation_number,
 )
 from vfguide.link.keys import Roster
-from vfguide.link.member import Parcel
+from vfguide.link.member import TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
 from vfguide.link.trust import RefusedError, Trust
 
 ANSWERS = frozenset({Kind.ANSWER})
@@ -255,6 +255,41 @@ def test_a_second_leader_is_found_out_and_not_followed() -> None:
     assert not [data for _, data in one.heard if data.startswith(b"rival")]
     assert one.counters["refused: a second leader"] >= 1
     assert leader.counters["refused: another companion of this name"] == 40
+
+
+def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is_silent() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 12.0, one, other)
+    twin = wire.station("f1", session=60, skew_s=3.0)
+    wire.fly(leader, 3.0, one, other, twin)
+    assert twin.member.stands_back
+    assert not one.member.stands_back
+    said = twin.member.counters["not said: another companion of this name"]
+    leader.neighbours.clear()
+    wire.fly(leader, 2.0, one, other, twin)
+    assert twin.member.counters["not said: another companion of this name"] == said + 10
+    # The older one goes: after its silence, and some chance, the younger speaks.
+    wire.stations.remove(one)
+    wire.fly(leader, TWIN_QUIET_S + TWIN_SPREAD_S + 0.5, other, twin)
+    assert not twin.member.stands_back
+    assert leader.neighbours[-1][0] in {"f1", "f2"}
+    assert "f1" in {name for name, _ in leader.neighbours[-4:]}
+
+
+def test_a_recording_of_its_own_run_before_makes_no_companion_step_back() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 12.0, one, other)
+    old = [p.data for p in wire.sent if decode_envelope(p.data).sender == "f1"]
+    wire.stations.remove(one)
+    again = wire.station("f1", session=60, skew_s=3.0)
+    wire.fly(leader, 3.0, again, other)
+    for data in old:
+        wire.inject(data)
+    wire.run(1.0)
+    assert again.counters["refused: another companion of this name"] > 0
+    assert not again.member.stands_back
 
 
 def test_a_sender_may_only_say_what_its_part_may_say() -> None:

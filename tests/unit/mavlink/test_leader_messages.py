@@ -12,6 +12,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from vfguide.mavlink.follow_target import follow_target
 from vfguide.mavlink.leader_messages import READERS, LeaderCodec, LeaderReport
 from vfguide.mavlink.reports import TimeReport
+from vfguide.mavlink.traffic_messages import traffic_report
 from vfguide.state import LeaderState
 
 
@@ -133,6 +134,20 @@ def test_adsb_tells_its_course_and_how_old_it_is_but_no_time() -> None:
 def test_pressure_altitude_of_adsb_is_none_to_keep_clear_by() -> None:
     report = one(adsb(altitude_type=0), LeaderCodec(icao_address=0x4B1900))
     assert math.isnan(report.altitude_amsl)
+
+
+def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off() -> None:
+    """An airliner at 10 km by air pressure is far above; a type that there is not says nothing."""
+    airliner = traffic_report(adsb(altitude_type=0, altitude=10_000_000))
+    assert airliner is not None
+    assert (airliner.altitude_amsl, airliner.altitude_error) == (10_000.0, 500.0)
+    geometric = traffic_report(adsb())
+    assert geometric is not None
+    assert (geometric.altitude_amsl, geometric.altitude_error) == (588.0, 0.0)
+    for values in ({"altitude_type": 7}, {"altitude_type": 0, "flags": 0b1101}):
+        unknown = traffic_report(adsb(**values))
+        assert unknown is not None
+        assert math.isnan(unknown.altitude_amsl)
 
 
 @pytest.mark.parametrize("values", [{"ICAO_address": 1}, {"flags": 0b1110}, {"tslc": 6}])

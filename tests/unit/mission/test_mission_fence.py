@@ -12,7 +12,7 @@ from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.mission.conditions import conditions_of
-from vfguide.mission.fence import Fence
+from vfguide.mission.fence import Fence, FenceCircle, FencePolygon
 from vfguide.mission.fence_check import beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.load import load_mission
@@ -141,3 +141,17 @@ def test_an_order_that_leads_out_of_the_fence_is_refused(
         return
     with pytest.raises(RefusedOrderError, match=sentence):
         resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
+
+
+def test_the_edge_of_an_area_is_closed() -> None:
+    corners = (
+        {"north_m": 0, "east_m": 0},
+        {"north_m": 90, "east_m": 0},
+        {"north_m": 90, "east_m": 80},
+    )
+    north, east = FencePolygon.model_validate({"points": corners}).edge(None)
+    assert (north.tolist(), east.tolist()) == ([0.0, 90.0, 90.0, 0.0], [0.0, 0.0, 80.0, 0.0])
+    around = {"centre": {"north_m": 10, "east_m": 20}, "radius_m": 5}
+    north, east = FenceCircle.model_validate(around).edge(None)
+    assert (north[0], east[0]) == pytest.approx((north[-1], east[-1]))
+    assert np.hypot(north - 10.0, east - 20.0) == pytest.approx(5.0)

@@ -54,8 +54,8 @@ def test_the_waypoints_of_a_survey_stand_in_its_place() -> None:
 @pytest.mark.parametrize(
     ("last", "end", "radius_m"),
     [
-        ({"command": 20}, "loiter", None),
-        ({"type": "ComplexItem", "complexItemType": "fwLandingPattern"}, "loiter", None),
+        ({"command": 20}, "hand-back", None),
+        ({"type": "ComplexItem", "complexItemType": "fwLandingPattern"}, "hand-back", None),
         ({"command": 177, "params": [1, -1, 0, 0, 0, 0, 0]}, "repeat", None),
         ({"command": 177, "params": [2, -1, 0, 0, 0, 0, 0]}, "loiter", None),
         ({"command": 178, "params": [1, 20, -1, 0, 0, 0, 0]}, "loiter", None),

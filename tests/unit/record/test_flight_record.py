@@ -16,6 +16,7 @@ from vfguide.errors import InputError
 from vfguide.record.archive import write_archive
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
 from vfguide.record.latency import Latency, Percentiles, Promptness, Usage
+from vfguide.record.outline import Outline, compose_outlines
 from vfguide.record.vehicle import SERIES
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -287,3 +288,26 @@ def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_p
     assert path.stat().st_size < 3e6
     with pytest.raises(InputError, match="unpacked it would be 1091 MB, more than 1074 MB"):
         FlightRecord.load(path)
+
+
+def test_fence_and_other_paths_come_back(tmp_path: Path) -> None:
+    edge = Outline(kind="fence", north_m=np.array([0.0, 9.0]), east_m=np.array([1.0, 2.0]))
+    other = Outline(kind="path", north_m=np.array([5.0]), east_m=np.array([6.0]))
+    replace(some_flight(), outlines=(edge, other)).save(tmp_path / "flight.npz")
+
+    loaded = FlightRecord.load(tmp_path / "flight.npz").outlines
+
+    assert [one.kind for one in loaded] == ["fence", "path"]
+    assert loaded[0].north_m.tolist() == [0.0, 9.0]
+    assert loaded[1].east_m.tolist() == [6.0]
+
+
+@pytest.mark.parametrize("kinds", [["wall"], [["fence"]], "fence", ["fence"] * 1001])
+def test_drawn_lines_of_no_known_kind_are_damage(kinds: object) -> None:
+    with pytest.raises(ValueError, match="drawn line"):
+        compose_outlines(kinds, {})
+
+
+def test_a_drawn_line_has_as_many_norths_as_easts() -> None:
+    with pytest.raises(ValueError, match="as many norths as easts"):
+        Outline(kind="fence", north_m=np.zeros(2), east_m=np.zeros(3))

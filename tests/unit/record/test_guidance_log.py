@@ -1,10 +1,19 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
+from vfguide.record.guidance_log import (
+    HEADER,
+    GuidanceStep,
+    GuidanceTrack,
+    encode_step,
+    read_guidance,
+)
+from vfguide.record.guidance_series import lead_series, slot_series
 
 
 def step(time_s: float, mode: str = "tracking") -> GuidanceStep:
@@ -50,6 +59,53 @@ def test_what_was_not_sent_stays_unknown(tmp_path: Path) -> None:
     assert found is not None
     assert math.isnan(found.course_rad)
     assert found.limited is False
+
+
+def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path: Path) -> None:
+    led = replace(
+        step(100.0),
+        slot_forward_m=-20.0,
+        slot_right_m=10.0,
+        slot_up_m=0.0,
+        lead_term=2.0,
+        lead_time_s=99.75,
+        lead_north_m=5.0,
+        lead_east_m=6.0,
+        lead_course_rad=0.5,
+        lead_height_m=100.0,
+    )
+    track = read_guidance(written(tmp_path / "f1.csv", step(99.0), led), zero_s=90.0)
+    assert track.steps == [step(9.0), replace(led, time_s=10.0, lead_time_s=9.75)]
+
+
+def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:
+    steps = [step(1.0)] + [
+        replace(step(time_s), slot_forward_m=-20.0, slot_right_m=right, slot_up_m=0.0)
+        for time_s, right in ((2.0, 10.0), (4.0, 20.0))
+    ]
+    moments = np.array([0.0, 2.0, 3.0, 9.0])
+    series = slot_series(GuidanceTrack(steps), moments, (-20.0, 5.0, 0.0))
+    assert series["slot_right_series_m"].tolist() == [5.0, 10.0, 15.0, 20.0]
+    assert slot_series(GuidanceTrack(steps[:1]), moments, (-20.0, 5.0, 0.0)) == {}
+
+
+def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time() -> None:
+    steps = [step(0.1)] + [
+        replace(
+            step(time_s + 0.1),
+            lead_term=2.0,
+            lead_time_s=time_s,
+            lead_north_m=20.0 * time_s,
+            lead_east_m=0.0,
+            lead_course_rad=0.0,
+            lead_height_m=100.0,
+        )
+        for time_s in (1.0, 1.5)
+    ]
+    series = lead_series(GuidanceTrack(steps), np.array([0.5, 1.25, 2.0]), 488.0)
+    assert np.array_equal(series["lead_north_m"], [np.nan, 25.0, np.nan], equal_nan=True)
+    assert series["lead_term"][1] == 2.0
+    assert series["lead_altitude_amsl_m"][1] == 588.0
 
 
 def test_a_companion_that_was_killed_leaves_nothing(tmp_path: Path) -> None:

@@ -8,21 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import _pylab_helpers
+from matplotlib.figure import Figure
 from PIL import Image
 
+from vfguide.commands.output import PLOT_NAMES
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
 from vfguide.lab.report.formation_drawing import formation_links
 from vfguide.lab.report.picture import save_figure, with_palette
-from vfguide.lab.report.plots import plots_for, write_plots
+from vfguide.lab.report.plots import PLOTS, plots_for, write_plots
 from vfguide.lab.report.tracks_plot import (
     choose_magnification,
     choose_side,
     choose_snapshots,
     choose_view,
+    draw_top_view,
 )
 from vfguide.lab.report.wind_plot import direction_for_drawing
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.flight import Acceptance, FlightRecord, Outline, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -156,3 +159,27 @@ def test_a_palette_keeps_the_background_and_a_thin_line_as_they_are() -> None:
     assert reduced[30, 30].tolist() == [255, 255, 255]
     assert reduced[5, 5].tolist() == [238, 243, 230]
     assert np.abs(reduced[50, 50] - (0, 114, 178)).max() <= 8
+
+
+def test_a_flight_replaces_its_own_plots_and_no_other_file() -> None:
+    # What a directory may hold of a flight is known without what draws it.
+    assert {plot.name for plot in PLOTS} == set(PLOT_NAMES)
+
+
+def test_the_legend_names_fence_and_other_paths_once(make_flight: MakeFlight) -> None:
+    corner = np.array([0.0, 50.0])
+    lines = [Outline(kind=kind, north_m=corner, east_m=corner) for kind in ("fence", "fence")]
+    lines.append(Outline(kind="path", north_m=corner, east_m=corner))
+    axes = Figure().subplots()
+    draw_top_view(axes, make_flight(np.arange(3.0), outlines=tuple(lines)))
+    labels = axes.get_legend_handles_labels()[1]
+    assert [labels.count(one) for one in ("fence", "other paths", "path")] == [1, 1, 1]
+
+
+def test_a_fence_far_away_leaves_the_flight_to_be_seen(make_flight: MakeFlight) -> None:
+    # The drawn path is 100 m long: the view takes in 30 m of the fence to each side of it.
+    far = np.array([-9000.0, 9000.0])
+    edge = Outline(kind="fence", north_m=far, east_m=far)
+    view = choose_view(make_flight(np.arange(3.0), outlines=(edge,)))
+    assert (view.north_m, view.east_m) == pytest.approx((50.0, 0.0))
+    assert view.side_m == pytest.approx(1.22 * 160.0)

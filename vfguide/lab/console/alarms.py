@@ -86,6 +86,8 @@ class Knowledge:
     """Mode of its autopilot; empty while not known."""
     links_lost: int
     """How many of its links do not stand."""
+    ordered_away: bool = False
+    """Whether an order leaves it to its autopilot: then it is not steered, and nothing is wrong with that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,8 +103,11 @@ class Nearness:
 
     @staticmethod
     def is_too_near(distance_m: FloatArray, wanted_m: FloatArray) -> BoolArray:
-        """Whether distances are below what companions keep, by the distances between their slots, m."""
-        near: BoolArray = distance_m < np.minimum(HOLD_M, SPACING_SHARE * wanted_m)
+        """Whether distances are below what companions keep, by the distances between their slots, m.
+
+        Where a slot is not known (NaN) it is what companions keep of others without one.
+        """
+        near: BoolArray = distance_m < np.fmin(HOLD_M, SPACING_SHARE * wanted_m)
         return near
 
 
@@ -163,6 +168,8 @@ def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) ->
 
 def describe_mode(one: Knowledge, patience: Timeouts) -> tuple[Level, str]:
     """The same, of the mode that its companion is in."""
+    if one.ordered_away and one.mode == Mode.WAITING.value:
+        return "note", ""
     if one.mode is not None and one.mode in OF_MODES:
         level, text = OF_MODES[one.mode]
         by = f" ({one.autopilot})" if one.autopilot else ""

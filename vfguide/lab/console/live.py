@@ -6,15 +6,18 @@ import math
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from random import Random
 
 from vfguide.elementwise import FloatArray
 from vfguide.lab.console.alarms import Alarm
 from vfguide.lab.console.model import Formation
+from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.source import Source
-from vfguide.link.opening import Link
+from vfguide.lab.ordering import OrderDesk, ask_for_order
+from vfguide.link.opening import Link, open_link
 from vfguide.link.presence import Presence
-from vfguide.link.watch import Watched, overhearing
+from vfguide.link.watch import Watched, watching_member
 from vfguide.mission import Mission
 
 SAMPLE_S = 0.1
@@ -23,17 +26,31 @@ SAMPLE_S = 0.1
 WORDS_EVERY = 5
 """Pictures from one look at the alarms and cards to the next."""
 
+ASK_EVERY = 10
+"""Pictures from one question for an order that is flown, and was not heard, to the next."""
+
 
 class LiveFlight(Source):
     """What is heard of a formation, for all pages that show it."""
 
-    def __init__(self, mission: Mission) -> None:
-        """Make one that has heard nothing."""
+    def __init__(self, mission: Mission, *, orders: bool = False) -> None:
+        """Make one that has heard nothing.
+
+        Args:
+            mission: of the formation.
+            orders: whether pages may give orders.
+        """
         super().__init__()
         self._formation = Formation(mission)
         self._began_s = time.monotonic()
         self._link: Link | None = None
         self._count = 0
+        self._states: dict[str, bytes] = {}
+        self._desk = OrderDesk(mission)
+        if orders:
+            self.panel = OrderPanel(
+                mission, self._desk, clock=time.monotonic, changed=self._show_order
+            )
         self._formation.sample(self.now)
 
     @property
@@ -43,37 +60,89 @@ class LiveFlight(Source):
 
     def opening(self) -> str:
         """The flight so far, with what is said of it now."""
-        return json.dumps({**self._formation.describe(), **self._words(self.now)}, allow_nan=False)
+        content = {**self._formation.describe(), **self._words(self.now), **self._order()}
+        return json.dumps(content, allow_nan=False)
 
     async def run(self, watched: Watched, *, random: Random) -> None:
         """Listen, and tell all pages what there is to show, until cancelled."""
-        formation = self._formation
-        async with overhearing(
+        formation, desk = self._formation, self._desk
+        member = watching_member(
             watched,
-            formation.names[1:],
-            receive_state=self._take_state,
+            random,
             receive_presence=self._take_presence,
-            random=random,
+            receive=partial(self._take_state, watched.leader),
+            neighbours=formation.names[1:],
+            receive_neighbour=self._take_state,
+            receive_lead=self._take_lead,
+            receive_order=self._take_order,
+            receive_reply=desk.heard_reply if self.panel is not None else None,
+        )
+        desk.member = member
+        async with open_link(
+            watched.addresses, formation=watched.formation, member=member, random=random
         ) as self._link:
-            while True:
-                self._show(self.now)
-                await asyncio.sleep(SAMPLE_S - self.now % SAMPLE_S)
+            if self.panel is not None:
+                self.panel.link = self._link
+            try:
+                while True:
+                    self._show(self.now)
+                    await asyncio.sleep(SAMPLE_S - self.now % SAMPLE_S)
+            finally:
+                if self.panel is not None:
+                    self.panel.stop()
+
+    @property
+    def _proven(self) -> bool:
+        """Whether what is heard is of now; without a key nothing can show that."""
+        member = self._desk.member
+        return member.peer_clock is None or member.trust.proven
 
     def _take_state(self, vehicle: str, data: bytes) -> None:
         self._formation.take_state(vehicle, data, self.now)
+        if self._proven:
+            self._states[vehicle] = data
+
+    def _take_lead(self, vehicle: str, data: bytes) -> None:
+        if self._proven and self._desk.heard_lead(vehicle, data):
+            self._formation.take_lead(data, self.now)
+
+    def _take_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
+        self._desk.heard_order(data, sealed, repeated)
 
     def _take_presence(self, vehicle: str, presence: Presence) -> None:
         self._formation.take_presence(vehicle, presence, self.now)
 
     def _show(self, now: float) -> None:
-        values = self._formation.sample(now)
         self._count += 1
+        if self._count % WORDS_EVERY == 0:
+            self._note_flown()
+        values = self._formation.sample(now)
         if not self.watched:
             return
         content: dict[str, object] = {"t": round(now, 3), "v": rows_of(values)}
         if self._count % WORDS_EVERY == 0:
             content |= self._words(now)
         self.publish(json.dumps(content, allow_nan=False, separators=(",", ":")))
+
+    def _note_flown(self) -> None:
+        """Find out by the newest states who leads and what is flown."""
+        desk = self._desk
+        # Not each state: of 30 aircraft that would be 300 a second.
+        for vehicle, data in self._states.items():
+            desk.heard_state(vehicle, data)
+        self._states.clear()
+        number, order = desk.newest_number, desk.flown
+        self._formation.take_order(number, order, leads=desk.leads)
+        unknown = number > 0 and order is None
+        if unknown and self.panel is not None and self._link and self._count % ASK_EVERY == 0:
+            ask_for_order(self._link)
+
+    def _order(self) -> dict[str, object]:
+        return {} if self.panel is None else {"order": self.panel.describe()}
+
+    def _show_order(self) -> None:
+        """Tell all pages how far the order is that is rehearsed or given."""
+        self.publish(json.dumps(self._order(), allow_nan=False))
 
     def _words(self, now: float) -> dict[str, object]:
         alarms = self._formation.alarms(now)
@@ -87,6 +156,7 @@ class LiveFlight(Source):
                 alarms.insert(0, Alarm(level="alarm", text=refused))
         return {
             "cards": self._formation.cards(now),
+            "flies": self._formation.flies(),
             "alarms": [{"level": one.level, "text": one.text} for one in alarms],
         }
 
@@ -115,9 +185,11 @@ def rows_of(values: FloatArray) -> list[list[float | None]]:
 
 
 @asynccontextmanager
-async def live_flight_of(mission: Mission, watched: Watched) -> AsyncIterator[LiveFlight]:
-    """A formation that is listened to for as long as the context lasts."""
-    flight = LiveFlight(mission)
+async def live_flight_of(
+    mission: Mission, watched: Watched, *, orders: bool = False
+) -> AsyncIterator[LiveFlight]:
+    """A formation that is listened to, and may be given orders, for as long as the context lasts."""
+    flight = LiveFlight(mission, orders=orders)
     try:
         # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
         async with asyncio.TaskGroup() as tasks:

@@ -7,7 +7,7 @@ its origin, altitudes above mean sea level.
 import cmath
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,14 @@ import numpy as np
 from vfguide.companion.plan import local_frame
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Flown, Place, ends
+from vfguide.formation.shapes import named_shape
 from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
 from vfguide.lab.console.history import History
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
-from vfguide.lab.report.replay.data import FORMAT, KINDS, Kind, encode, rounded
+from vfguide.lab.report.replay.data import FORMAT, KINDS, SLOT_KINDS, Kind, encode, rounded
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
-from vfguide.link.presence import Presence
+from vfguide.link.presence import LEADER_FIGURES, Presence
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 
@@ -43,12 +45,20 @@ SERIES = (
     "wind_east_m_s",
     "along_m",
     "across_m",
+    "slot_north_m",
+    "slot_east_m",
+    "slot_altitude_m",
     "mode",
     "age_s",
 )
 """The numbers of a vehicle in a sample, by the names that the replay has for them."""
 
-CONSOLE_KINDS = {**KINDS, "age_s": Kind(unit=0.01, bits=16)}
+COLUMNS = {name: number for number, name in enumerate(SERIES)}
+
+FLOWN_AS = COLUMNS["along_m"]
+"""The series before this one are of the vehicle alone."""
+
+CONSOLE_KINDS = {**KINDS, **SLOT_KINDS, "age_s": Kind(unit=0.01, bits=16)}
 """How they are written."""
 
 CARRIED_S = 2.0
@@ -68,6 +78,9 @@ STEEPEST_M_S = 20.0
 
 STEP_S = 0.3
 """A clock that is behind by more than this has been set, or the flight is slower than real time."""
+
+GREATEST_OF_LEADER = (OLDEST_S, 1e6, 1e6, 50e3, 10.0, 500.0, 10.0)
+"""Greatest magnitudes of what followers say of a leader without a companion, as `LEADER_FIGURES` names it."""
 
 DRAWN_POINTS = 400
 """Of the path."""
@@ -114,6 +127,10 @@ class Formation:
         """What came and was no state."""
         self._rows = {name: row for row, name in enumerate(self.names)}
         self._slots = np.array([slot_of(mission, name) for name in self.names])
+        self._lead: Heard | None = None
+        self._leads = self.names[0]
+        self._number = 0
+        self._order: Arrangement | None = None
         self._heard: dict[str, Heard] = {}
         self._said: dict[str, Said] = {}
         self._offset_s: float | None = None
@@ -133,12 +150,21 @@ class Formation:
         except LinkDataError:
             self.counters["no state"] += 1
             return
-        place = complex(*self._frame.to_local(message.latitude_deg, message.longitude_deg))
-        climb = climb_between(self._heard.get(vehicle), message)
-        self._heard[vehicle] = Heard(message=message, place=place, climb=climb, received_s=now)
+        self._heard[vehicle] = self._heard_of(self._heard.get(vehicle), message, now)
         leader = self._heard.get(self.names[0])
-        if vehicle == self.names[0] or leader is None or now - leader.received_s > CARRIED_S:
+        foreign = self._mission.leader.is_foreign
+        if (
+            vehicle == self.names[0]
+            or foreign
+            or leader is None
+            or now - leader.received_s > CARRIED_S
+        ):
             self._note_clock(message.time_s - now)
+
+    def _heard_of(self, before: Heard | None, message: LeaderMessage, now: float) -> Heard:
+        place = complex(*self._frame.to_local(message.latitude_deg, message.longitude_deg))
+        climb = climb_between(before, message)
+        return Heard(message=message, place=place, climb=climb, received_s=now)
 
     def take_presence(self, vehicle: str, presence: Presence, now: float) -> None:
         """Take what a vehicle says about itself."""
@@ -148,7 +174,53 @@ class Formation:
         warned_s = math.nan if before is None else before.warned_s
         if presence.warning and (before is None or presence.warning != before.presence.warning):
             warned_s = now
+        if self._mission.leader.is_foreign:
+            self._take_foreign_leader(presence, now)
         self._said[vehicle] = Said(presence=presence, received_s=now, warned_s=warned_s)
+
+    def take_lead(self, data: bytes, now: float) -> None:
+        """Take how the leader moves by which a deputy leads in its place."""
+        self._lead = self._heard_of(self._lead, decode(data), now)
+
+    def take_order(self, number: int, order: Arrangement | None, *, leads: str) -> None:
+        """Take what is flown.
+
+        Args:
+            number: of the order that is flown; 0 before the first.
+            order: the order; None where it was not heard.
+            leads: name of the vehicle that leads.
+        """
+        self._number, self._order, self._leads = number, order, leads
+
+    def _take_foreign_leader(self, presence: Presence, now: float) -> None:
+        """Take how a follower has heard a leader without a companion; the newest word of all counts."""
+        found = [presence.figures.get(name, math.nan) for name in LEADER_FIGURES]
+        # Not "above": a comparison with NaN is false whichever way it is put.
+        sound = all(abs(one) <= most for one, most in zip(found, GREATEST_OF_LEADER, strict=True))
+        if self._offset_s is None or not sound:
+            return
+        age_s, north, east, altitude, course, speed, turn_rate = found
+        before, heard_s = self._heard.get(self.names[0]), now - max(age_s, 0.0)
+        if before is not None and heard_s <= before.received_s:
+            return
+        message = LeaderMessage(
+            sequence=0,
+            time_s=heard_s + self._offset_s,
+            latitude_deg=0.0,
+            longitude_deg=0.0,
+            altitude_amsl=altitude,
+            course=course,
+            ground_speed=speed,
+            acceleration=0.0,
+            turn_rate=turn_rate,
+            turn_acceleration=0.0,
+        )
+        self._heard[self.names[0]] = Heard(
+            message=message,
+            place=complex(north, east),
+            climb=climb_between(before, message),
+            received_s=heard_s,
+        )
 
     def _note_clock(self, offset_s: float) -> None:
         """Learn what to add to the own clock for the formation's: the message that took least counts."""
@@ -167,24 +239,45 @@ class Formation:
             heard = self._heard.get(name)
             if heard is None or now - heard.received_s > KEPT_S:
                 continue
-            passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
-            # A vehicle whose messages take less than the leader's is heard ahead of the moment.
-            carried_s = min(max(passed_s, -CARRIED_S), CARRIED_S)
+            carried_s = self._carried_s(heard, now)
             place, velocity = carry(heard, carried_s)
             fresh = now - heard.received_s <= CARRIED_S
             if fresh:
                 carried[row] = place, velocity
-            values[row, :-2] = self._numbers(name, heard.message, place, velocity, fresh=fresh)
-            values[row, 2] += heard.climb * carried_s
-        self._reckon_slots(values, carried)
-        self._near = self._nearness(values, sorted(carried))
+            numbers = self._numbers(name, heard.message, place, velocity, fresh=fresh)
+            values[row, :FLOWN_AS] = numbers
+            values[row, COLUMNS["altitude_m"]] += heard.climb * carried_s
+        slots = self._slots_at(now)
+        self._reckon_slots(values, slots, carried, now)
+        self._near = self._nearness(values, slots, sorted(carried))
         self.history.add(now, values)
         return values
+
+    def _carried_s(self, heard: Heard, now: float) -> float:
+        """For how long a state is carried on to be one of now, s."""
+        passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
+        # A vehicle whose messages take less than the leader's is heard ahead of the moment.
+        return min(max(passed_s, -CARRIED_S), CARRIED_S)
+
+    def _slots_at(self, now: float) -> FloatArray:
+        """(vehicles, 3) forward, right and up of all slots, m; NaN of vehicles without one that is known."""
+        if self._number == 0:
+            return self._slots
+        slots = np.full_like(self._slots, math.nan)
+        slots[0] = 0.0
+        order = self._order
+        if order is None or order.flown is Flown.ABORT:
+            return slots
+        time_s = now + (self._offset_s or 0.0)
+        for name in order.vehicles & self._rows.keys():
+            slot, (up, _) = order.slot(name, time_s), order.height(name, time_s)
+            slots[self._rows[name]] = slot.forward, slot.right, up
+        return slots
 
     def _numbers(
         self, name: str, message: LeaderMessage, place: complex, velocity: complex, *, fresh: bool
     ) -> list[float]:
-        """What `SERIES` names but for mode and age; slots are reckoned later."""
+        """What `SERIES` names of the vehicle alone."""
         course = math.degrees(cmath.phase(velocity)) if fresh else math.nan
         speed = abs(velocity)
         wind = self._wind(name)
@@ -201,27 +294,51 @@ class Formation:
             abs(air) if fresh and cmath.isfinite(wind) else math.nan,
             wind.real,
             wind.imag,
-            math.nan,
-            math.nan,
         ]
 
-    def _reckon_slots(
-        self, values: FloatArray, carried: Mapping[int, tuple[complex, complex]]
-    ) -> None:
-        """Where the slots are as their vehicles see them, along and right of the leader's course."""
+    def _reference(
+        self, values: FloatArray, carried: Mapping[int, tuple[complex, complex]], now: float
+    ) -> tuple[complex, complex, float] | None:
+        """(place in m, velocity in m/s, altitude in m) of the leader by which all fly; None: not known."""
+        lead = self._lead
+        if self._leads != self.names[0]:
+            if lead is None or now - lead.received_s > CARRIED_S:
+                return None
+            carried_s = self._carried_s(lead, now)
+            altitude = lead.message.altitude_amsl + lead.climb * carried_s
+            return *carry(lead, carried_s), altitude
         if 0 not in carried:
-            return
-        led, velocity = carried[0]
-        ahead = cmath.rect(1.0, cmath.phase(velocity))
-        for row, (place, _) in carried.items():
-            if row:
-                forward, right, _ = self._slots[row]
-                off = complex(forward, right) - (place - led) / ahead
-                values[row, 10:12] = off.real, off.imag
+            return None
+        return *carried[0], float(values[0, COLUMNS["altitude_m"]])
 
-    def _nearness(self, values: FloatArray, rows: list[int]) -> tuple[Nearness, ...]:
+    def _reckon_slots(
+        self,
+        values: FloatArray,
+        slots: FloatArray,
+        carried: Mapping[int, tuple[complex, complex]],
+        now: float,
+    ) -> None:
+        """Where the slots are; and as their vehicles see them, along and right of the leader's course."""
+        reference = self._reference(values, carried, now)
+        if reference is None:
+            return
+        led, velocity, altitude = reference
+        ahead = cmath.rect(1.0, cmath.phase(velocity))
+        first = COLUMNS["slot_north_m"]
+        for row, (forward, right, up) in enumerate(slots.tolist()):
+            if not row or math.isnan(forward):
+                continue
+            slot = led + complex(forward, right) * ahead
+            values[row, first : first + 3] = slot.real, slot.imag, altitude + up
+            if row in carried:
+                off = (slot - carried[row][0]) / ahead
+                values[row, FLOWN_AS : FLOWN_AS + 2] = off.real, off.imag
+
+    def _nearness(
+        self, values: FloatArray, slots: FloatArray, rows: list[int]
+    ) -> tuple[Nearness, ...]:
         """Every two vehicles that are heard now and nearer than they should ever be."""
-        places, slots = values[rows, :3], self._slots[rows]
+        places, slots = values[rows, :3], slots[rows]
         first, second = np.triu_indices(len(rows), 1)
         distance = np.linalg.norm(places[first] - places[second], axis=1)
         wanted = np.linalg.norm(slots[first] - slots[second], axis=1)
@@ -235,6 +352,29 @@ class Formation:
             for i in np.flatnonzero(near)
         )
 
+    def flies(self) -> dict[str, object]:
+        """Who leads, and what is flown, in words, ready for JSON."""
+        succeeded = self._leads != self.names[0]
+        return {
+            "leads": self._leads,
+            "succeeded": succeeded,
+            "number": self._number,
+            "order": self._flown_in_words(),
+        }
+
+    def _flown_in_words(self) -> str:
+        if self._number == 0:
+            return "the mission's formation"
+        order = self._order
+        if order is None:
+            return "an order that was not heard: slots are not known"
+        if order.flown is Flown.ABORT:
+            return "nothing: all was called off"
+        text = slots_in_words(order.places)
+        if order.path != MAIN_PATH:
+            text += f", on the path {order.path}"
+        return f"a hold, {text}" if order.flown is Flown.HOLD else text
+
     def cards(self, now: float) -> list[dict[str, object]]:
         """What is said of each vehicle in words, ready for JSON; its numbers are in the samples."""
         alarms: dict[str, str] = {}
@@ -245,14 +385,15 @@ class Formation:
         return [self._card(name, alarms.get(name, "good"), now) for name in self.names]
 
     def _card(self, name: str, level: str, now: float) -> dict[str, object]:
-        said = self._said.get(name)
+        said, leads = self._said.get(name), name == self._leads
         if said is None:
-            return {"level": level, "autopilot": "", "warning": "", "hears_s": None, "signed": None}
+            unknown = {"autopilot": "", "warning": "", "hears_s": None, "signed": None}
+            return {"level": level, "leads": leads, **unknown}
         presence = said.presence
         hears_ms = presence.figures.get("leader_age_ms_last")
-        leads = name == self.names[0]
         return {
             "level": level,
+            "leads": leads,
             "autopilot": presence.autopilot,
             "warning": presence.warning,
             "warned_s": None if math.isnan(said.warned_s) else round(now - said.warned_s),
@@ -274,8 +415,15 @@ class Formation:
             offline=said is not None and said.presence.status == "offline",
             state_age_s=math.inf if heard is None else now - heard.received_s,
             autopilot="" if said is None else said.presence.autopilot,
+            ordered_away=self._is_ordered_away(name),
             links_lost=0 if said is None else int(said.presence.figures.get("links_lost", 0.0)),
         )
+
+    def _is_ordered_away(self, name: str) -> bool:
+        order = self._order
+        if order is None:
+            return False
+        return order.flown is Flown.ABORT or (name != self.names[0] and name not in order.vehicles)
 
     def _mode(self, name: str) -> str:
         said = self._said.get(name)
@@ -327,6 +475,17 @@ class Formation:
                 for row, name in enumerate(self.names)
             ],
         }
+
+
+def slots_in_words(places: Iterable[Place]) -> str:
+    """What followers fly in once they have come to their slots."""
+    points = ends(places)
+    if not points:
+        return "no followers"
+    shape = named_shape((point.forward, point.right) for point in points.values())
+    if shape is None:
+        return "slots of their own"
+    return f"{shape[0]}, {shape[1]:.0f} m apart"
 
 
 def slot_of(mission: Mission, name: str) -> tuple[float, float, float]:

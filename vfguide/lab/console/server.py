@@ -2,9 +2,10 @@
 
 import asyncio
 import hmac
+import re
 import secrets
 import ssl
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from html import escape
@@ -15,13 +16,21 @@ from socket import AF_INET, AF_INET6, SO_REUSEADDR, SOCK_STREAM, SOL_SOCKET, soc
 from urllib.parse import urlsplit
 
 import uvicorn
+from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse, RedirectResponse, Response, StreamingResponse
+from starlette.responses import (
+    JSONResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from vfguide.errors import InputError
+from vfguide.lab.console.orders import BusyError, Choice, Nothing, OrderPanel, order_from
 from vfguide.lab.console.source import Source
 from vfguide.lab.report.replay.page_part import read as read_replay
 
@@ -42,7 +51,7 @@ HEADERS = {
 """Of every answer."""
 
 SHARED_SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
-OWN_SCRIPTS = ("live.js", "cards.js", "console.js")
+OWN_SCRIPTS = ("live.js", "cards.js", "orders.js", "console.js")
 
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
@@ -53,7 +62,15 @@ MOST_CONNECTIONS = 100
 CLOSING_S = 1
 """For open streams to end, s."""
 
+LARGEST_BODY = 4096
+"""Bytes of what a page sends."""
+
 REFUSED = "This address needs the token that `vfguide console` printed: open the whole address.\n"
+READ_ONLY = "Nothing can be changed here.\n"
+NOT_OPERATOR = (
+    "Orders need the second address that `vfguide console --operator` printed: open that one.\n"
+)
+FROM_ELSEWHERE = "Orders are taken from the console's own page alone.\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,19 +139,57 @@ def is_own_url(text: str) -> bool:
     return loopback and parts.scheme == "http" and parts.path in {"", "/"} and not parts.query
 
 
-class Guard:
-    """Lets in who has the token, in the address or in a cookie, and puts the headers on every answer."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pass:
+    """A token that lets in, and the cookie that keeps it."""
 
-    def __init__(self, app: ASGIApp, *, token: str, cookie: str, secure: bool) -> None:
-        """Stand before an application.
+    token: str
+    """Of chance."""
+    cookie: str
+    """Its name."""
 
-        Args:
-            app: what is guarded.
-            token: that lets in.
-            cookie: name of the cookie that keeps it.
-            secure: whether the cookie is for TLS alone.
+    def is_token(self, given: str | None) -> bool:
+        """Whether a text is the token."""
+        return given is not None and hmac.compare_digest(given.encode(), self.token.encode())
+
+    def is_held(self, connection: HTTPConnection) -> bool:
+        """Whether a request has the cookie."""
+        return self.is_token(connection.cookies.get(self.cookie))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doors:
+    """Who is let in."""
+
+    look: Pass
+    """Of those who may look."""
+    order: Pass | None
+    """Of those who may give orders, too; None where nobody may."""
+    secure: bool
+    """Whether it is served by TLS, and cookies are for TLS alone."""
+
+    def may_order(self, connection: HTTPConnection) -> bool:
+        """Whether a request is an operator's."""
+        return self.order is not None and self.order.is_held(connection)
+
+    def is_own(self, connection: HTTPConnection) -> bool:
+        """Whether a request was made by the console's own page, by what the browser says of it.
+
+        Browsers name the origin in every POST. Its host has to be the one that the request was sent to; a
+        name of somebody else's that leads here has no cookie.
         """
-        self._app, self._token, self._cookie, self._secure = app, token, cookie, secure
+        scheme = "https" if self.secure else "http"
+        own = f"{scheme}://{connection.headers.get('host', '')}"
+        site = connection.headers.get("sec-fetch-site", "same-origin")
+        return connection.headers.get("origin") == own and site == "same-origin"
+
+
+class Guard:
+    """Lets in who has a token, in the address or in a cookie, and puts the headers on every answer."""
+
+    def __init__(self, app: ASGIApp, doors: Doors) -> None:
+        """Stand before an application."""
+        self._app, self._doors = app, doors
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -152,38 +207,54 @@ class Guard:
         await self._answer(scope)(scope, receive, send_guarded)
 
     def _answer(self, scope: Scope) -> ASGIApp:
-        connection = HTTPConnection(scope)
+        connection, doors = HTTPConnection(scope), self._doors
+        if scope["method"] == "POST" and doors.order is not None:
+            return self._answer_order(connection)
         if scope["method"] not in {"GET", "HEAD"}:
-            return PlainTextResponse("Nothing can be changed here.\n", status_code=405)
-        if self._is_token(connection.query_params.get("token")):
+            return PlainTextResponse(READ_ONLY, status_code=405)
+        token = connection.query_params.get("token")
+        if doors.order is not None and doors.order.is_token(token):
+            return self._welcome(operator=doors.order)
+        if doors.look.is_token(token):
             return self._welcome()
-        if self._is_token(connection.cookies.get(self._cookie)):
+        if doors.look.is_held(connection):
             return self._app
         return PlainTextResponse(REFUSED, status_code=403)
 
-    def _is_token(self, given: str | None) -> bool:
-        return given is not None and hmac.compare_digest(given.encode(), self._token.encode())
+    def _answer_order(self, connection: HTTPConnection) -> ASGIApp:
+        if not self._doors.may_order(connection):
+            return PlainTextResponse(NOT_OPERATOR, status_code=403)
+        if not self._doors.is_own(connection):
+            return PlainTextResponse(FROM_ELSEWHERE, status_code=403)
+        if connection.headers.get("content-type") != "application/json":
+            return PlainTextResponse("An order is JSON.\n", status_code=415)
+        return self._app
 
-    def _welcome(self) -> Response:
+    def _welcome(self, operator: Pass | None = None) -> Response:
         """To the page itself: the token stays in no list of addresses that were visited."""
-        answer = RedirectResponse("/", status_code=303)
+        answer, look, secure = (
+            RedirectResponse("/", status_code=303),
+            self._doors.look,
+            self._doors.secure,
+        )
         # A strict cookie would not go with this redirection of a link on another site. A lax one goes with
         # no request of other sites but for the page itself, which they can neither read nor frame.
-        answer.set_cookie(
-            self._cookie, self._token, httponly=True, samesite="lax", secure=self._secure
-        )
+        answer.set_cookie(look.cookie, look.token, httponly=True, samesite="lax", secure=secure)
+        if operator is not None:
+            # Orders are sent by the page itself: this cookie goes with no request of another site at all.
+            answer.set_cookie(
+                operator.cookie, operator.token, httponly=True, samesite="strict", secure=secure
+            )
         return answer
 
 
-def application(source: Source, *, title: str, token: str, cookie: str, secure: bool) -> ASGIApp:
+def application(source: Source, *, title: str, doors: Doors) -> ASGIApp:
     """Everything that is served.
 
     Args:
         source: the flight.
         title: what the page calls it.
-        token: that lets in.
-        cookie: name of the cookie that keeps it.
-        secure: whether it is served by TLS.
+        doors: who is let in.
     """
     page, program, style = render_page(title), join_program(), join_style()
 
@@ -196,10 +267,11 @@ def application(source: Source, *, title: str, token: str, cookie: str, secure: 
     async def show_style(_: Request) -> Response:
         return Response(style, media_type="text/css")
 
-    async def stream(_: Request) -> Response:
+    async def stream(request: Request) -> Response:
         if source.full:
             return PlainTextResponse("Too many pages are open.\n", status_code=503)
-        return StreamingResponse(events_of(source), media_type="text/event-stream")
+        events = events_of(source, may_order=doors.may_order(request))
+        return StreamingResponse(events, media_type="text/event-stream")
 
     routes = [
         Route("/", show_page),
@@ -207,12 +279,63 @@ def application(source: Source, *, title: str, token: str, cookie: str, secure: 
         Route("/console.css", show_style),
         Route("/flight", stream),
     ]
-    return Guard(Starlette(routes=routes), token=token, cookie=cookie, secure=secure)
+    if source.panel is not None and doors.order is not None:
+        routes += order_routes(source.panel)
+    return Guard(Starlette(routes=routes), doors)
 
 
-async def events_of(source: Source) -> AsyncIterator[str]:
-    """Server-sent events: the flight so far, then what is added to it, for ever."""
+def order_routes(panel: OrderPanel) -> list[Route]:
+    """Where pages send orders; each answer is a number of a rehearsal, or a sentence."""
+
+    async def rehearse(request: Request) -> Response:
+        return await told(request, lambda body: panel.rehearse(order_from(body)))
+
+    async def give(request: Request) -> Response:
+        def chosen(body: bytes) -> int:
+            number = Choice.model_validate_json(body).number
+            panel.give(number)
+            return number
+
+        return await told(request, chosen)
+
+    async def abort(request: Request) -> Response:
+        def called_off(body: bytes) -> int:
+            Nothing.model_validate_json(body)
+            return panel.abort()
+
+        return await told(request, called_off)
+
+    return [
+        Route("/order/rehearse", rehearse, methods=["POST"]),
+        Route("/order/give", give, methods=["POST"]),
+        Route("/order/abort", abort, methods=["POST"]),
+    ]
+
+
+async def told(request: Request, use: Callable[[bytes], int]) -> Response:
+    """Do what a page has sent; what is wrong with it is one line."""
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > LARGEST_BODY:
+            return PlainTextResponse("This is too long for an order.\n", status_code=413)
+    try:
+        number = use(bytes(body))
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        line = " ".join(f"{place}: {first['msg']}".removeprefix(": ").split())
+        return PlainTextResponse(f"This is no order: {line}\n", status_code=422)
+    except BusyError as error:
+        return PlainTextResponse(f"{error}\n", status_code=409)
+    return JSONResponse({"number": number}, status_code=202)
+
+
+async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator[str]:
+    """Server-sent events: whether the page may order, the flight so far, then what is added, for ever."""
     with source.page() as queue:
+        if may_order:
+            yield "event: operator\ndata:\n\n"
         yield f"event: flight\ndata: {source.opening()}\n\n"
         while True:
             try:
@@ -228,8 +351,14 @@ async def events_of(source: Source) -> AsyncIterator[str]:
 
 def render_page(title: str) -> str:
     """The page; the name of a mission stays text in it."""
-    replay = read_replay("replay.html").replace("<!-- below -->", read_page("cards.html"))
-    return read_page("console.html").replace("{title}", escape(title)).replace("{replay}", replay)
+    parts = {
+        "{title}": escape(title),
+        "{orders}": read_page("orders.html"),
+        "{replay}": read_replay("replay.html").replace("<!-- below -->", read_page("cards.html")),
+    }
+    # In one pass: a title is not looked at again.
+    names = re.compile("|".join(map(re.escape, parts)))
+    return names.sub(lambda found: parts[found[0]], read_page("console.html"))
 
 
 def join_program() -> str:
@@ -283,7 +412,12 @@ def listen(address: Address) -> socket:
 
 @asynccontextmanager
 async def served(
-    source: Source, address: Address, *, title: str, token: str | None = None
+    source: Source,
+    address: Address,
+    *,
+    title: str,
+    token: str | None = None,
+    operator_token: str | None = None,
 ) -> AsyncIterator[str]:
     """Serve a flight for as long as the context lasts.
 
@@ -292,6 +426,7 @@ async def served(
         address: where.
         title: what the page calls it.
         token: that lets in; one of chance if absent.
+        operator_token: that lets operators in, who give orders; nobody does if absent.
 
     Yields:
         The address to open, with its token.
@@ -305,13 +440,17 @@ async def served(
     try:
         port = opened.getsockname()[1]
         # Cookies do not tell ports apart: two consoles of one computer have two names.
-        app = application(
-            source,
-            title=title,
-            token=token,
-            cookie=f"vfguide-console-{port}",
+        order = (
+            None
+            if operator_token is None
+            else Pass(token=operator_token, cookie=f"vfguide-operator-{port}")
+        )
+        doors = Doors(
+            look=Pass(token=token, cookie=f"vfguide-console-{port}"),
+            order=order,
             secure=address.certificate is not None,
         )
+        app = application(source, title=title, doors=doors)
         server = QuietServer(configured(app, address))
         running = asyncio.create_task(server.serve(sockets=[opened]), name="console server")
         try:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.report.replay.data import describe_flight
 from vfguide.record.flight import FlightRecord
 
@@ -17,6 +18,9 @@ WAITING = 50
 
 class Source:
     """A flight, and the pages that watch it."""
+
+    panel: OrderPanel | None = None
+    """By which pages give orders; None where nobody may."""
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[str | None]] = set()

@@ -9,16 +9,14 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.debrief.recordings import FlightRecordings, Recorded
-from vfguide.lab.rehearsal.recorder import MODES, drawn_path, local_positions
+from vfguide.lab.rehearsal.recorder import MODES, drawn_outlines, drawn_path, local_positions
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightRecord, Origin
-from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
+from vfguide.record.guidance_series import lead_series, sampled, slot_series
 from vfguide.record.recording import files_of
 from vfguide.record.vehicle import VehicleRecord
-
-GAP_S = 1.0
-"""s without a report after which a vehicle's place counts as unknown."""
 
 MARGIN_S = 5.0
 """s before the first steered moment and after the last that belong to the flight."""
@@ -63,13 +61,15 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
     rate = min(mission.rehearsal.rate_hz, MOST_SAMPLES / (end - begin))
     time_s = np.arange(0.0, end - begin, 1.0 / rate)
     vehicles = [vehicle_record(mission, name, parts[name], begin + time_s) for name in flown]
-    path_north, path_east = drawn_path(mission, only_known(vehicles[0]))
+    leader = only_known(vehicles[0])
+    path_north, path_east = drawn_path(mission, leader)
     return FlightRecord(
         time_s=time_s,
         vehicles=tuple(vehicles),
         mode_names=tuple(mode.value for mode in MODES),
         path_north_m=path_north,
         path_east_m=path_east,
+        outlines=drawn_outlines(mission, leader),
         mission=mission.name,
         controller=mission.controller.type,
         plant=mission.leader_vehicle.plant,
@@ -136,10 +136,10 @@ def vehicle_record(
     banks = joined([shifted(one.telemetry.banks, shift) for one, shift in parts])
     when = positions[:, 0]
     north, east = local_positions(mission, positions[:, 1], positions[:, 2])
-    velocity_north, velocity_east = (at(moments, when, positions[:, n]) for n in (4, 5))
-    heading = at(moments, when, unwrapped(positions[:, 6]))
-    airspeed = at(moments, airspeeds[:, 0], airspeeds[:, 1])
-    known_north, known_east = at(moments, when, north), at(moments, when, east)
+    velocity_north, velocity_east = (sampled(moments, when, positions[:, n]) for n in (4, 5))
+    heading = sampled(moments, when, unwrapped(positions[:, 6]))
+    airspeed = sampled(moments, airspeeds[:, 0], airspeeds[:, 1])
+    known_north, known_east = sampled(moments, when, north), sampled(moments, when, east)
     leads = name == mission.leader.vehicle
     slot = None if leads else mission.followers_by_name[name].slot
     course = np.arctan2(velocity_east, velocity_north)
@@ -147,6 +147,7 @@ def vehicle_record(
     # What is known of a leader without a companion is in a follower's recording, beside what that one did.
     foreign = leads and mission.leader.is_foreign
     doings = doings_at(moments, [] if foreign else parts)
+    track = joined_track([] if foreign else parts)
     by_airspeed = mission.vehicles[name].plant == "heading-hold"
     unsent = np.full_like(moments, math.nan)
     return VehicleRecord(
@@ -158,12 +159,12 @@ def vehicle_record(
         slot_up_m=slot.up_m if slot else 0.0,
         north_m=known_north,
         east_m=known_east,
-        altitude_amsl_m=at(moments, when, positions[:, 3]),
+        altitude_amsl_m=sampled(moments, when, positions[:, 3]),
         course_rad=course,
         ground_speed_m_s=np.hypot(velocity_north, velocity_east),
         heading_rad=heading,
         airspeed_m_s=airspeed,
-        bank_rad=at(moments, banks[:, 0], banks[:, 1]),
+        bank_rad=sampled(moments, banks[:, 0], banks[:, 1]),
         wind_north_m_s=velocity_north - airspeed * np.cos(heading),
         wind_east_m_s=velocity_east - airspeed * np.sin(heading),
         path_cross_track_error_m=nearest.cross_track_error if leads else unsent,
@@ -174,6 +175,12 @@ def vehicle_record(
         mode=doings[:, 0].astype(np.int64),
         limited=doings[:, 3].astype(np.bool_),
         lyapunov=doings[:, 4],
+        **(
+            {}
+            if slot is None
+            else slot_series(track, moments, (slot.forward_m, slot.right_m, slot.up_m))
+        ),
+        **(lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}),
     )
 
 
@@ -191,22 +198,26 @@ def doings_at(moments: FloatArray, parts: list[tuple[Recorded, float]]) -> Float
     return table[newest, 1:]
 
 
+def joined_track(parts: list[tuple[Recorded, float]]) -> GuidanceTrack:
+    """The steps of all starts of a vehicle on the common clock."""
+    steps = [
+        replace(
+            step,
+            time_s=one.start.to_unix(step.time_s) + shift,
+            lead_time_s=one.start.to_unix(step.lead_time_s) + shift,
+        )
+        for one, shift in parts
+        for step in one.guidance.steps
+    ]
+    return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+
+
 def doings_row(time_s: float, step: GuidanceStep) -> tuple[float, ...]:
     """A step as numbers; a setpoint only while the vehicle is steered by it."""
     mode = NAMES.get(step.mode, NAMES[Mode.WAITING.value])
     if step.mode not in STEERED:
         return time_s, mode, math.nan, math.nan, False, math.nan
     return time_s, mode, step.course_rad, step.speed_m_s, step.limited, step.lyapunov_m2
-
-
-def at(moments: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at the moments, by interpolation; NaN where the nearest reports are too far apart."""
-    if times.size < 2:
-        return np.full_like(moments, math.nan)
-    found = np.interp(moments, times, values, left=math.nan, right=math.nan)
-    after = np.clip(np.searchsorted(times, moments), 1, times.size - 1)
-    found[times[after] - times[after - 1] > GAP_S] = math.nan
-    return found
 
 
 def unwrapped(angles: FloatArray) -> FloatArray:

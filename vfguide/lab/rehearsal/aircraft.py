@@ -89,10 +89,10 @@ class Aircraft:
         Returns:
             states that this aircraft publishes.
         """
-        if self._loses("companion", now):
+        if self.loses("companion", now):
             self._fly_alone(now)
             return []
-        alone = self._loses("link", now)
+        alone = self.loses("link", now)
         companion, emulator = self.companion, self._emulator
         while self._orders and self._orders[0][0] <= now + ROUNDING_S:
             order = self._orders.popleft()[1]
@@ -112,7 +112,7 @@ class Aircraft:
         said = [*out.to_link, *out.to_followers, *out.replies, *out.repeats]
         return [] if alone else [(self.name, data) for data in said]
 
-    def _loses(self, what: str, now: float) -> bool:
+    def loses(self, what: str, now: float) -> bool:
         """Whether the vehicle is without its companion or its link now."""
         return any(loss.what == what and loss.lasts(now) for loss in self._losses)
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shlex
 import socket
 import time
 from collections.abc import AsyncIterator, Sequence
@@ -198,6 +199,21 @@ class LiveFlight:
         """The formation, for those who want to know how it is."""
         return self._watched or watched_by_anybody(self.mission, self._links)
 
+    @property
+    def mission_file(self) -> Path:
+        """The mission as its programs read it."""
+        return self._directory / "mission.yaml"
+
+    @property
+    def order_command(self) -> str:
+        """How an operator gives this flight an order, say to fly in a vee."""
+        options = (
+            *(f"--link={link}" for link in self._links),
+            f"--key={self.keys.private(OPERATOR)}",
+            f"--roster={self.keys.roster}",
+        )
+        return shlex.join(("vfguide", "order", str(self.mission_file), "vee", *options))
+
     def _make_keys(self) -> None:
         """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
         make_keys(self.keys, self.mission.name, self.mission.companions)
@@ -224,7 +240,7 @@ class LiveFlight:
 
     async def start(self, truth_port: int) -> None:
         """Start every process."""
-        mission_file = self._directory / "mission.yaml"
+        mission_file = self.mission_file
         self._make_keys()
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")

@@ -13,9 +13,13 @@ from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import Point
+from vfguide.guidance.path import Path
+from vfguide.mission.fence_check import fences_of
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
+from vfguide.mission.path_frame import frame_of
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
+from vfguide.record.outline import Outline, OutlineKind
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, VehicleRecord
 
 TRUTHS = (
@@ -33,7 +37,7 @@ TRUTHS = (
 POSITION = ("latitude_deg", "longitude_deg")
 """What it turns into north and east."""
 
-DOINGS = ("mode", "course", "speed", "limited", "lyapunov")
+DOINGS = ("mode", "course", "speed", "limited", "lyapunov", "path")
 """What it takes from the companion's snapshot, as numbers."""
 
 LEADS = ("term", "north", "east", "course", "altitude")
@@ -66,11 +70,12 @@ class VehicleRecorder:
         self._doings = array("d")
         self._leads = array("d") if mission.deputies else None
         self._slots = array("d")
+        self._path_names = tuple(mission.paths_by_name)
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
         """Note where the aircraft is and what its companion did."""
         self._truths.extend(truth_row(truth))
-        self._doings.extend(doings_row(snapshot))
+        self._doings.extend(doings_row(snapshot, self._path_names))
         self._slots.extend(slot_row(snapshot, self._slot))
         if self._leads is not None:
             self._leads.extend(lead_row(snapshot, self._mission.origin.altitude_amsl_m))
@@ -87,8 +92,10 @@ class VehicleRecorder:
         by_airspeed = vehicle.plant == "heading-hold"
         leads = name == mission.leader.vehicle
         slot = None if leads else mission.followers_by_name[name].slot
-        nearest = path_of(mission.path).nearest(north, east, truths["course_rad"])
         unknown = np.full_like(north, math.nan)
+        error, course = unknown, unknown
+        if leads:
+            error, course = beside_paths(mission, north, east, truths["course_rad"], doings["path"])
         return VehicleRecord(
             name=name,
             role="leader" if leads else "follower",
@@ -99,8 +106,8 @@ class VehicleRecorder:
             north_m=north,
             east_m=east,
             **{field: truths[field] for field in TRUTHS},
-            path_cross_track_error_m=nearest.cross_track_error if leads else unknown,
-            path_course_rad=nearest.course if leads else unknown,
+            path_cross_track_error_m=error,
+            path_course_rad=course,
             course_setpoint_rad=doings["course"],
             airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
             ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
@@ -149,6 +156,7 @@ def flight_record(
         mode_names=tuple(mode.value for mode in MODES),
         path_north_m=path_north,
         path_east_m=path_east,
+        outlines=drawn_outlines(mission, vehicles[0]),
         mission=mission.name,
         controller=mission.controller.type,
         plant=mission.rehearsal.emulator.plant or mission.leader_vehicle.plant,
@@ -163,7 +171,28 @@ def flight_record(
     )
 
 
-def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
+def beside_paths(
+    mission: Mission, north: FloatArray, east: FloatArray, course: FloatArray, numbers: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(cross-track error in m, course of the path in rad) of a leader, on the path that it follows each time.
+
+    Args:
+        mission: with all its paths.
+        north: of the leader, m.
+        east: of the leader, m.
+        course: of the leader, rad.
+        numbers: of the paths among those of the mission, the first 0.
+    """
+    error, tangent = np.full_like(north, math.nan), np.full_like(north, math.nan)
+    for number, shape in enumerate(mission.paths_by_name.values()):
+        flown = numbers == number
+        if flown.any():
+            nearest = path_of(shape).nearest(north[flown], east[flown], course[flown])
+            error[flown], tangent[flown] = nearest.cross_track_error, nearest.course
+    return error, tangent
+
+
+def doings_row(snapshot: Snapshot, path_names: Sequence[str]) -> tuple[float, ...]:
     """What a companion did last, in the order of `DOINGS`; NaN where it has sent no setpoint."""
     setpoint = snapshot.setpoint
     course, speed, limited = (
@@ -171,7 +200,8 @@ def doings_row(snapshot: Snapshot) -> tuple[float, ...]:
         if setpoint is None
         else (setpoint.course, setpoint.speed, bool(setpoint.limited))
     )
-    return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov
+    path = path_names.index(snapshot.path)
+    return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov, path
 
 
 def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
@@ -213,7 +243,23 @@ def local_positions(
 
 def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
     """Points along the path: round it once, or along one without end to where the leader ended."""
-    path, count = path_of(mission.path), DRAWN_POINTS
+    return drawn_points(path_of(mission.path), leader)
+
+
+def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ...]:
+    """The other paths, as far as `drawn_path` draws the first, and the edges of all fences."""
+    lines: list[tuple[OutlineKind, tuple[FloatArray, FloatArray]]] = [
+        ("path", drawn_points(path_of(shape), leader)) for shape in mission.paths.values()
+    ]
+    fences = fences_of(mission)
+    frame = frame_of(mission.model_dump()) if fences else None
+    lines += [("fence", area.edge(frame)) for fence in fences for area in fence.areas]
+    return tuple(Outline(kind=kind, north_m=north, east_m=east) for kind, (north, east) in lines)
+
+
+def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of points along a path, m."""
+    count = DRAWN_POINTS
     if math.isfinite(path.length):
         places = path.at(path.outline(count))
         return places.north, places.east

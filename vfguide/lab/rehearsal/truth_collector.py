@@ -5,17 +5,21 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
+
+import numpy as np
 
 import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
+from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder, flight_record
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
+from vfguide.record.guidance_series import lead_series, slot_series
 from vfguide.state import Setpoint
 
 NUMBERS = frozenset(field.name for field in fields(sitl_stub.Truth)) - {"mode", "armed"}
@@ -98,8 +102,22 @@ class TruthCollector(asyncio.DatagramProtocol):
                 # The answer to the report of this sample comes a little later.
                 step = track.at(time_s + 0.5 / self._rate_hz) if track is not None else None
                 recorder.sample(self.truths[name][sample], snapshot_of(step))
-            vehicles.append(recorder.record())
+            record = recorder.record()
+            if track is not None:
+                record = replace(record, **self._series(name, track, np.array(times)))
+            vehicles.append(record)
         return flight_record(self._mission, times, vehicles, wall_s=wall_s, mode="live")
+
+    def _series(self, name: str, track: GuidanceTrack, times: FloatArray) -> dict[str, Any]:
+        """The slots that a vehicle flew in, where they were ordered, and what it led by."""
+        mission, follower = self._mission, self._mission.followers_by_name.get(name)
+        found: dict[str, Any] = {}
+        if follower is not None:
+            slot = follower.slot
+            found |= slot_series(track, times, (slot.forward_m, slot.right_m, slot.up_m))
+        if mission.deputies:
+            found |= lead_series(track, times, mission.origin.altitude_amsl_m)
+        return found
 
 
 def snapshot_of(step: GuidanceStep | None) -> Snapshot:

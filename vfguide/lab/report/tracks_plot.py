@@ -30,6 +30,7 @@ from vfguide.lab.report.style import (
     plain_text,
 )
 from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.outline import OutlineKind
 
 LOST_M = 10.0
 """A leader farther than this from where its deputy carries it on is not in the formation."""
@@ -105,6 +106,28 @@ DRAWN_SHARE = 0.09
 """Of the view that a smaller formation is made to span."""
 
 
+OUTLINE_SHARE = 0.3
+"""In parts of the flight's extent: farther away outlines are cut off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutlineStyle:
+    """How one kind of outline is drawn."""
+
+    label: str
+    """In the legend."""
+    colour: str
+    """Of the line."""
+    dashes: str | tuple[int, tuple[int, int]]
+    """As Matplotlib has line styles."""
+
+
+OUTLINES: dict[OutlineKind, OutlineStyle] = {
+    "fence": OutlineStyle(label="fence", colour="#c1121f", dashes=(0, (5, 3))),
+    "path": OutlineStyle(label="other paths", colour="#9a9a9a", dashes="-"),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
     """A square piece of ground."""
@@ -128,7 +151,7 @@ def tracks_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
         above, relative = figure.subplots(2, 1) if narrow else figure.subplots(1, 2)
         draw_top_view(above, record)
         draw_leader_view(relative, record)
-    legend_above(figure, [above], columns=len(record.vehicles) + 4)
+    legend_above(figure, [above], columns=len(record.vehicles) + 6)
     return figure
 
 
@@ -138,6 +161,7 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
     samples = choose_snapshots(record, 0.2 * view.side_m)
     magnification = choose_magnification(record, view)
     colours = vehicle_colours(record)
+    draw_outlines(axes, record)
     axes.plot(
         record.path_east_m,
         record.path_north_m,
@@ -178,13 +202,36 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
     axes.set_aspect("equal")
 
 
+def draw_outlines(axes: Axes, record: FlightRecord) -> None:
+    """The other paths and the edges of the fence, each kind with one entry in the legend."""
+    named: set[str] = set()
+    for outline in record.outlines:
+        line = OUTLINES[outline.kind]
+        axes.plot(
+            outline.east_m,
+            outline.north_m,
+            color=line.colour,
+            linestyle=line.dashes,
+            linewidth=1.0,
+            label=None if outline.kind in named else line.label,
+        )
+        named.add(outline.kind)
+
+
 def choose_view(record: FlightRecord) -> View:
-    """The square that holds all tracks and the path, with a margin."""
+    """The square that holds all tracks and the path, with a margin, and outlines near them."""
     # A leader that was lost may be far away.
     shown = (record.reference, *record.followers)
     west, east = extent([record.path_east_m, *(v.east_m for v in shown)])
     south, north = extent([record.path_north_m, *(v.north_m for v in shown)])
     side = max(east - west, north - south, 50.0)
+    # A fence round a whole county would leave no flight to be seen.
+    far = OUTLINE_SHARE * side
+    easts = [np.clip(one.east_m, west - far, east + far) for one in record.outlines]
+    norths = [np.clip(one.north_m, south - far, north + far) for one in record.outlines]
+    west, east = extent([np.array([west, east]), *easts])
+    south, north = extent([np.array([south, north]), *norths])
+    side = max(east - west, north - south, side)
     return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
 
 

@@ -36,6 +36,7 @@ def conditions_of(
     for wrong, what in (
         (len(airframes) > 1, "vehicles that differ"),
         (rehearsal.link_loss > 0.0 or rehearsal.link_jitter_s > 0.0, "loss or jitter on the link"),
+        (rehearsal.radio is not None, "a shared radio"),
         (settings.speed_source == "observer", "a leader without measured ground speed"),
         (any(not one.is_ideal for one in airframes), "vehicles that answer late"),
         (

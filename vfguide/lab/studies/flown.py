@@ -7,7 +7,7 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.limits import GRAVITY
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
@@ -88,7 +88,7 @@ class Figures:
 
 def fly(case: Case) -> tuple[Figures, Tracks | None]:
     """Fly a case."""
-    record = fly_lockstep(case.flown()).record
+    record = fly_rehearsal(case.flown()).record
     return figures_of(record), tracks_of(record) if case.drawn else None
 
 

@@ -1,24 +1,31 @@
 """An order flown in virtual time before it is given: how near anybody comes, and how long it takes."""
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vfguide.elementwise import BoolArray
 from vfguide.formation.arrangement import Arrangement, Flown
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.guidance.wind_triangle import resolve
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
 from vfguide.lab.rehearsal.operator import LEAD_S, REPEAT_S, TIMES
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
+from vfguide.mission.fence_check import Track, tracks_beyond_the_fence
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
-from vfguide.mission.order_plan import LeaderPlace
+from vfguide.mission.order_plan import LeaderPlace, on_path
 from vfguide.mission.orders import Slot
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
+from vfguide.record.flight import FlightRecord
 
 BEGINS_S = 8.0
 """An order is flown after so long, when everybody has found its slot."""
@@ -26,11 +33,17 @@ BEGINS_S = 8.0
 AFTER_S = 15.0
 """So long after the slots have come to rest the flight is watched."""
 
-JOINS_S = 60.0
-"""The same where one joins, from far behind."""
-
 BEHIND_M = 150.0
-"""How far behind its slot one that joins is taken to be."""
+"""How far behind its slot one that joins is taken to be where that is not known."""
+
+CLOSING_M_S = 5.0
+"""As fast at least one that joins is taken to catch up; what it takes with 45 s to spare."""
+
+FARTHEST_M = 20e3
+"""From the leader: one that is to join from farther away would take half an hour."""
+
+LONGEST_WAY_S = 180.0
+"""A way onto another path, or back into the formation, is not watched for longer."""
 
 ARRIVED_M = 1.0
 """From its slot: within this a vehicle has arrived."""
@@ -58,6 +71,7 @@ def rehearsed(
     arrangement: Arrangement,
     *,
     leader: LeaderPlace | None = None,
+    joining: Mapping[str, LeaderPlace] | None = None,
 ) -> Prediction:
     """Fly an arrangement in virtual time, from the formation as it is.
 
@@ -66,26 +80,37 @@ def rehearsed(
         formation: as it is.
         arrangement: what is to be flown; its time and number do not count.
         leader: where it is; at the beginning of its path if absent.
+        joining: where vehicles are that are to join; 150 m behind their slots if absent.
 
     Raises:
         RefusedOrderError: two would come within the mission's least separation, or it would not be flown.
     """
     order = replace(arrangement, number=1, time_s=BEGINS_S)
-    joins = order.vehicles - set(formation.slots)
-    end_s = BEGINS_S + order.duration_s + (JOINS_S if joins else AFTER_S)
-    copy = _at_present(mission, formation, order, leader=leader, end_s=end_s)
+    starts = starts_of_joining(formation, order, leader, joining or {})
+    end_s = BEGINS_S + max(
+        order.duration_s + AFTER_S,
+        _way_into_slots_s(starts),
+        _way_onto_path_s(mission, formation, order, leader) + AFTER_S,
+    )
+    copy = _at_present(mission, formation, order, starts=starts, leader=leader, end_s=end_s)
     data = encode_order(order)
     early_s = 0.0 if order.flown is Flown.ABORT else LEAD_S
     orders = [(BEGINS_S - early_s + REPEAT_S * number, data) for number in range(TIMES)]
     names = [copy.leader.vehicle, *copy.followers_by_name]
-    flying = [Aircraft(copy, name, orders=orders) for name in names]
+    flying = [
+        ForeignLeader(copy)
+        if copy.leader.is_foreign and name == copy.leader.vehicle
+        else Aircraft(copy, name, orders=orders)
+        for name in names
+    ]
     rate_hz = copy.rehearsal.rate_hz
     times = [step / rate_hz for step in range(round(end_s * rate_hz) + 1)]
     mail = list[Mail]()
     for now in times:
         mail = step_all(flying, now, mail)
     for aircraft in flying:
-        _check_flown(aircraft, order)
+        if isinstance(aircraft, Aircraft):
+            _check_flown(aircraft, order)
     records = [aircraft.recorder.record() for aircraft in flying]
     record = flight_record(copy, times, records, wall_s=0.0)
     moved = record.time_s >= BEGINS_S
@@ -104,6 +129,7 @@ def rehearsed(
             f"{first} and {second} would come within {least:.1f} m of each other {least_s:.0f} s after"
             f" its beginning, less than {limit:g} m: choose a greater spacing, or other slots"
         )
+    _check_fence(on_path(mission, order.path), record, moved)
     errors = np.array(
         [
             slot_error(record.leader, one).distance_m[moved]
@@ -119,6 +145,76 @@ def rehearsed(
         settled_s=None if settled is None else max(settled, order.duration_s),
         moved_s=order.duration_s,
     )
+
+
+def starts_of_joining(
+    formation: Formation,
+    order: Arrangement,
+    leader: LeaderPlace | None,
+    joining: Mapping[str, LeaderPlace],
+) -> dict[str, FollowerStart]:
+    """Where those begin that are to join, from their slots.
+
+    Raises:
+        RefusedOrderError: one is too far away.
+    """
+    starts = {}
+    for name in order.vehicles - set(formation.slots):
+        slot, place = order.place_of(name), joining.get(name)
+        if slot is None:
+            continue
+        if leader is None or place is None:
+            starts[name] = FollowerStart(forward_m=-BEHIND_M)
+            continue
+        forward, right = resolve(
+            place.north - leader.north, place.east - leader.east, leader.course
+        )
+        if math.hypot(forward, right) > FARTHEST_M:
+            away_km = math.hypot(forward, right) / 1000.0
+            raise RefusedOrderError(
+                f"{name} is {away_km:.0f} km from the leader: bring it nearer first"
+            )
+        starts[name] = FollowerStart(
+            forward_m=forward - slot.begin.forward,
+            right_m=right - slot.begin.right,
+            course_deg=math.degrees(place.course) % 360.0,
+        )
+    return starts
+
+
+def _way_into_slots_s(starts: Mapping[str, FollowerStart]) -> float:
+    """How long those take that are to join, about, s; 0 where none is."""
+    ways = [math.hypot(one.forward_m, one.right_m) / CLOSING_M_S for one in starts.values()]
+    return min(max(ways) + 3.0 * AFTER_S, LONGEST_WAY_S) if ways else 0.0
+
+
+def _way_onto_path_s(
+    mission: Mission, formation: Formation, order: Arrangement, leader: LeaderPlace | None
+) -> float:
+    """How long the leader is on its way onto another path, about, s; 0 where the path stays."""
+    if order.path == formation.path or leader is None:
+        return 0.0
+    path = path_of(on_path(mission, order.path).path)
+    away = abs(path.nearest(leader.north, leader.east, leader.course).cross_track_error)
+    turns = math.pi * order.turn_radius_m
+    return min((away + turns) / mission.leader.airspeed_m_s, LONGEST_WAY_S)
+
+
+def _check_fence(mission: Mission, record: FlightRecord, moved: BoolArray) -> None:
+    """See that everybody stays within the fence on the way.
+
+    Raises:
+        RefusedOrderError: a vehicle leaves it.
+    """
+
+    def flown(_: Mission) -> Iterator[Track]:
+        for one in (record.leader, *record.followers):
+            height = one.altitude_amsl_m - mission.origin.altitude_amsl_m
+            yield Track(one.name, (), one.north_m[moved], one.east_m[moved], height[moved])
+
+    for finding in tracks_beyond_the_fence(mission, flown):
+        if finding.severity == "error":
+            raise RefusedOrderError(f"on the way there {finding.message}; {finding.remedy}")
 
 
 def _check_flown(aircraft: Aircraft, order: Arrangement) -> None:
@@ -145,14 +241,16 @@ def _at_present(
     formation: Formation,
     order: Arrangement,
     *,
+    starts: Mapping[str, FollowerStart],
     leader: LeaderPlace | None,
     end_s: float,
 ) -> Mission:
-    """The mission as if it began with the formation as it is."""
-    joins = order.vehicles - set(formation.slots)
+    """The mission as if it began with the formation as it is, on the path that it follows."""
+    mission = on_path(mission, formation.path)
+    joins = {name: order.place_of(name) for name in starts}
     slots = {
         **formation.slots,
-        **{name: place.begin for name in joins if (place := order.place_of(name)) is not None},
+        **{name: place.begin for name, place in joins.items() if place is not None},
     }
     followers = tuple(
         Follower(
@@ -161,7 +259,7 @@ def _at_present(
         )
         for name, point in slots.items()
     )
-    starts = {name: FollowerStart(forward_m=-BEHIND_M if name in joins else 0.0) for name in slots}
+    begins = {name: starts.get(name, FollowerStart()) for name in slots}
     begin = (
         mission.rehearsal.start.leader
         if leader is None
@@ -171,6 +269,6 @@ def _at_present(
             course_deg=math.degrees(leader.course) % 360.0,
         )
     )
-    start = Start.model_validate({"leader": begin, **starts})
+    start = Start.model_validate({"leader": begin, **begins})
     rehearsal = mission.rehearsal.model_copy(update={"start": start, "duration_s": end_s})
     return mission.model_copy(update={"followers": followers, "rehearsal": rehearsal, "orders": ()})

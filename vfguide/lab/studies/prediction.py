@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
@@ -26,7 +26,7 @@ def expected_precision(
     Raises:
         VfguideError: a library of its law is not installed, or a process died.
     """
-    flight = fly_lockstep(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
+    flight = fly_rehearsal(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
     if flight.interrupted:
         return None
     formation = summarise(flight.record).formation
@@ -67,6 +67,11 @@ def conditions_in_words(mission: Mission) -> str:
     words.append(f"{rehearsal.sensors} sensors")
     noise = rehearsal.position_noise_m
     words += [f"{noise:g} m of position noise"] * (noise > 0.0)
-    words.append(f"leader states {rehearsal.link_delay_s:g} s old")
-    words += [f"{rehearsal.link_loss:.0%} of them lost"] * (rehearsal.link_loss > 0.0)
+    radio = rehearsal.radio
+    if radio is None:
+        words.append(f"leader states {rehearsal.link_delay_s:g} s old")
+        words += [f"{rehearsal.link_loss:.0%} of them lost"] * (rehearsal.link_loss > 0.0)
+    else:
+        words.append(f"a radio with {radio.leader_hz:g} leader states a second")
+        words += [f"{radio.loss:.0%} of its packets lost"] * (radio.loss > 0.0)
     return f"{', '.join(words)}, with vehicles as declared"

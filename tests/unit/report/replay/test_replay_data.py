@@ -21,7 +21,7 @@ from vfguide.lab.report.replay.data import (
     series_of,
 )
 from vfguide.lab.report.replay.page_part import NOTHING, hash_source, program, replay_of
-from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, Outline, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -150,3 +150,14 @@ def test_the_page_gets_the_places_of_a_slot_that_was_changed_in_flight(
     assert np.allclose(series["slot_north_m"], north)
     east = circle_flight.leader.east_m[-1] + 30.0 * np.cos(course[-1])
     assert series["slot_east_m"][-1] == pytest.approx(east)
+
+
+def test_the_replay_draws_the_fence_to_its_last_corner(make_flight: MakeFlight) -> None:
+    edge = Outline(kind="fence", north_m=np.arange(5001.0), east_m=np.zeros(5001))
+    described = describe_flight(make_flight(np.arange(3.0), outlines=(edge,)))
+    outlines = described["outlines"]
+    assert isinstance(outlines, list)
+    # Every third of 5001 points, and the last: 1667 + 1.
+    assert outlines[0]["kind"] == "fence"
+    assert len(outlines[0]["north_m"]) == 1668
+    assert outlines[0]["north_m"][-2:] == [4998.0, 5000.0]

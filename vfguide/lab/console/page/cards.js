@@ -31,6 +31,11 @@ function old(seconds) {
   return seconds < 10 ? `${seconds.toFixed(1)} s ago` : `${clock(seconds)} ago`;
 }
 
+/** How high a follower's slot is: as the server says, or in a recorded flight by the leader's height. */
+function slotHeight(state, leader, vehicle) {
+  return state.slot_altitude_m ?? leader.altitude_m + vehicle.slot.up;
+}
+
 class Cards {
   constructor(box, flight, choose) {
     this.flight = flight;
@@ -88,7 +93,8 @@ class Cards {
       card.name.setAttribute("aria-pressed", String(chosen === vehicle.name));
       card.mark.style.background = theme.of(vehicle);
       tell(card.level, words ? LEVELS[level] : "");
-      tell(card.mode, this.flight.modeName(state.mode));
+      const leads = words?.leads ? "leads, " : "";
+      tell(card.mode, `${vehicle.leads ? "" : leads}${this.flight.modeName(state.mode)}`);
       this.#showNumbers(card, state, leader);
       this.#showWords(card, state, words);
     }
@@ -99,13 +105,13 @@ class Cards {
   }
 
   #showNumbers({ numbers, vehicle }, state, leader) {
-    const late = state.age_s > OLD_S || leader.age_s > OLD_S;
+    const late = state.age_s > OLD_S || (!("slot_altitude_m" in state) && leader.age_s > OLD_S);
     const texts = vehicle.leads
       ? { height: `${fixed(state.altitude_m, 0)} m`, speed: `${fixed(state.ground_speed_m_s, 1)} m/s`,
           course: `${bearing(state.course_deg)}°` }
       : { off: withMetres(Math.hypot(state.along_m, state.across_m)), along: fixedSign(state.along_m, 1),
           across: fixedSign(state.across_m, 1),
-          height: fixedSign(late ? NaN : leader.altitude_m + vehicle.slot.up - state.altitude_m, 1) };
+          height: fixedSign(late ? NaN : slotHeight(state, leader, vehicle) - state.altitude_m, 1) };
     for (const [key, text] of Object.entries(texts)) tell(numbers.get(key), text);
   }
 
@@ -132,12 +138,12 @@ class Cards {
     const { flight } = this;
     const from = flight.sampleAt(time - TRACE_S);
     const to = flight.sampleAt(time) + 1;
-    const { along_m: along, across_m: across, altitude_m: altitude } = vehicle.series;
+    const { along_m: along, across_m: across, altitude_m: altitude, slot_altitude_m: slot } = vehicle.series;
     const led = flight.leader.series.altitude_m;
     const valueOf = {
       along: (i) => along[i],
       across: (i) => across[i],
-      height: (i) => led[i] + vehicle.slot.up - altitude[i],
+      height: (i) => (slot ? slot[i] : led[i] + vehicle.slot.up) - altitude[i],
     };
     let most = 1;
     for (let i = from; i < to; i++) {

@@ -90,11 +90,16 @@ class Console {
     this.section = document.getElementById("replay");
     this.freshness = document.getElementById("freshness");
     this.alarms = document.getElementById("alarms");
+    this.flies = document.getElementById("flies");
     this.refused = false;
+    this.allowed = false;
     document.getElementById("now").addEventListener("click", () => this.player?.follow());
     this.stream = new Stream({
       flight: (content) => this.#begin(content),
       sample: (content) => this.#add(content),
+      operator: () => {
+        this.allowed = true;
+      },
       word: () => this.#tellFreshness(),
       refused: () => {
         this.refused = true;
@@ -119,20 +124,31 @@ class Console {
       } else {
         this.player.play();
       }
+      const followers = this.player.flight.vehicles.filter((vehicle) => !vehicle.leads);
+      this.orders = new Orders(followers.map((vehicle) => vehicle.name));
     }
+    this.orders.allow(this.allowed);
+    // The server says so anew with each stream.
+    this.allowed = false;
     this.#say(content);
   }
 
   #add(content) {
     const { flight } = this.player;
+    if (content.t === undefined) {
+      this.#say(content);
+      return;
+    }
     flight.add(content, performance.now() / 1000);
     this.sampled = performance.now();
     this.#say(content);
     if (flight.full) this.stream.open();
   }
 
-  #say({ cards, alarms }) {
+  #say({ cards, alarms, flies, order }) {
     if (cards) this.player.numbers.say(cards);
+    if (order) this.orders.say(order);
+    if (flies) this.#tellFlown(flies);
     if (!alarms) return;
     const told = JSON.stringify(alarms);
     if (told === this.told) return;
@@ -143,6 +159,12 @@ class Console {
         return item;
       }),
     );
+  }
+
+  #tellFlown({ leads, succeeded, number, order }) {
+    const numbered = number ? ` (order ${number})` : "";
+    tell(this.flies, `${leads} leads${succeeded ? " in the leader's place" : ""} · ${order}${numbered}`);
+    this.flies.classList.toggle("succeeded", succeeded);
   }
 
   #tellFreshness() {

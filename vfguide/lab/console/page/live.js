@@ -118,8 +118,8 @@ class LiveFraming extends Framing {
 
 /** The server's events: the whole flight, then samples; made again for ever. */
 class Stream {
-  constructor({ flight, sample, word, refused }) {
-    this.handlers = { flight, sample, word, refused };
+  constructor({ flight, sample, operator, word, refused }) {
+    this.handlers = { flight, sample, operator, word, refused };
     this.heard = null;
     this.open();
     setInterval(() => this.#watch(), RETRY_MS);
@@ -138,6 +138,7 @@ class Stream {
       heard();
       this.handlers.flight(JSON.parse(event.data));
     });
+    source.addEventListener("operator", () => this.handlers.operator());
     source.addEventListener("quiet", heard);
     source.addEventListener("message", (event) => {
       heard();

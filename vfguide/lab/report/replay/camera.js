@@ -7,6 +7,15 @@ function roundLength(length) {
   return power * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
+/** A range of places that takes in those of other lines as well, by so much to either side at most. */
+function widened([low, high], most, lines) {
+  const [lowest, highest] = extent(lines.flat());
+  if (Number.isNaN(lowest)) return [low, high];
+  return [Math.max(Math.min(low, lowest), low - most), Math.min(Math.max(high, highest), high + most)];
+}
+
+// Of the flight's extent: outlines that are farther away do not shrink the picture.
+const OUTLINE_SHARE = 0.3;
 const ABOVE = 90;
 const LEAST_TILT = 12;
 
@@ -96,8 +105,11 @@ class Framing {
     const { flight } = this;
     const east = flight.vehicles.map((one) => extent(one.series.east_m)).concat([extent(flight.path.east_m)]).flat();
     const north = flight.vehicles.map((one) => extent(one.series.north_m)).concat([extent(flight.path.north_m)]).flat();
-    const [west, mostEast] = extent(east);
-    const [south, mostNorth] = extent(north);
+    const outlines = flight.outlines ?? [];
+    const sides = [extent(east), extent(north)];
+    const far = OUTLINE_SHARE * Math.max(...sides.map(([low, high]) => high - low));
+    const [west, mostEast] = widened(sides[0], far, outlines.map((one) => one.east_m));
+    const [south, mostNorth] = widened(sides[1], far, outlines.map((one) => one.north_m));
     return {
       east: (west + mostEast) / 2,
       north: (south + mostNorth) / 2,

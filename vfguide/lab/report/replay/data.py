@@ -87,8 +87,6 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
     """Everything that the replay shows of a flight."""
     stride = choose_stride(record)
     time_ms = np.round(1000.0 * record.time_s[::stride]).astype(np.float64)
-    drawn = np.isfinite(record.path_north_m) & np.isfinite(record.path_east_m)
-    points = max(1, math.ceil(np.count_nonzero(drawn) / MOST_PATH_POINTS))
     day = vehicle_colours(record)
     night = vehicle_colours(record, NIGHT_COLOURS)
     return {
@@ -98,10 +96,10 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
         "time": encode(time_ms, Kind(unit=0.001, bits=32), in_units=True),
         "window_s": list(window_s(record)),
         "modes": list(record.mode_names),
-        "path": {
-            "north_m": rounded(record.path_north_m[drawn][::points]),
-            "east_m": rounded(record.path_east_m[drawn][::points]),
-        },
+        "path": ground_line(record.path_north_m, record.path_east_m),
+        "outlines": [
+            {"kind": one.kind, **ground_line(one.north_m, one.east_m)} for one in record.outlines
+        ],
         "vehicles": [
             {
                 "name": vehicle.name,
@@ -116,6 +114,15 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
             for vehicle in record.vehicles
         ],
     }
+
+
+def ground_line(north_m: FloatArray, east_m: FloatArray) -> dict[str, list[float]]:
+    """Points of a line on the ground, its last among them: as many as a reader sees."""
+    drawn = np.isfinite(north_m) & np.isfinite(east_m)
+    points = max(1, math.ceil(np.count_nonzero(drawn) / MOST_PATH_POINTS))
+    north, east = (one[drawn] for one in (north_m, east_m))
+    chosen = sorted({*range(0, north.size, points), *range(north.size)[-1:]})
+    return {"north_m": rounded(north[chosen]), "east_m": rounded(east[chosen])}
 
 
 def choose_stride(record: FlightRecord) -> int:

@@ -53,6 +53,7 @@ class Flight {
     this.modes = content.modes;
     this.window = content.window_s;
     this.path = content.path;
+    this.outlines = content.outlines;
     this.time = decodeSeries(content.time);
     this.vehicles = content.vehicles.map((vehicle) => ({
       name: vehicle.name,

@@ -18,6 +18,7 @@ function readTheme(element) {
     ground: colour("card"),
     grid: colour("grid"),
     path: colour("path"),
+    fence: colour("limit"),
     wind: colour("wind"),
     window: colour("window"),
     limit: colour("limit"),

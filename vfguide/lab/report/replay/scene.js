@@ -14,6 +14,8 @@ const GROUND_MARGIN = 0.35;
 // An aircraft that was heard longer ago is somewhere else by now: it is drawn pale.
 const OLD_S = 2;
 
+const OUTLINE_NAMES = { fence: "fence", path: "other paths" };
+
 class Scene {
   constructor(canvas, flight, framing) {
     this.canvas = canvas;
@@ -46,6 +48,7 @@ class Scene {
     const formation = this.flight.formationAt(time).filter(({ state }) => Number.isFinite(state.north_m));
     this.#aim(time, formation);
     this.#drawGround(context, theme);
+    this.#drawOutlines(context, theme);
     this.#drawPath(context, theme);
     for (const { vehicle } of formation) this.#drawTrail(context, time, vehicle, theme, chosen);
     const shown = formation
@@ -58,6 +61,7 @@ class Scene {
     this.#drawWind(context, formation, theme);
     this.#drawScale(context, theme);
     this.#drawNorth(context, theme);
+    this.#drawLegend(context, theme);
     if (!formation.length) {
       context.fillStyle = theme.quiet;
       context.textAlign = "center";
@@ -136,6 +140,45 @@ class Scene {
     const level = this.level;
     this.#trace(context, 0, north.length, (i) => this.camera.project(east[i], north[i], level));
     context.setLineDash([]);
+  }
+
+  /** Other paths, and the edges of the fence. */
+  #drawOutlines(context, theme) {
+    const level = this.level;
+    context.lineWidth = 1;
+    for (const { kind, north_m: north, east_m: east } of this.flight.outlines ?? []) {
+      this.#chooseOutline(context, kind, theme);
+      this.#trace(context, 0, north.length, (i) => this.camera.project(east[i], north[i], level));
+    }
+    context.setLineDash([]);
+  }
+
+  #chooseOutline(context, kind, theme) {
+    context.strokeStyle = kind === "fence" ? theme.fence : theme.quiet;
+    context.setLineDash(kind === "fence" ? [6, 4] : []);
+  }
+
+  /** What the thin lines are. */
+  #drawLegend(context, theme) {
+    const kinds = new Set((this.flight.outlines ?? []).map(({ kind }) => kind));
+    const x = this.camera.width - 14;
+    let y = this.camera.height - 16;
+    context.font = theme.font(12);
+    context.textAlign = "right";
+    context.textBaseline = "middle";
+    for (const kind of kinds) {
+      context.fillStyle = theme.text;
+      outlinedText(context, OUTLINE_NAMES[kind], x, y, theme);
+      const end = x - context.measureText(OUTLINE_NAMES[kind]).width - 6;
+      this.#chooseOutline(context, kind, theme);
+      context.lineWidth = 1;
+      context.beginPath();
+      context.moveTo(end - 26, y);
+      context.lineTo(end, y);
+      context.stroke();
+      context.setLineDash([]);
+      y -= 17;
+    }
   }
 
   /** A line through places; those that are too near the last one to show are left out. */

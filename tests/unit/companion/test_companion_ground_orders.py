@@ -1,0 +1,258 @@
+"""A ground station requests orders of a companion by a MAVLink command: heard, answered, handed on."""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion import order_program
+from vfguide.companion.core import Companion
+from vfguide.companion.ground_orders import GroundOrders, order_codes
+from vfguide.companion.order_program import MOST_LINES, OrderProgram
+from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.mavlink.reports import OrderRequest
+from vfguide.mavlink.signing import Signing
+from vfguide.mission import Mission, load_mission
+
+Hear = Callable[..., tuple[list[MAVLink_message], list[tuple[str, ...]]]]
+
+USER_1, USER_2 = 31_010, 31_011
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
+STATION = (255, 190)
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    """One with another path, and deputies."""
+    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    paths = {
+        "survey": {"type": "circle", "centre": {}, "radius_m": 300.0, "direction": "clockwise"}
+    }
+    return Mission.model_validate({**content, "paths": paths, "deputies": ["f2", "f1"]})
+
+
+def command(
+    code: float,
+    spacing: float = 0.0,
+    *,
+    number: int = USER_1,
+    target: tuple[int, int] = (2, 191),
+    confirmation: int = 0,
+    key: bytes | None = None,
+) -> bytes:
+    """COMMAND_LONG as a ground station sends it."""
+    station = mavlink.MAVLink(None, srcSystem=STATION[0], srcComponent=STATION[1])
+    if key is not None:
+        Signing(key, lambda: 1.8e9).prepare(station)
+    parameters = (code, spacing, 0, 0, 0, 0, 0)
+    message = mavlink.MAVLink_command_long_message(*target, number, confirmation, *parameters)
+    return bytes(message.pack(station))
+
+
+@pytest.fixture
+def heard(plan: Callable[..., FlightPlan], mission: Mission) -> Hear:
+    """What f1's companion answers to bytes, and which orders it hands on."""
+
+    def hear(
+        *datagrams: bytes, takes_orders: bool = True, key: bytes | None = None
+    ) -> tuple[list[MAVLink_message], list[tuple[str, ...]]]:
+        companion = Companion(
+            plan(vehicle="f1"),
+            adapter_of(mission.vehicles["f1"]),
+            engage=False,
+            signing=None if key is None else Signing(key, lambda: 1.8e9),
+            order_codes=order_codes(mission) if takes_orders else None,
+        )
+        answers, requested = [], []
+        for number, datagram in enumerate(datagrams):
+            out = companion.receive_mavlink(datagram, 1.0 + 0.1 * number)
+            said: list[Any] = mavlink.MAVLink(None).parse_buffer(out.to_autopilot) or []
+            answers += [one for one in said if one.get_type() == "COMMAND_ACK"]
+            requested += out.requested
+        return answers, requested
+
+    return hear
+
+
+def test_each_code_is_one_order(mission: Mission) -> None:
+    assert order_codes(mission) == {
+        1: ("abort",),
+        2: ("hold",),
+        3: ("resume",),
+        10: ("vee",),
+        11: ("echelon-left",),
+        12: ("echelon-right",),
+        13: ("line-abreast",),
+        14: ("trail",),
+        15: ("diamond",),
+        16: ("finger-four",),
+        20: ("spacing",),
+        30: ("path", "main"),
+        31: ("path", "survey"),
+        60: ("lead", "leader"),
+        61: ("lead", "f2"),
+        62: ("lead", "f1"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("code", "spacing", "words"),
+    [
+        (10, 30.0, ("vee", "--spacing", "30")),
+        (14, 0.0, ("trail",)),
+        (20, 25.5, ("spacing", "--spacing", "25.5")),
+        (1, 0.0, ("abort",)),
+        (31, 0.0, ("path", "survey")),
+    ],
+)
+def test_a_request_is_accepted_and_handed_on_as_an_order(
+    heard: Hear, code: float, spacing: float, words: tuple[str, ...]
+) -> None:
+    answers, requested = heard(command(code, spacing))
+    assert requested == [words]
+    (answer,) = answers
+    assert (answer.command, answer.result) == (USER_1, ACCEPTED)
+    # Routers send it where it belongs.
+    assert (answer.target_system, answer.target_component) == STATION
+    assert (answer.get_srcSystem(), answer.get_srcComponent()) == (2, 191)
+
+
+@pytest.mark.parametrize(
+    ("code", "spacing", "result"),
+    [
+        (99, 0.0, UNSUPPORTED),
+        (10.5, 0.0, UNSUPPORTED),
+        (20, 0.0, DENIED),
+        (10, 2000.0, DENIED),
+        (10, -5.0, DENIED),
+        (2, 30.0, DENIED),
+    ],
+)
+def test_what_is_no_order_is_refused(heard: Hear, code: float, spacing: float, result: int) -> None:
+    answers, requested = heard(command(code, spacing))
+    assert [one.result for one in answers] == [result]
+    assert requested == []
+
+
+def test_a_companion_that_was_not_told_to_hears_no_requests(heard: Hear) -> None:
+    assert heard(command(1), takes_orders=False) == ([], [])
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        command(1, target=(3, 191)),
+        command(1, target=(2, 1)),
+        command(1, target=(2, 0)),
+        command(1, target=(0, 191)),
+        command(1, number=USER_2),
+        command(float("nan")),
+        command(1)[:-1] + b"\x00",
+    ],
+)
+def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(heard: Hear, data: bytes) -> None:
+    assert heard(data) == ([], [])
+
+
+def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard: Hear) -> None:
+    key = bytes(range(32))
+    assert heard(command(1), key=key) == ([], [])
+    assert heard(command(1, key=bytes(32)), key=key) == ([], [])
+    answers, requested = heard(command(1, key=key), key=key)
+    assert [one.result for one in answers] == [ACCEPTED]
+    assert requested == [("abort",)]
+
+
+def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice(heard: Hear) -> None:
+    answers, requested = heard(command(2), command(2, confirmation=1), command(2, confirmation=2))
+    assert [one.result for one in answers] == [ACCEPTED] * 3
+    assert requested == [("hold",)]
+
+
+def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait(
+    heard: Hear,
+) -> None:
+    answers, requested = heard(command(2), command(10), command(1), command(1))
+    assert [one.result for one in answers] == [
+        ACCEPTED,
+        TEMPORARILY_REJECTED,
+        ACCEPTED,
+        TEMPORARILY_REJECTED,
+    ]
+    assert requested == [("hold",), ("abort",)]
+
+
+@given(st.lists(st.tuples(st.floats(width=32), st.floats(width=32), st.integers(0, 255))))
+def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(
+    mission: Mission, numbers: list[tuple[float, float, int]]
+) -> None:
+    requests = GroundOrders(order_codes(mission))
+    handed_on = []
+    for now, (code, spacing, confirmation) in enumerate(numbers):
+        request = OrderRequest(
+            sender=STATION, code=code, spacing=spacing, confirmation=confirmation
+        )
+        answers, words = requests.take(request, float(now))
+        assert len(answers) == 1
+        handed_on += [] if words is None else [words]
+    assert len(handed_on) <= 2
+
+
+def test_the_next_order_is_accepted_once_one_is_given(mission: Mission) -> None:
+    requests = GroundOrders(order_codes(mission))
+    first = OrderRequest(sender=STATION, code=2.0, spacing=0.0, confirmation=0)
+    second = OrderRequest(sender=STATION, code=3.0, spacing=0.0, confirmation=0)
+    assert requests.take(first, 1.0)[1] == ("hold",)
+    requests.finish(("hold",))
+    assert requests.take(second, 2.0)[1] == ("resume",)
+
+
+def program(**changes: object) -> OrderProgram:
+    content: dict[str, Any] = {"mission": Path("m.yaml"), "links": ("udp://a:1",), "key": None}
+    return OrderProgram(**(content | changes))
+
+
+def test_an_order_is_given_by_the_program_for_orders() -> None:
+    assert program().arguments(("vee", "--spacing", "30"))[1:] == [
+        *("-m", "vfguide", "order", "m.yaml", "vee", "--spacing", "30"),
+        *("--link", "udp://a:1", "--insecure"),
+    ]
+    signed = program(key=Path("k"), roster=Path("r"), links=("udp://a:1", "mqtt://b:2"))
+    assert signed.arguments(("abort",))[1:] == [
+        *("-m", "vfguide", "order", "m.yaml", "abort", "--link", "udp://a:1"),
+        *("--link", "mqtt://b:2", "--key", "k", "--roster", "r"),
+    ]
+
+
+def told_by(code: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What a program says that runs in the place of the one for orders."""
+    monkeypatch.setattr(OrderProgram, "arguments", lambda *_: [sys.executable, "-c", code])
+    told: list[str] = []
+    asyncio.run(program().give(("abort",), told.append))
+    return told
+
+
+def test_what_becomes_of_an_order_is_told_line_by_line_and_not_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert told_by("import sys; print('f1: yes'); print('no', file=sys.stderr)", monkeypatch) in (
+        ["f1: yes", "no"],
+        ["no", "f1: yes"],
+    )
+    assert len(told_by("for n in range(1000): print(n)", monkeypatch)) == MOST_LINES
+    # A line that does not end is cut.
+    assert [len(line) for line in told_by("print('x' * 100000)", monkeypatch)] == [1024]
+
+
+def test_a_program_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(order_program, "LONGEST_S", 0.2)
+    endless = "while True: print('x' * 1000)"
+    assert told_by(endless, monkeypatch)[-1].startswith("the order took longer than 0.2 s")

@@ -1,0 +1,128 @@
+"""Once everything was called off each loiters at a height of its own, where the autopilot can be told so."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.loiter_height import TRIES, LoiterHeight
+from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan, loiter_step
+from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
+from vfguide.link.order_codec import encode_order
+from vfguide.mavlink.reports import CommandReport
+from vfguide.mission.fence import Fence
+from vfguide.mission.model import Mission
+
+DO_CHANGE_ALTITUDE, ACCEPTED = 186, 0
+
+
+def abort(up: float = 0.0, *, number: int = 1, time_s: float = 20.0) -> Arrangement:
+    """Everything is called off while f1 is this much above the leader."""
+    here = Point(-20.0, -20.0, up)
+    return Arrangement(
+        number=number,
+        time_s=time_s,
+        flown=Flown.ABORT,
+        across_s=0.0,
+        places=(Place(vehicle="f1", begin=here, end=here),),
+    )
+
+
+@pytest.fixture
+def height(plan: Callable[..., FlightPlan], mission: Callable[[str], Mission]) -> LoiterHeight:
+    """That of f1, the first behind the leader."""
+    adapter = adapter_of(mission("line-calm").vehicles["f1"])
+    return LoiterHeight(plan(vehicle="f1"), adapter)
+
+
+def altitudes(height: LoiterHeight, flown: Arrangement | None, **state: object) -> list[float]:
+    """What a heartbeat is answered with, m above mean sea level."""
+    aborts = flown is not None and flown.flown is Flown.ABORT
+    known: dict[str, Any] = {"returned": True, "engaged": False, "altitude_amsl": 600.0}
+    known["called_off"] = flown.number if flown is not None and aborts else None
+    place = None if flown is None else flown.place_of("f1")
+    known["up"] = 0.0 if place is None else place.end.up
+    return [float(one.param1) for one in height.due(**(known | state))]
+
+
+def test_the_first_follower_loiters_15_m_above_the_leader(height: LoiterHeight) -> None:
+    assert altitudes(height, abort()) == [615.0]
+
+
+def test_a_slot_that_is_higher_already_climbs_less(height: LoiterHeight) -> None:
+    # As in the stack of a hold, whose first is 15 m up.
+    assert altitudes(height, abort(up=15.0), altitude_amsl=610.0) == [610.0]
+
+
+def test_nobody_loiters_lower_than_the_path_and_its_rank(height: LoiterHeight) -> None:
+    # The path is at 588 m.
+    assert altitudes(height, abort(), altitude_amsl=570.0) == [603.0]
+
+
+def test_nothing_is_told_without_a_loiter_that_was_asked_for(height: LoiterHeight) -> None:
+    assert altitudes(height, abort(), returned=False) == []
+    assert altitudes(height, None) == []
+    assert altitudes(height, replace(abort(), flown=Flown.FORMATION)) == []
+    assert altitudes(height, abort(number=2), altitude_amsl=math.nan) == []
+
+
+def test_the_same_height_is_told_until_it_is_accepted_and_a_few_times_at_most(
+    height: LoiterHeight,
+) -> None:
+    told = [altitudes(height, abort(), altitude_amsl=600.0 + n) for n in range(10)]
+    assert told == [[615.0]] * TRIES + [[]] * (10 - TRIES)
+    # A further abort finds it in its loiter, and is told the same.
+    assert altitudes(height, abort(number=2), altitude_amsl=615.0) == [615.0]
+    height.answered(CommandReport(command=DO_CHANGE_ALTITUDE, result=ACCEPTED))
+    assert altitudes(height, abort(number=2), altitude_amsl=615.0) == []
+    # Engaged again, it flies at a height of its slot.
+    assert altitudes(height, None, returned=False, engaged=True) == []
+    assert altitudes(height, abort(number=3), altitude_amsl=590.0) == [605.0]
+
+
+def test_all_heights_stay_within_the_fence(mission: Callable[[str], Mission]) -> None:
+    one = mission("line-calm")
+    assert loiter_step(one) == 15.0
+    highest = one.height_above_origin_m + 12.0
+    fenced = one.model_copy(update={"fence": Fence(max_height_m=highest)})
+    assert loiter_step(fenced) == pytest.approx(12.0 / len(one.followers))
+
+
+def test_on_a_climbing_path_all_stay_within_the_fence_and_apart(
+    mission: Callable[[str], Mission],
+) -> None:
+    one = mission("line-calm")
+    level, n = one.height_above_origin_m, len(one.followers)
+    fenced = one.model_copy(update={"fence": Fence(max_height_m=level + 510.0)})
+    origin = one.origin.altitude_amsl_m
+    told = []
+    for name in ["leader", *one.followers_by_name]:
+        own = LoiterHeight(flight_plan(fenced, name), adapter_of(one.vehicles[name]))
+        altitude = origin + level + 500.0
+        told += altitudes(own, replace(abort(), places=()), altitude_amsl=altitude)
+    top = origin + level + 510.0
+    assert told == pytest.approx([top - 15.0 * (n - rank) for rank in range(n + 1)])
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_an_autopilot_that_was_handed_back_climbs_to_it_and_a_pilots_mode_is_left_alone(
+    flight: Callable[..., Any], kind: str
+) -> None:
+    flown = flight(kind=kind)
+    flown.run(20.0)
+    before = flown.autopilot.truth().altitude_amsl_m
+    data = encode_order(abort(time_s=flown.now))
+    flown.companion.receive_order(data, data, flown.now)
+    flown.run(60.0)
+    assert flown.autopilot.truth().altitude_amsl_m == pytest.approx(before + 15.0, abs=2.0)
+    told = [
+        one
+        for _, sent in flown.sent
+        for one in mavlink.MAVLink(None).parse_buffer(sent) or []
+        if one.get_type() == "COMMAND_LONG" and one.command == DO_CHANGE_ALTITUDE
+    ]
+    # PX4 is steered by the same command.
+    assert len([one for one in told if one.param1 > before + 10.0]) == 1

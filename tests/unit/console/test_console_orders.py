@@ -1,0 +1,210 @@
+"""An order from its rehearsal to what became of it, as the console's pages see it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from vfguide.errors import VfguideError
+from vfguide.formation.arrangement import Flown
+from vfguide.formation.orders import Order
+from vfguide.lab.console import orders
+from vfguide.lab.console.orders import FRESH_S, BusyError, OrderPanel
+from vfguide.lab.ordering import OrderDesk, Outcome, Rehearsed
+from vfguide.lab.studies.order import Prediction
+from vfguide.link.order_codec import Reply, Verdict
+from vfguide.mission import Mission, load_mission
+from vfguide.mission.order_plan import formation_of_mission, resolve
+
+VEE = Order(shape="vee", spacing=30.0)
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    """A leader and three followers."""
+    return load_mission(Path(__file__).parents[3] / "missions" / "shapes.yaml")
+
+
+class Air:
+    """In the place of rehearsals and aircraft: what they would say, and how long they take."""
+
+    def __init__(self, mission: Mission, patch: pytest.MonkeyPatch) -> None:
+        self.mission = mission
+        self.now = 0.0
+        self.refusal: str | None = None
+        self.waits = asyncio.Event()
+        self.waits.set()
+        self.verdicts = dict.fromkeys(("leader", "f1", "f2", "f3"), Verdict.FLOWN)
+        self.given: list[Flown] = []
+        self.desk = OrderDesk(mission, clock=lambda: self.now)
+        self.panel = OrderPanel(mission, self.desk, clock=lambda: self.now, changed=lambda: None)
+        link: Any = SimpleNamespace(connected=True)
+        self.panel.link = link
+
+        async def nothing(*_: object, **__: object) -> None:
+            return
+
+        patch.setattr(orders, "await_formation", nothing)
+        patch.setattr(orders, "await_order", nothing)
+        patch.setattr(orders, "rehearse_order", self.rehearse)
+        patch.setattr(orders, "give_rehearsed", self.give)
+
+    async def rehearse(self, _: Mission, order: Order, *__: object) -> Rehearsed:
+        await self.waits.wait()
+        if self.refusal is not None:
+            raise VfguideError(self.refusal)
+        formation = formation_of_mission(self.mission)
+        arrangement, _ = resolve(self.mission, order, formation, number=1, time_s=10.0)
+        prediction = Prediction(
+            least_m=14.61, pair=("f1", "f3"), least_s=4.5, settled_s=18.2, moved_s=18.2
+        )
+        return Rehearsed(
+            order=order,
+            formation=formation,
+            arrangement=arrangement,
+            prediction=None if order.action == "abort" else prediction,
+        )
+
+    async def give(
+        self, _: Mission, found: Rehearsed, desk: OrderDesk, *__: object, **___: object
+    ) -> Outcome:
+        await self.waits.wait()
+        self.given.append(found.arrangement.flown)
+        desk.awaited = frozenset(("leader", "f1", "f2", "f3"))
+        desk.replies = {
+            name: Reply(number=1, verdict=verdict, check=0, text="too fast" * (verdict == 2))
+            for name, verdict in self.verdicts.items()
+        }
+        return Outcome(
+            number=1,
+            arrangement=found.arrangement,
+            prediction=found.prediction,
+            replies=desk.replies,
+            silent=tuple(sorted(desk.awaited - set(desk.replies))),
+        )
+
+    async def settle(self) -> dict[str, Any]:
+        """What is shown once nothing goes on any more."""
+        for _ in range(10):
+            await asyncio.sleep(0)
+        return self.panel.describe()
+
+
+Fly = Callable[[Callable[[Air], Awaitable[None]]], None]
+
+
+@pytest.fixture
+def fly(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> Fly:
+    """Runs a story of a panel."""
+
+    def run(story: Callable[[Air], Awaitable[None]]) -> None:
+        async def told() -> None:
+            await story(Air(mission, monkeypatch))
+
+        asyncio.run(told())
+
+    return run
+
+
+def test_what_a_rehearsal_has_found_is_shown_before_the_order_can_be_given(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        number = air.panel.rehearse(VEE)
+        assert air.panel.describe()["phase"] == "rehearsing"
+        with pytest.raises(BusyError):
+            air.panel.give(number)
+        shown = await air.settle()
+        assert shown["phase"] == "rehearsed"
+        assert shown["what"] == "vee, spacing 30 m"
+        assert shown["outcome"] == {
+            "pair": ["f1", "f3"],
+            "least_m": 14.6,
+            "least_s": 4,
+            "settled_s": 18,
+            "slots": "vee, 30 m apart",
+        }
+        assert air.given == []
+        air.panel.give(number)
+        shown = await air.settle()
+        assert shown["phase"] == "flown"
+        assert shown["answers"][0] == {"vehicle": "f1", "says": "flown", "text": ""}
+        assert air.given == [Flown.FORMATION]
+        # Once is enough.
+        with pytest.raises(BusyError):
+            air.panel.give(number)
+
+    fly(story)
+
+
+def test_a_refusal_is_shown_with_its_sentence_and_cannot_be_given(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.refusal = "f1 and f2 would come within 4.0 m of each other"
+        number = air.panel.rehearse(VEE)
+        shown = await air.settle()
+        assert (shown["phase"], shown["text"]) == ("refused", air.refusal)
+        with pytest.raises(BusyError):
+            air.panel.give(number)
+
+    fly(story)
+
+
+def test_only_the_rehearsal_that_was_shown_and_not_one_of_long_ago_is_given(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        first = air.panel.rehearse(VEE)
+        await air.settle()
+        second = air.panel.rehearse(Order(shape="trail"))
+        await air.settle()
+        with pytest.raises(BusyError, match="rehearse it again"):
+            air.panel.give(first)
+        air.now += FRESH_S + 1.0
+        with pytest.raises(BusyError, match="too old"):
+            air.panel.give(second)
+        assert air.given == []
+
+    fly(story)
+
+
+def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.waits.clear()
+        air.panel.rehearse(VEE)
+        await air.settle()
+        with pytest.raises(BusyError, match="vee, spacing 30 m"):
+            air.panel.rehearse(Order(shape="trail"))
+        air.panel.abort()
+        air.waits.set()
+        shown = await air.settle()
+        assert (shown["phase"], shown["what"]) == ("flown", "abort")
+        assert air.given == [Flown.ABORT]
+
+    fly(story)
+
+
+def test_who_says_no_and_who_is_silent_is_shown_of_an_order_that_is_void(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.verdicts = {"leader": Verdict.VOID, "f1": Verdict.VOID, "f2": Verdict.REFUSED}
+        number = air.panel.rehearse(VEE)
+        await air.settle()
+        air.panel.give(number)
+        shown = await air.settle()
+        assert shown["phase"] == "void"
+        assert [(one["vehicle"], one["says"], one["text"]) for one in shown["answers"]] == [
+            ("f1", "void", ""),
+            ("f2", "refused", "too fast"),
+            ("f3", "silent", ""),
+            ("leader", "void", ""),
+        ]
+
+    fly(story)
+
+
+def test_a_fault_of_the_console_itself_ends_no_stream(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.panel.link = None
+        air.panel.rehearse(VEE)
+        shown = await air.settle()
+        assert (shown["phase"], shown["text"]) == ("refused", "the link is not open yet: try again")
+
+    fly(story)

@@ -1,0 +1,131 @@
+"""Other paths of a mission: looked at before the flight, ordered by name, refused where none can fly them."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.companion.plan import flight_plan
+from vfguide.formation.arrangement import Flown
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
+from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
+from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+WIDE = {"type": "circle", "centre": {"north_m": 500, "east_m": 0}, "radius_m": 300}
+TIGHT = {**WIDE, "radius_m": 30}
+HERE = LeaderPlace(0.0, 0.0, 0.0)
+
+
+def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> Mission:  # noqa: ANN401
+    """Four aircraft along a line to the north-east, with other paths."""
+    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    paths = {name: {"direction": "clockwise", **one} for name, one in paths.items()}
+    return Mission.model_validate({**content, "paths": paths, "orders": orders, **sections})
+
+
+def ordered(one: Mission, **order: Any) -> Any:  # noqa: ANN401
+    """The arrangement of an order from the beginning."""
+    formation = formation_of_mission(one)
+    return resolve(one, Order(**order), formation, number=1, time_s=30.0, leader=HERE)[0]
+
+
+def test_every_companion_knows_all_paths() -> None:
+    one = mission({"wide": WIDE})
+    for name in ("leader", "f3"):
+        assert set(flight_plan(one, name).paths) == {"main", "wide"}
+
+
+def test_the_turns_onto_a_path_suit_every_slot() -> None:
+    found = ordered(mission({"wide": WIDE}), path="wide")
+    assert (found.path, found.flown) == ("wide", Flown.FORMATION)
+    # At 20 + 8 m/s over ground and two thirds of 45 degrees r = 28² / (g tan 30°) = 138.5 m; f3 is 40 m
+    # outside, so that R² - r R - 40 r = 0: R = 170.9 m.
+    assert found.turn_radius_m == pytest.approx(171.0)
+
+
+def test_check_says_which_path_cannot_be_flown() -> None:
+    found = check_mission(mission({"wide": WIDE, "tight": TIGHT}))
+    errors = [one for one in found if one.severity == "error"]
+    assert errors
+    assert all("on the path 'tight': " in one.message for one in errors)
+
+
+def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence() -> None:
+    with pytest.raises(RefusedOrderError) as refusal:
+        ordered(mission({"tight": TIGHT}), path="tight")
+    assert str(refusal.value).startswith("f3: on the turn this slot lies at or beyond the centre")
+
+
+def test_an_order_of_a_path_that_leads_out_of_the_fence_is_refused() -> None:
+    fence = {
+        "circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}, "radius_m": 700}]
+    }
+    with pytest.raises(RefusedOrderError) as refusal:
+        ordered(mission({"wide": WIDE}, fence=fence), path="wide")
+    assert "leaves the fence" in str(refusal.value)
+
+
+def test_a_hold_in_the_time_table_is_where_the_other_path_has_led() -> None:
+    one = mission({"wide": WIDE}, {"at_s": 20, "path": "wide"}, {"at_s": 90, "action": "hold"})
+    (first, _), (held, _) = timetable(one)
+    assert (first.path, held.path) == ("wide", "wide")
+    assert held.circle is not None
+    # Along the line it would be 1270 m north; round the circle no more than 800 m and the hold's width.
+    north, _ = flight_plan(one, "leader").frame.to_local(
+        held.circle.latitude_deg, held.circle.longitude_deg
+    )
+    assert -100.0 < north < 1100.0
+
+
+def read(paths: str, orders: str = "[]") -> list[str]:
+    """What is wrong with a mission's file."""
+    text = (MISSIONS / "shapes.yaml").read_text()
+    head, _, rest = text.partition("# One shape a minute")
+    tail = rest[rest.index("wind:") :]
+    content = f"{head}paths: {paths}\norders: {orders}\n{tail}"
+    with pytest.raises(MissionError) as error:
+        parse_mission(content.encode(), file="m.yaml")
+    return str(error.value).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("paths", "text"),
+    [
+        ("{main: {type: line, course_deg: 0}}", "paths.main: `main` is the name of `path`"),
+        ("{Survey: {type: line, course_deg: 0}}", "'Survey' cannot be a name"),
+        ("{survey: {type: ring}}", "paths.survey.type: 'ring' is not known"),
+        ("{survey: {type: line, course_deg: north}}", "paths.survey.course_deg: 'north' is not"),
+        ("{survey: {type: plan, file: none.plan}}", "paths.survey.file"),
+    ],
+)
+def test_a_faulty_path_is_told_with_its_place(paths: str, text: str) -> None:
+    (line,) = read(paths)
+    assert text in line
+
+
+@pytest.mark.parametrize(
+    ("orders", "text"),
+    [
+        (
+            "[{at_s: 30, shape: vee}, {at_s: 30, action: hold}]",
+            "orders[1].at_s: 30 s is no later than the 30 s of the order before",
+        ),
+        (
+            "[{at_s: 30, leave: [f1]}, {at_s: 60, leave: [f1]}]",
+            "orders[1].leave: 'f1' has left the formation",
+        ),
+        ("[{at_s: 30, join: [f1]}]", "orders[0].join: 'f1' is in the formation already"),
+        (
+            "[{at_s: 30, leave: [f2]}, {at_s: 60, swap: [f1, f2]}]",
+            "orders[1].swap: 'f2' has left the formation",
+        ),
+        ("[{at_s: 30, swap: [f1, f9]}]", "orders[0].swap: 'f9' is no follower"),
+    ],
+)
+def test_orders_that_contradict_each_other_are_refused_with_their_place(
+    orders: str, text: str
+) -> None:
+    (line,) = read("{}", orders)
+    assert text in line

@@ -1,0 +1,91 @@
+"""Orders that a ground station requests of this companion, by a MAVLink command that any of them can send.
+
+MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 the spacing. Nothing in
+MAVLink shows who has sent it, unless the connection is signed. So a companion hears it only where it was told
+to and has an operator's key; what is requested is given as any order: rehearsed, signed, agreed on by all.
+"""
+
+import math
+from collections.abc import Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.formation.shapes import SHAPES
+from vfguide.mavlink.reports import OrderRequest
+from vfguide.mission.model import Mission
+
+Words = tuple[str, ...]
+"""An order as `vfguide order` takes it."""
+
+ABORT: Words = ("abort",)
+
+FIRST_SHAPE, SPACING, FIRST_PATH, FIRST_LEADER = 10, 20, 30, 60
+"""Codes: of the shapes in their order, of the spacing alone, of paths and of who may lead."""
+
+AGAIN_S = 10.0
+"""A ground station that hears no answer sends a command again; so long it is the same one."""
+
+SPACINGS_M = (1.0, 1000.0)
+
+
+def order_codes(mission: Mission) -> dict[int, Words]:
+    """What each code orders in a mission."""
+    codes: dict[int, Words] = {1: ABORT, 2: ("hold",), 3: ("resume",), SPACING: ("spacing",)}
+    codes |= {FIRST_SHAPE + index: (shape,) for index, shape in enumerate(SHAPES)}
+    paths = mission.paths_by_name if mission.paths else ()
+    codes |= {FIRST_PATH + index: ("path", name) for index, name in enumerate(paths)}
+    may_lead = (mission.leader.vehicle, *mission.deputies) if mission.deputies else ()
+    return codes | {FIRST_LEADER + index: ("lead", name) for index, name in enumerate(may_lead)}
+
+
+class GroundOrders:
+    """Requests of one companion's ground stations: answered at once, and handed on."""
+
+    def __init__(self, codes: Mapping[int, Words]) -> None:
+        """Know what each code orders; nothing was requested yet."""
+        self._codes = codes
+        self._last: tuple[tuple[int, int], float, float] | None = None
+        self._last_s = -math.inf
+        self._answer = 0
+        self._under_way: set[Words] = set()
+
+    def take(self, request: OrderRequest, now: float) -> tuple[list[MAVLink_message], Words | None]:
+        """Take a request.
+
+        Returns:
+            The answer to it, and the order that is to be given; None where there is none.
+        """
+        same = (request.sender, request.code, request.spacing)
+        if request.confirmation > 0 and same == self._last and now - self._last_s < AGAIN_S:
+            return [answer(request, self._answer)], None
+        self._last, self._last_s = same, now
+        self._answer, words = self._decide(request)
+        return [answer(request, self._answer)], words
+
+    def finish(self, words: Words) -> None:
+        """Note that an order has been given, or could not be: the next may come."""
+        self._under_way.discard(words)
+
+    def _decide(self, request: OrderRequest) -> tuple[int, Words | None]:
+        words = self._codes.get(round(request.code)) if abs(request.code) < 1e3 else None
+        shaped = words is not None and words[0] in {*SHAPES, "spacing"}
+        if words is None or round(request.code) != request.code:
+            return mavlink.MAV_RESULT_UNSUPPORTED, None
+        # What calls everything off waits for nothing but another of its kind.
+        waits_for = self._under_way & {ABORT} if words == ABORT else self._under_way
+        if waits_for:
+            return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, None
+        if request.spacing != 0.0 or words[0] == "spacing":
+            if not (shaped and SPACINGS_M[0] <= request.spacing <= SPACINGS_M[1]):
+                return mavlink.MAV_RESULT_DENIED, None
+            words = (*words, "--spacing", f"{request.spacing:g}")
+        self._under_way.add(words)
+        return mavlink.MAV_RESULT_ACCEPTED, words
+
+
+def answer(request: OrderRequest, result: int) -> MAVLink_message:
+    """COMMAND_ACK to who has sent a request."""
+    return mavlink.MAVLink_command_ack_message(
+        mavlink.MAV_CMD_USER_1, result, 0, 0, *request.sender
+    )

@@ -1,0 +1,289 @@
+"""Orders from the console's pages: rehearsed, shown, given and answered, one at a time.
+
+All pages see the same order: what one operator rehearses the others see, and any of them can give it. An
+abort does not wait for any of this.
+"""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable, Callable
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vfguide.errors import VfguideError
+from vfguide.formation.orders import Order
+from vfguide.lab.console.model import slots_in_words
+from vfguide.lab.ordering import (
+    OrderDesk,
+    Outcome,
+    Rehearsed,
+    await_formation,
+    await_order,
+    give_rehearsed,
+    rehearse_order,
+)
+from vfguide.link.opening import Link
+from vfguide.link.order_codec import Verdict
+from vfguide.link.watch import check_connected
+from vfguide.mission import Mission
+from vfguide.mission.orders import WrittenOrder
+
+logger = logging.getLogger(__name__)
+
+FRESH_S = 120.0
+"""A rehearsal says what would happen from where the formation was: after so long it has to be done again."""
+
+Phase = Literal[
+    "none", "rehearsing", "rehearsed", "refused", "giving", "flown", "void", "not flown"
+]
+"""How far an order has come. `refused`: it cannot be carried out; `void`: not all have agreed to it."""
+
+BUSY = frozenset({"rehearsing", "giving"})
+
+ABORT = Order(action="abort")
+
+
+class Choice(BaseModel):
+    """Which rehearsed order is to be given, as a page sends it."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    number: int = Field(ge=1, le=2**31)
+    """Of the rehearsal that the page has shown."""
+
+
+class Nothing(BaseModel):
+    """What a page sends with an order that needs no more words."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class BusyError(VfguideError):
+    """Another order is being rehearsed or given, or the one that was meant is not there any more."""
+
+
+class OrderPanel:
+    """The order that the console's pages are about, from its rehearsal to what became of it."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        desk: OrderDesk,
+        *,
+        clock: Callable[[], float],
+        changed: Callable[[], None],
+    ) -> None:
+        """Begin without an order.
+
+        Args:
+            mission: of the formation.
+            desk: what is heard, and where orders are given.
+            clock: s.
+            changed: called whenever there is something else to show.
+        """
+        self._mission, self._desk = mission, desk
+        deputies = list(mission.deputies)
+        self._may_lead = [mission.leader.vehicle, *deputies] if deputies else []
+        self._clock, self._changed = clock, changed
+        self.link: Link | None = None
+        """Over which orders are given; None until it is opened."""
+        self._task: asyncio.Task[None] | None = None
+        self._count = 0
+        self._forget()
+
+    def _forget(self, phase: Phase = "none", what: str = "") -> None:
+        self._phase: Phase = phase
+        self._what, self._text = what, ""
+        self._found: Rehearsed | None = None
+        self._found_s = -math.inf
+        self._outcome: Outcome | None = None
+
+    def rehearse(self, order: Order) -> int:
+        """Begin to rehearse an order; the number of the rehearsal.
+
+        Raises:
+            BusyError: another order is being rehearsed or given.
+        """
+        self._check_free()
+        self._count += 1
+        self._forget("rehearsing", order_in_words(order))
+        self._begin(self._rehearse(order))
+        return self._count
+
+    def give(self, number: int) -> None:
+        """Begin to give an order that was rehearsed.
+
+        Raises:
+            BusyError: it is not the one that is there, is too old, or another is being rehearsed or given.
+        """
+        self._check_free()
+        found = self._found
+        if number != self._count or self._phase != "rehearsed" or found is None:
+            raise BusyError("this order is not the one that was rehearsed last: rehearse it again")
+        if self._clock() - self._found_s > FRESH_S:
+            raise BusyError("this rehearsal is too old: rehearse the order again")
+        self._phase = "giving"
+        self._begin(self._give(found))
+
+    def abort(self) -> int:
+        """Call everything off, whatever else is being done; the number of the order."""
+        self.stop()
+        self._count += 1
+        self._forget("giving", order_in_words(ABORT))
+        self._begin(self._abort())
+        return self._count
+
+    def stop(self) -> None:
+        """Do no more."""
+        if self._task is not None:
+            self._task.cancel()
+            self._task = None
+
+    def _check_free(self) -> None:
+        if self._phase in BUSY:
+            raise BusyError(
+                f"another order ({self._what}) is being rehearsed or given: wait for it"
+            )
+
+    def _begin(self, doing: Awaitable[None]) -> None:
+        self._task = asyncio.create_task(self._guarded(doing), name="order")
+        self._changed()
+
+    async def _guarded(self, doing: Awaitable[None]) -> None:
+        """Do something for an order; whatever stops it is shown."""
+        try:
+            await doing
+        except VfguideError as error:
+            self._phase, self._text = "refused", str(error)
+        except Exception:
+            logger.exception("an order could not be given")
+            self._phase, self._text = (
+                "refused",
+                "the console has failed: see its log, and use vfguide order",
+            )
+        self._changed()
+
+    def _open_link(self) -> Link:
+        if self.link is None:
+            raise VfguideError("the link is not open yet: try again")
+        return self.link
+
+    async def _rehearse(self, order: Order) -> None:
+        link = self._open_link()
+        check_connected(link)
+        await await_formation(self._desk, calls_off=False)
+        await await_order(self._desk, link)
+        self._found = await rehearse_order(self._mission, order, self._desk, link)
+        self._phase, self._found_s = "rehearsed", self._clock()
+
+    async def _give(self, found: Rehearsed) -> None:
+        link = self._open_link()
+        check_connected(link)
+        self._conclude(
+            await give_rehearsed(self._mission, found, self._desk, link, tell=self._tell)
+        )
+
+    async def _abort(self) -> None:
+        """Say it again and again, even while no link stands: it may come back within seconds."""
+        link = self._open_link()
+        await await_formation(self._desk, calls_off=True)
+        found = await rehearse_order(self._mission, ABORT, self._desk, link)
+        self._conclude(
+            await give_rehearsed(self._mission, found, self._desk, link, tell=self._tell)
+        )
+
+    def _tell(self, _: str) -> None:
+        self._changed()
+
+    def _conclude(self, outcome: Outcome) -> None:
+        self._outcome = outcome
+        verdicts = {reply.verdict for reply in outcome.replies.values()}
+        if outcome.flown:
+            self._phase = "flown"
+        elif Verdict.FLOWN not in verdicts:
+            self._phase = "void"
+        else:
+            self._phase = "not flown"
+
+    def describe(self) -> dict[str, object]:
+        """What the pages show, ready for JSON."""
+        content: dict[str, object] = {
+            "number": self._count,
+            "phase": self._phase,
+            "what": self._what,
+            "text": self._text,
+            "fresh_s": FRESH_S,
+            "paths": list(self._mission.paths_by_name),
+            "may_lead": self._may_lead,
+        }
+        if self._found is not None:
+            content |= outcome_of(self._found)
+        if self._phase in {"giving", "flown", "void", "not flown"}:
+            content["answers"] = self._answers()
+        return content
+
+    def _answers(self) -> list[dict[str, str]]:
+        """What each vehicle says, the silent ones too."""
+        desk, silent = self._desk, "silent" if self._outcome is not None else "asked"
+        answers = []
+        for name in sorted(desk.awaited):
+            reply = desk.replies.get(name)
+            answers.append(
+                {
+                    "vehicle": name,
+                    "says": silent if reply is None else reply.verdict.name.lower(),
+                    "text": "" if reply is None else reply.text,
+                }
+            )
+        return answers
+
+
+def outcome_of(found: Rehearsed) -> dict[str, object]:
+    """What a rehearsal says, ready for JSON."""
+    prediction = found.prediction
+    if prediction is None:
+        return {}
+    first, second = prediction.pair
+    return {
+        "outcome": {
+            "pair": [first, second] if first else [],
+            "least_m": round(prediction.least_m, 1) if first else None,
+            "least_s": round(prediction.least_s),
+            "settled_s": None if prediction.settled_s is None else round(prediction.settled_s),
+            "slots": slots_in_words(found.arrangement.places),
+        }
+    }
+
+
+def order_in_words(order: Order) -> str:
+    """An order as `vfguide order` has it."""
+    words: list[str] = []
+    if order.action is not None:
+        words.append(order.action)
+    if order.shape is not None:
+        words.append(order.shape)
+    if order.spacing is not None:
+        words.append(f"spacing {order.spacing:g} m")
+    if order.swap is not None:
+        words.append(f"swap {' '.join(order.swap)}")
+    if order.path is not None:
+        words.append(f"path {order.path}")
+    if order.lead is not None:
+        words.append(f"lead {order.lead}")
+    if order.slots:
+        words.append(f"slot {' '.join(order.slots)}")
+    for name, vehicles in (("leave", order.leave), ("join", order.join)):
+        if vehicles:
+            words.append(f"{name} {' '.join(vehicles)}")
+    return ", ".join(words)
+
+
+def order_from(text: bytes) -> Order:
+    """The order that a page has sent.
+
+    Raises:
+        pydantic.ValidationError: it is none.
+    """
+    return WrittenOrder.model_validate_json(text, strict=True).order

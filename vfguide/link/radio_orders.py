@@ -1,0 +1,189 @@
+"""Orders and what is said to them, in pieces that fit into the packets of a radio.
+
+A message about orders is cut into pieces of 28 bytes: an operator's order in its envelope, as signed as on
+every link, an answer to one, and an order that a vehicle repeats. A sender says the pieces one after the
+other, a turn each, and begins again with the first: what a receiver has missed it hears in the next round. A
+receiver hands a message on once it has all pieces, and their hash is the one that every piece names; before
+that nothing comes of it. Each sender has one message of each kind on its way, a newer one takes its place.
+
+Nothing here reads a clock.
+"""
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from vfguide.link.codec import LinkDataError
+from vfguide.link.envelope import Kind
+from vfguide.link.order_codec import decode_reply
+from vfguide.link.packed import PIECE_SIZE, PackedKind, Piece
+
+MOST_PIECES = 24
+"""Of one message: 672 bytes are a signed order to 11 followers with names of up to 18 characters."""
+
+ROUNDS = 3
+"""Times that all pieces of an answer, or of an order that is repeated, are said: nobody acknowledges them."""
+
+FORGET_S = 2.0
+"""An operator who has not given an order again for this long does not want it to be said any more."""
+
+MOST_WAITING = 4
+"""Messages that wait for their turns: one more, and the oldest is forgotten."""
+
+PACKED_KINDS = {
+    Kind.ORDER: PackedKind.ORDER,
+    Kind.REPLY: PackedKind.REPLY,
+    Kind.REPEAT: PackedKind.REPEAT,
+}
+"""Kinds of messages that are said in pieces."""
+
+
+def mark_of(content: bytes) -> int:
+    """What the pieces of a message name it by: 16 bits of its hash."""
+    return int.from_bytes(hashlib.blake2b(content, digest_size=2).digest(), "little")
+
+
+def pieces_of(content: bytes) -> tuple[Piece, ...]:
+    """The pieces of a message, in order.
+
+    Raises:
+        ValueError: it is too long, or empty.
+    """
+    count = math.ceil(len(content) / PIECE_SIZE)
+    if not 0 < count <= MOST_PIECES:
+        raise ValueError(f"{len(content)} bytes about an order do not fit onto a radio")
+    mark = mark_of(content)
+    parts = (content[index * PIECE_SIZE :][:PIECE_SIZE] for index in range(count))
+    return tuple(
+        Piece(mark=mark, index=index, size=len(content), data=part.ljust(PIECE_SIZE, b"\0"))
+        for index, part in enumerate(parts)
+    )
+
+
+@dataclass(slots=True, kw_only=True)
+class Waiting:
+    """A message on its way out."""
+
+    kind: PackedKind
+    """What it is about."""
+    body: bytes
+    """What was to be said: the same again is the same message, whatever envelope it comes in."""
+    pieces: tuple[Piece, ...]
+    """Of it."""
+    posted_s: float
+    """When it was to be said last, s."""
+    said: int = 0
+    """Pieces that were said, of all rounds."""
+
+
+class OrderOutbox:
+    """What one member has to say about orders."""
+
+    def __init__(self) -> None:
+        """Begin with nothing to say."""
+        self._waiting: dict[tuple[object, ...], Waiting] = {}
+
+    def post(self, kind: Kind, body: bytes, content: bytes, now: float) -> None:
+        """Say this from now on; what was said about the same order before is over.
+
+        Args:
+            kind: ORDER, REPLY or REPEAT.
+            body: what is said.
+            content: how it is said: of an order its envelope, else the body.
+            now: on the clock of the turns, s.
+
+        Raises:
+            ValueError: it is too long.
+        """
+        about = about_of(kind, body)
+        before = self._waiting.get(about)
+        if before is not None and before.body == body:
+            # Pieces of two envelopes would never become a whole.
+            before.posted_s = now
+            before.said %= len(before.pieces)
+            return
+        self._waiting.pop(about, None)
+        self._waiting[about] = Waiting(
+            kind=PACKED_KINDS[kind], body=body, pieces=pieces_of(content), posted_s=now
+        )
+        while len(self._waiting) > MOST_WAITING:
+            del self._waiting[next(iter(self._waiting))]
+
+    def next_piece(self, now: float) -> tuple[PackedKind, Piece] | None:
+        """The piece to say in this turn; None where there is none."""
+        for about, one in list(self._waiting.items()):
+            if self._is_over(one, now):
+                del self._waiting[about]
+        for about, one in self._waiting.items():
+            piece = one.pieces[one.said % len(one.pieces)]
+            one.said += 1
+            if one.said % len(one.pieces) == 0:
+                # Whatever else waits has the next round.
+                del self._waiting[about]
+                self._waiting[about] = one
+            return one.kind, piece
+        return None
+
+    @staticmethod
+    def _is_over(one: Waiting, now: float) -> bool:
+        if one.kind is PackedKind.ORDER:
+            return now - one.posted_s > FORGET_S
+        return one.said >= ROUNDS * len(one.pieces)
+
+
+def about_of(kind: Kind, body: bytes) -> tuple[object, ...]:
+    """What of one sender takes the place of what it has said before: an answer to the same order, say."""
+    if kind is Kind.REPLY:
+        try:
+            reply = decode_reply(body)
+        except LinkDataError:
+            return (kind,)
+        return kind, reply.number, reply.check
+    return (kind,)
+
+
+@dataclass(slots=True, kw_only=True)
+class Partial:
+    """A message of which some pieces have come."""
+
+    mark: int
+    """Of the message."""
+    size: int
+    """Its bytes."""
+    parts: dict[int, bytes] = field(default_factory=dict)
+    """By the numbers of the pieces."""
+
+
+class OrderInbox:
+    """What is on its way to one member, of all senders."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._partial: dict[tuple[int, PackedKind], Partial] = {}
+
+    def take(self, sender: int, kind: PackedKind, piece: Piece) -> bytes | None:
+        """Take a piece; the whole message if it was the last that was missing.
+
+        Raises:
+            LinkDataError: the message is too long, or not the one that its pieces named.
+        """
+        count = math.ceil(piece.size / PIECE_SIZE)
+        if count > MOST_PIECES:
+            raise LinkDataError("longer than anything about an order")
+        about = sender, kind
+        partial = self._partial.get(about)
+        if partial is None or (partial.mark, partial.size) != (piece.mark, piece.size):
+            partial = self._partial[about] = Partial(mark=piece.mark, size=piece.size)
+        partial.parts[piece.index] = piece.data
+        if len(partial.parts) < count:
+            return None
+        del self._partial[about]
+        content = b"".join(partial.parts[index] for index in range(count))[: piece.size]
+        if mark_of(content) != piece.mark:
+            raise LinkDataError("pieces of two messages")
+        return content
+
+    def __iter__(self) -> Iterator[Partial]:
+        """The messages of which some pieces have come."""
+        return iter(self._partial.values())
