@@ -29,7 +29,7 @@ from vfguide.link.presence import Presence
 from vfguide.link.watch import Watched, check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
-from vfguide.record.latency import latency_of
+from vfguide.record.latency import Latency, latency_of
 
 UNKNOWN = "-"
 
@@ -304,8 +304,29 @@ async def flown_live(
         figures = {name: presence.figures for name, presence in presences.items()}
         usage = {name: after[name].since(one) for name, one in before.items() if name in after}
         latency = latency_of(figures, leader=mission.leader.vehicle, processes=usage)
+        if (late := find_slowness(mission, latency, speedup)) is not None:
+            tell(late)
         record = flight.record(wall_s=wall_s)
     return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+
+
+def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | None:
+    """Say that the computer was too slow for the flight, whose errors are then its own; None if it was not.
+
+    Args:
+        mission: the mission.
+        latency: how old the leader's states were when followers used them, in simulated time.
+        speedup: simulation seconds for each real one.
+    """
+    age_ms = latency.together().leader_age_ms
+    if age_ms is None or age_ms.p99 < mission.patience.leader_s * 1e3:
+        return None
+    slower = "" if speedup <= 1.0 else f"fly it with --speedup {min(1.0, speedup / 2.0):g}, or "
+    return (
+        f"this computer was too slow: in 1 % of the cases the leader's state was {age_ms.p99 * 1e-3:.1f} s old or"
+        f" more, and after {mission.patience.leader_s:g} s a follower takes its leader for lost, so these errors"
+        f" are not the formation's; {slower}end what else runs here"
+    )
 
 
 @asynccontextmanager

@@ -15,13 +15,17 @@ PATIENCE_S = 200.0
 
 @pytest.mark.parametrize("setting", ["leader.least_delay_s=0.2", "leader.least_delay_s=null"])
 def test_followers_keep_their_slots_whether_the_delay_is_told_or_asked_for(
-    setting: str, broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
+    setting: str,
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]],
+    tmp_path: Path,
+    speedup: float,
 ) -> None:
     async def fly() -> tuple[int | None, bytes, bytes]:
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", "foreign-leader", "--live", "--json"),
-                *("--speedup", "2", "--duration", "60", "--link", broker.url, "--set", setting),
+                *("--speedup", f"{speedup:g}", "--duration", "60"),
+                *("--link", broker.url, "--set", setting),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

@@ -29,7 +29,7 @@ PATIENCE_S = 300.0
 
 
 def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
 ) -> None:
     mission = tmp_path / "mixed.yaml"
     mission.write_text(MISSION)
@@ -38,7 +38,7 @@ def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
-                *("--speedup", "2", "--link", broker.url),
+                *("--speedup", f"{speedup:g}", "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

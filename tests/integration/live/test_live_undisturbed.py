@@ -26,13 +26,13 @@ PATIENCE_S = 300.0
 
 
 def test_live_flight_is_as_good_as_the_mission_asks(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
+    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
 ) -> None:
     async def fly() -> tuple[int | None, bytes, bytes]:
         async with broker_in(tmp_path) as broker:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
-                *("--speedup", "2", "--duration", str(DURATION_S), "--link", broker.url),
+                *("--speedup", f"{speedup:g}", "--duration", str(DURATION_S), "--link", broker.url),
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.fly_live import Row, line_of, live_table, rows_of, table_of
+from vfguide.commands.fly_live import Row, find_slowness, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord
+from vfguide.record.latency import latency_of
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
 
@@ -84,3 +85,22 @@ def test_on_a_terminal_the_table_is_drawn_in_place(monkeypatch: pytest.MonkeyPat
 
 def test_the_table_has_a_row_for_each_vehicle() -> None:
     assert table_of("flying", [ROW, ROW]).row_count == 2
+
+
+def test_a_computer_that_is_too_slow_for_the_flight_is_named_with_the_remedy() -> None:
+    mission = load_mission(MISSION)
+    assert mission.patience.leader_s == 0.6
+    ages = {
+        f"leader_age_ms_{name}": age
+        for name, age in (("p50", 300.0), ("p99", 2800.0), ("max", 1e4))
+    }
+
+    def found(speedup: float, **more: float) -> str | None:
+        return find_slowness(mission, latency_of({"f1": ages | more}, leader="leader"), speedup)
+
+    assert found(2.0, leader_age_ms_p99=599.0) is None
+    assert found(2.0) is not None
+    assert "2.8 s old" in str(found(2.0))
+    assert "--speedup 1," in str(found(2.0))
+    assert "--speedup" not in str(found(1.0))
+    assert "end what else runs here" in str(found(1.0))
