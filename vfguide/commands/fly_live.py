@@ -323,9 +323,9 @@ def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | N
         return None
     slower = "" if speedup <= 1.0 else f"fly it with --speedup {min(1.0, speedup / 2.0):g}, or "
     return (
-        f"this computer was too slow: in 1 % of the cases the leader's state was {age_ms.p99 * 1e-3:.1f} s old or"
-        f" more, and after {mission.patience.leader_s:g} s a follower takes its leader for lost, so these errors"
-        f" are not the formation's; {slower}end what else runs here"
+        f"this computer was too slow: in 1 % of cases the leader's state was {age_ms.p99 * 1e-3:.1f} s old"
+        f" or more, and after {mission.patience.leader_s:g} s a follower takes its leader for lost, so these"
+        f" errors are not the formation's; {slower}end what else runs here"
     )
 
 
