@@ -1,15 +1,10 @@
-"""The companion as a process: the one place with tasks, sockets and a clock.
-
-How long a companion took, and how old what it used was: a few numbers that stay small for ever.
-"""
+"""The companion as a process: the one place with tasks, sockets and a clock."""
 
 import asyncio
 import gc
 import logging
-import math
 import signal
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
@@ -22,8 +17,14 @@ from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import Words
 from vfguide.companion.order_program import OrderProgram
-from vfguide.companion.outgoing import Event, Outgoing, Snapshot
+from vfguide.companion.outgoing import Event, Outgoing
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.presence_figures import (
+    Quantiles,
+    figures_of_leader,
+    latency_figures,
+    refused_messages,
+)
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
@@ -32,7 +33,6 @@ from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import (
-    LEADER_FIGURES,
     LONGEST_WARNING,
     ORDER,
     TERM,
@@ -47,39 +47,6 @@ from vfguide.mavlink.introduction import Introduction
 from vfguide.mavlink.signing import Signing
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
-from vfguide.state import HeardState
-
-
-class Quantiles:
-    """Median, 99th percentile and greatest of the newest values of a series."""
-
-    def __init__(self, size: int = 2000) -> None:
-        """Keep this many of the newest values."""
-        self._size = size
-        self._newest: list[float] = []
-        self._next = 0
-        self.greatest = 0.0
-        """Of all values ever."""
-        self.last: float | None = None
-        """The newest."""
-
-    def add(self, value: float) -> None:
-        """Note a value."""
-        self.last = value
-        self.greatest = max(self.greatest, value)
-        if len(self._newest) < self._size:
-            self._newest.append(value)
-        else:
-            self._newest[self._next] = value
-            self._next = (self._next + 1) % self._size
-
-    def quantiles(self, *shares: float) -> list[float]:
-        """For each share the value that it of the newest ones does not exceed; empty without any values."""
-        ordered = sorted(self._newest)
-        if not ordered:
-            return []
-        return [ordered[min(len(ordered) - 1, int(share * len(ordered)))] for share in shares]
-
 
 logger = logging.getLogger(__name__)
 
@@ -414,15 +381,8 @@ class Daemon:
 
     def _figures(self) -> dict[str, float]:
         """Latencies in milliseconds and counters, for operators."""
-        series = {"response_ms": self._response, "leader_age_ms": self._leader_age}
-        figures: dict[str, float] = {}
-        for name, values in series.items():
-            found = values.quantiles(0.5, 0.99)
-            for label, value in zip(("p50", "p99"), found, strict=False):
-                figures[f"{name}_{label}"] = round(value * 1e3, 3)
-            if values.last is not None:
-                figures[f"{name}_last"] = round(values.last * 1e3, 3)
-            figures[f"{name}_max"] = round(values.greatest * 1e3, 3)
+        figures = latency_figures("response_ms", self._response)
+        figures |= latency_figures("leader_age_ms", self._leader_age)
         if self._companion.wind is not None:
             wind_north, wind_east = self._companion.wind
             figures["wind_north_m_s"] = round(wind_north, 2)
@@ -444,7 +404,7 @@ class Daemon:
     def _step(self) -> GuidanceStep:
         """What the companion did last, for the record."""
         now = self._clock.now()
-        step = guidance_step(now, self._companion.snapshot)
+        step = self._companion.snapshot.guidance_step(now)
         return replace(step, formation_time_s=self._shared_clock.from_own(now))
 
     def _tell_of_record(self) -> None:
@@ -477,25 +437,6 @@ class Daemon:
             logger.warning(text, extra={"vehicle": self._name})
 
 
-def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
-    """How a leader without a companion moves, for those who do not hear it themselves.
-
-    Args:
-        leader: as it was heard last, on the own clock.
-        now: s on that clock.
-    """
-    values = (
-        now - leader.time_s,
-        leader.north,
-        leader.east,
-        leader.altitude_amsl,
-        leader.course,
-        leader.ground_speed,
-        leader.turn_rate,
-    )
-    return {name: round(one, 3) for name, one in zip(LEADER_FIGURES, values, strict=True)}
-
-
 def share(link: Link, out: Outgoing) -> None:
     """Send over the link what a companion wants sent there."""
     for data in out.to_link:
@@ -507,50 +448,6 @@ def share(link: Link, out: Outgoing) -> None:
     ):
         for data in said:
             link.say(kind, data)
-
-
-def refused_messages(counters: Counter[str]) -> dict[str, float]:
-    """Messages that were not believed, in all and by reason, as figures of a presence."""
-    found = {
-        reason.replace(": ", "_").replace(" ", "_").replace("'", ""): float(count)
-        for reason, count in counters.items()
-        if reason.startswith("refused: ")
-    }
-    return {"refused": sum(found.values()), **found}
-
-
-def guidance_step(now: float, snapshot: Snapshot) -> GuidanceStep:
-    """What a companion did last, for the log."""
-    setpoint = snapshot.setpoint
-    slot = {}
-    if snapshot.slot is not None:
-        ordered = snapshot.slot
-        slot = {
-            "slot_forward_m": ordered.forward,
-            "slot_right_m": ordered.right,
-            "slot_up_m": ordered.up,
-        }
-    lead = {}
-    if snapshot.lead is not None:
-        motion = snapshot.lead.motion
-        lead = {
-            "lead_term": float(snapshot.lead.term),
-            "lead_time_s": motion.time_s,
-            "lead_north_m": motion.north,
-            "lead_east_m": motion.east,
-            "lead_course_rad": motion.course,
-            "lead_height_m": motion.height,
-        }
-    return GuidanceStep(
-        time_s=now,
-        mode=snapshot.mode.value,
-        course_rad=math.nan if setpoint is None else setpoint.course,
-        speed_m_s=math.nan if setpoint is None else setpoint.speed,
-        limited=setpoint is not None and bool(setpoint.limited),
-        lyapunov_m2=snapshot.lyapunov,
-        **slot,
-        **lead,
-    )
 
 
 def shared_clock(peer_clock: PeerClock | None) -> SharedClock:

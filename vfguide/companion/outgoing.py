@@ -1,10 +1,12 @@
 """What a companion wants sent and has to say, and what it did last."""
 
+import math
 from dataclasses import dataclass, field
 
 from vfguide.companion.role import Lead, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import MAIN_PATH, Point
+from vfguide.record.guidance_log import GuidanceStep
 from vfguide.state import Setpoint
 
 
@@ -81,3 +83,40 @@ class Snapshot:
     """Name of the path that is followed."""
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""
+
+    def guidance_step(self, now: float) -> GuidanceStep:
+        """As an entry of the log.
+
+        Args:
+            now: s of the companion's clock.
+        """
+        setpoint = self.setpoint
+        slot = {}
+        if self.slot is not None:
+            ordered = self.slot
+            slot = {
+                "slot_forward_m": ordered.forward,
+                "slot_right_m": ordered.right,
+                "slot_up_m": ordered.up,
+            }
+        lead = {}
+        if self.lead is not None:
+            motion = self.lead.motion
+            lead = {
+                "lead_term": float(self.lead.term),
+                "lead_time_s": motion.time_s,
+                "lead_north_m": motion.north,
+                "lead_east_m": motion.east,
+                "lead_course_rad": motion.course,
+                "lead_height_m": motion.height,
+            }
+        return GuidanceStep(
+            time_s=now,
+            mode=self.mode.value,
+            course_rad=math.nan if setpoint is None else setpoint.course,
+            speed_m_s=math.nan if setpoint is None else setpoint.speed,
+            limited=setpoint is not None and bool(setpoint.limited),
+            lyapunov_m2=self.lyapunov,
+            **slot,
+            **lead,
+        )

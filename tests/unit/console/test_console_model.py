@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.companion.daemon import figures_of_leader
 from vfguide.companion.plan import local_frame
+from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Place, Point
 from vfguide.lab.console.model import MODES, SERIES, Formation, slot_of
 from vfguide.link.codec import LeaderMessage, encode

@@ -1,0 +1,85 @@
+"""The figures by which a companion says how quick it is, what it hears and what it refused.
+
+Each series is kept as a few numbers, so that memory stays the same however long it flies.
+"""
+
+from collections import Counter
+
+from vfguide.link.presence import LEADER_FIGURES
+from vfguide.state import HeardState
+
+
+class Quantiles:
+    """Median, 99th percentile and greatest of the newest values of a series."""
+
+    def __init__(self, size: int = 2000) -> None:
+        """Keep this many of the newest values."""
+        self._size = size
+        self._newest: list[float] = []
+        self._next = 0
+        self.greatest = 0.0
+        """Of all values ever."""
+        self.last: float | None = None
+        """The newest."""
+
+    def add(self, value: float) -> None:
+        """Note a value."""
+        self.last = value
+        self.greatest = max(self.greatest, value)
+        if len(self._newest) < self._size:
+            self._newest.append(value)
+        else:
+            self._newest[self._next] = value
+            self._next = (self._next + 1) % self._size
+
+    def quantiles(self, *shares: float) -> list[float]:
+        """For each share the value that it of the newest ones does not exceed; empty without any values."""
+        ordered = sorted(self._newest)
+        if not ordered:
+            return []
+        return [ordered[min(len(ordered) - 1, int(share * len(ordered)))] for share in shares]
+
+
+def latency_figures(name: str, series: Quantiles) -> dict[str, float]:
+    """A series of times as figures of a presence, ms.
+
+    Args:
+        name: of the series; each figure's name begins with it.
+        series: times, s.
+    """
+    figures = {f"{name}_max": round(series.greatest * 1e3, 3)}
+    if series.last is not None:
+        figures[f"{name}_last"] = round(series.last * 1e3, 3)
+    found = series.quantiles(0.5, 0.99)
+    for label, value in zip(("p50", "p99"), found, strict=False):
+        figures[f"{name}_{label}"] = round(value * 1e3, 3)
+    return figures
+
+
+def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
+    """How a leader without a companion moves, for those who do not hear it themselves.
+
+    Args:
+        leader: as it was heard last, on the own clock.
+        now: s on that clock.
+    """
+    values = (
+        now - leader.time_s,
+        leader.north,
+        leader.east,
+        leader.altitude_amsl,
+        leader.course,
+        leader.ground_speed,
+        leader.turn_rate,
+    )
+    return {name: round(one, 3) for name, one in zip(LEADER_FIGURES, values, strict=True)}
+
+
+def refused_messages(counters: Counter[str]) -> dict[str, float]:
+    """Messages that were not believed, in all and by reason, as figures of a presence."""
+    found = {
+        reason.replace(": ", "_").replace(" ", "_").replace("'", ""): float(count)
+        for reason, count in counters.items()
+        if reason.startswith("refused: ")
+    }
+    return {"refused": sum(found.values()), **found}
