@@ -21,7 +21,8 @@ from vfguide.mission.model import Mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 
-RATE_HZ = 20.0
+RATE_HZ = 10.0
+"""Of telemetry and guidance. What is shown here does not depend on it; its cost does."""
 GUIDED, LOITER, MANUAL = 15, 12, 0
 
 
@@ -106,7 +107,7 @@ class Flight:
     _steps: int = 0
 
     def run(self, until_s: float) -> None:
-        """Fly on, both sides taking turns at 20 Hz."""
+        """Fly on, both sides taking turns."""
         while self._steps / RATE_HZ <= until_s:
             self.now = self._steps / RATE_HZ
             for data in self.link(self.now):
@@ -234,6 +235,7 @@ def flight(leader_bytes: Callable[..., bytes]) -> Callable[..., Flight]:
         sections = {
             "path": mission.path.model_copy(update={"course_deg": 0.0}),
             "patience": mission.patience.model_copy(update=patience or {}),
+            "rehearsal": mission.rehearsal.model_copy(update={"rate_hz": RATE_HZ}),
         }
         mission = mission.model_copy(update=sections)
         declared = mission.vehicles[vehicle].model_copy(update={"autopilot": kind})

@@ -66,8 +66,8 @@ def test_nonsense_on_the_link_changes_nothing_but_a_counter(
     disturbed.run(FLIGHT_S)
     assert disturbed.sent == clean.sent
     assert disturbed.events == clean.events
-    assert sum(len(data) for _, data in clean.sent) > 10_000
-    received = round(FLIGHT_S * 20 + 1) * len(nonsense[reason](1.0))
+    assert sum(len(data) for _, data in clean.sent) > 5_000
+    received = round(FLIGHT_S * 10 + 1) * len(nonsense[reason](1.0))
     gained = disturbed.companion.counters - clean.companion.counters
     assert dict(gained) == {reason: received}
 
@@ -80,7 +80,7 @@ def test_a_leader_state_that_is_too_old_to_be_one_changes_nothing(
     clean.run(5.0)
     disturbed.run(5.0)
     assert disturbed.sent == clean.sent
-    assert disturbed.companion.counters["too old"] == 101
+    assert disturbed.companion.counters["too old"] == 51
 
 
 def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest(
@@ -107,7 +107,7 @@ def test_the_leader_publishes_the_same_bytes_for_the_same_inputs(flight: Make) -
     second.run(10.0)
     assert first.published == second.published
     assert first.sent == second.sent
-    assert len(first.published) > 150
+    assert len(first.published) > 75
 
 
 def test_noise_between_the_frames_of_the_autopilot_changes_nothing(flight: Make) -> None:
