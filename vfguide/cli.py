@@ -4,7 +4,7 @@ import sys
 import traceback
 from contextlib import suppress
 from importlib.metadata import version as version_of
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -21,6 +21,9 @@ from vfguide.extras import missing_library
 from vfguide.registry import plugin_fault
 
 WRONG_INPUT, BROKEN = 2, 3
+
+UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
+"""Of which Typer names only some kinds."""
 
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""
@@ -85,7 +88,10 @@ def main() -> None:
     """Entry point: what a user can mend is one line for each fault, never a traceback."""
     escape_what_cannot_be_encoded()
     try:
-        app(prog_name="vfguide")
+        status = app(prog_name="vfguide", standalone_mode=False)
+    except UsageError as error:
+        complain(usage_fault(error))
+        sys.exit(WRONG_INPUT)
     except InputError as error:
         complain(str(error))
         sys.exit(WRONG_INPUT)
@@ -105,6 +111,16 @@ def main() -> None:
         # Status 1 would say that the flight was flown.
         traceback.print_exc()
         raise SystemExit(BROKEN) from error
+    sys.exit(status)
+
+
+def usage_fault(error: typer.BadParameter) -> str:
+    """What is wrong with the words of a command, in a line that names its help, or the help."""
+    command = "vfguide" if error.ctx is None else error.ctx.command_path
+    text = error.format_message().rstrip(".")
+    if text.startswith("Usage:"):
+        return text
+    return f"{command}: {text[:1].lower()}{text[1:]}; see {command} -h"
 
 
 def complain(text: str) -> None:
