@@ -383,8 +383,10 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         given = Order(order, signed, check_of(data))
         if self._is_missed(given, now):
-            if self._path_objection(order) is not None:
-                self.counters["order: a path that the mission has not"] += 1
+            objection = self._path_objection(order)
+            if objection is not None:
+                if not self._is_known(given):
+                    self._refuse(given, objection)
                 return
             if self._shared(now) < order.time_s:
                 given.offset_s = math.inf
@@ -663,9 +665,16 @@ class Arrangements:
 
     def _path_objection(self, order: Arrangement) -> str | None:
         """Why the path of an order cannot be flown, in words; None if it can."""
-        if order.path == MAIN_PATH or order.path in self._plan.paths:
+        known = self._plan.paths.get(order.path)
+        if order.path == MAIN_PATH and order.turn_radius_m <= 0.0:
             return None
-        return f"no path is called {order.path!r} in its mission: give all the same mission"
+        if known is None:
+            return f"no path is called {order.path!r} in its mission: give all the same mission"
+        if known.check != order.path_check:
+            return (
+                f"its mission file means another curve by {order.path!r}: give all the same mission"
+            )
+        return None
 
     def _lead_objection(self, order: Arrangement, now: float) -> str | None:
         """Why who is to lead by an order cannot, in words; None if it can."""

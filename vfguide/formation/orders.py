@@ -85,8 +85,8 @@ class Formation:
     """Name of the mission's path that is followed."""
     turn_radius_m: float = 0.0
     """The leader turns no tighter onto it; 0 as long as it was not changed."""
-    paths: tuple[str, ...] = (MAIN_PATH,)
-    """Names of all paths of the mission."""
+    paths: Mapping[str, int] = field(default_factory=lambda: {MAIN_PATH: 0})
+    """All paths of the mission by name, and what tells each from any other of its name."""
     may_lead: tuple[str, ...] = ()
     """Who may lead, the mission's leader first; empty without deputies."""
     holder: str = ""
@@ -176,6 +176,9 @@ def arrangement_of(
         if circle is None:
             raise RefusedOrderError("where to hold is not known: the leader is not heard")
         flown = Flown.HOLD
+    path = order.path or formation.path
+    turn_radius_m = turn_radius_m if order.path else formation.turn_radius_m
+    changed = path != MAIN_PATH or turn_radius_m > 0.0
     arrangement = Arrangement(
         number=number,
         time_s=time_s,
@@ -184,8 +187,9 @@ def arrangement_of(
         across_s=found.across_s,
         places=found.places,
         circle=circle if flown is Flown.HOLD else None,
-        path=order.path or formation.path,
-        turn_radius_m=turn_radius_m if order.path else formation.turn_radius_m,
+        path=path,
+        path_check=formation.paths.get(path, 0) if changed else 0,
+        turn_radius_m=turn_radius_m,
         lead=order.lead or "",
     )
     return arrangement, found

@@ -721,6 +721,39 @@ def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
     assert "no path is called 'survey' in its mission: give all the same mission" in refused
 
 
+def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    other = with_paths(plan)(vehicle="f2")
+    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
+    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    refused = {reply.text for name, reply in formation.said if name == "f2"}
+    assert refused >= {
+        "its mission file means another curve by 'survey': give all the same mission"
+    }
+
+
+def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(11.0)
+    other = with_paths(plan)(vehicle="f2")
+    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
+    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.run(30.0)
+    assert formation.flown["f2"] == 0
+    assert formation.members["f2"].obstacle(formation.now) is not None
+    assert len([text for text in formation.words if "another curve" in text]) == 1
+
+
 def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
