@@ -2,10 +2,10 @@
 
 Run with `.venv/bin/python -m tests.benchmarks.random_orders [--orders 1000] [--seed 1] [--first 0]`.
 Each flight has 4 to 6 aircraft along a circle, a line or a route of waypoints in the article's wind, and a
-dozen orders: shapes, spacings, swaps, slots, leave and join, hold and resume, another path, another leader. In
-about every sixth a companion dies, mostly the leader's, and comes back within 20 s. An order is worked out by
-the operator's program from what it hears (`vfguide.lab.ordering.OrderDesk`) and given where that accepts it;
-with --rehearse it is flown in virtual time first, as `vfguide order` does. Flight k of a seed is the same
+dozen orders: shapes, spacings, swaps, slots, leave and join, hold and resume, another path, another leader.
+In about every sixth a companion dies, mostly the leader's, and comes back within 20 s. An order is worked out
+by the operator's program from what it hears (`vfguide.lab.ordering.OrderDesk`) and given where that accepts
+it; with --rehearse it is flown in virtual time first, as `vfguide order` does. Flight k of a seed is the same
 whatever is flown before it: --first begins with a later one.
 """
 

@@ -607,7 +607,7 @@ class Arrangements:
 
     def _missing(self, order: Order, now: float) -> str:
         """Who has not agreed, in words; empty if all have."""
-        concerned = set(order.arrangement.vehicles)
+        concerned = set(order.arrangement.vehicles) | {order.arrangement.lead} - {""}
         for vehicle, (_, steered, time_s) in self._numbers.items():
             if steered and now - time_s <= HEARD_S:
                 concerned.add(vehicle)
@@ -685,13 +685,12 @@ class Arrangements:
             return f"{name} is neither leader nor deputy of its mission"
         if name != self._leader and name not in order.vehicles:
             return f"{name} is to lead, and has no place in the formation"
-        heard = self._numbers.get(name)
-        if name == self._plan.name or heard is None:
+        if name == self._plan.name:
             return None
-        _, steered, time_s = heard
-        if not steered and now - time_s <= HEARD_S:
-            return f"{name} is to lead, and its companion does not steer it"
-        return None
+        _, steered, time_s = self._numbers.get(name, (0, False, -math.inf))
+        if now - time_s > HEARD_S:
+            return f"{name} is to lead, and is not heard"
+        return None if steered else f"{name} is to lead, and its companion does not steer it"
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""

@@ -779,6 +779,21 @@ def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
         assert not formation.members["f1"].leads_by_order(formation.now)
 
 
+def test_nobody_is_ordered_to_lead_who_is_not_heard(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.silent.add("f1")
+    formation.run(12.0)
+    formation.give(replace(further(slots), time_s=20.0, lead="f1"))
+    formation.run(60.0)
+    assert {name: formation.flown[name] for name in NAMES if name != "f1"} == {
+        name: 0 for name in NAMES if name != "f1"
+    }
+    assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
+
+
 def test_nobody_leads_by_an_order_who_is_no_deputy(plan: MakePlan, slots: dict[str, Point]) -> None:
     formation = Formation(with_paths(plan))
     formation.run(5.0)

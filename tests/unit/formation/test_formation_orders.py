@@ -116,6 +116,14 @@ def test_the_stack_of_a_hold_does_not_count_for_the_spacing() -> None:
     assert held.spacing == pytest.approx(28.284, abs=0.001)
 
 
+def test_who_joins_has_15_m_beside_its_slot_or_is_refused() -> None:
+    formation = FORMATION.after(ordered(Order(leave=("f2",))))
+    with pytest.raises(RefusedOrderError, match="less than 15 m: order a greater spacing"):
+        ordered(Order(join=("f2",), shape="line-abreast", spacing=14.0), formation)
+    found = ordered(Order(join=("f2",), shape="line-abreast", spacing=15.0), formation)
+    assert found.vehicles == set(HOME)
+
+
 def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between() -> None:
     formation = replace(FORMATION, paths={"main": 5, "survey": 6})
     found, _ = arrangement_of(
