@@ -10,6 +10,7 @@ from vfguide.companion.plan import flight_plan
 from vfguide.formation.arrangement import Flown
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.lab.studies.prediction import flown_s
 from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
@@ -126,6 +127,7 @@ def test_a_faulty_path_is_told_with_its_place(paths: str, text: str) -> None:
             "orders[1].swap: 'f2' has left the formation",
         ),
         ("[{at_s: 30, swap: [f1, f9]}]", "orders[0].swap: 'f9' is no follower"),
+        ("[{at_s: 30, action: abort, shape: vee}]", "an abort stands alone"),
     ],
 )
 def test_orders_that_contradict_each_other_are_refused_with_their_place(
@@ -166,6 +168,22 @@ def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path: P
     )
     assert first == second
     assert first != third
+
+
+@pytest.mark.parametrize(("at_s", "severity"), [(410, "warning"), (420, "error"), (500, "error")])
+def test_an_order_that_the_rehearsal_never_comes_to_is_an_error(at_s: float, severity: str) -> None:
+    # It lasts 420 s; one that begins in it and does not end in it is worth a warning.
+    findings = check_mission(mission({}, {"at_s": at_s, "shape": "trail", "spacing_m": 20}))
+    (found,) = [one for one in findings if "orders" in one.location]
+    assert (found.severity, "lengthen rehearsal.duration_s" in found.remedy) == (severity, True)
+
+
+def test_a_time_table_is_flown_until_its_last_order_has_settled() -> None:
+    last, _ = timetable(shapes := load_mission(MISSIONS / "shapes.yaml"))[-1]
+    assert flown_s(shapes) == pytest.approx(360.0 + last.duration_s + 15.0)
+    assert flown_s(mission({})) == 60.0
+    late = {"at_s": 900, "shape": "trail", "spacing_m": 20}
+    assert flown_s(mission({}, late)) == 600.0
 
 
 def check_of(paths: dict[str, Any], **sections: Any) -> int:  # noqa: ANN401
