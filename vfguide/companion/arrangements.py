@@ -722,7 +722,8 @@ class Arrangements:
     def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
         """The same about this vehicle's own part, by its own limits."""
         name, airframe = self._plan.name, self._plan.airframe
-        begin = self._present_slot(now)
+        # Slots may still be on their way now, and at rest at its time.
+        begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
         if begin is not None and place.begin.minus(begin).size > SAME_M:
             return (
                 f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
@@ -737,8 +738,8 @@ class Arrangements:
             return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
         return None
 
-    def _present_slot(self, now: float) -> Point | None:
-        """Where the own slot is now; None for a vehicle that has left."""
+    def _own_slot(self, now: float) -> Point | None:
+        """Where the own slot is at a time (s of one's own clock); None for a vehicle that has left."""
         if self._flown is not None:
             return self.point(self._plan.name, now)
         if isinstance(self._plan.task, LeaderTask):

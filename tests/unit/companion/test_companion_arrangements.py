@@ -676,6 +676,20 @@ def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) 
     assert formation.members["f2"].has_left
 
 
+def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    first = further(slots)
+    formation.give(first)
+    # They move from 10 s to 20 s.
+    formation.run(16.0)
+    formation.give(further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5))
+    formation.run(21.0)
+    assert formation.flown == dict.fromkeys(NAMES, 2)
+
+
 def with_paths(plan: MakePlan) -> MakePlan:
     """Plans of a mission that has another path, and two who may lead."""
 
