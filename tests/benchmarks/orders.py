@@ -1,9 +1,9 @@
-"""How fast and how near formations change their shape: every ordered pair of six shapes, and random orders.
+"""How fast and how near formations change their shape: every ordered pair of six shapes.
 
 Run with `.venv/bin/python tests/benchmarks/orders.py pairs [FOLLOWERS ...] [--every=N]`
-(the first of each N pairs that follow each other), or `random [ORDERS [SEED]]`; all
-in the article's wind, in lockstep through MAVLink bytes. Minutes for each. `picture FILE` draws the mission
-`shapes` as its leader sees it.
+(the first of each N pairs that follow each other), all in the article's wind, in lockstep through MAVLink
+bytes. Minutes for each. `picture FILE` draws the mission `shapes` as its leader sees it. Random orders:
+`random_orders.py`.
 """
 
 import sys
@@ -11,14 +11,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from random import Random
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from vfguide.formation.arrangement import Arrangement
-from vfguide.formation.orders import Formation, Order
-from vfguide.formation.shapes import SHAPES, Shape, shape_slots
+from vfguide.formation.orders import Order
+from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -214,49 +213,6 @@ def pairs(followers: Sequence[int], *, every: int = 1) -> None:
             sys.stdout.flush()
 
 
-def random_orders(formation: Formation, random: Random) -> Iterator[tuple[str, Order]]:
-    """Orders for ever: shapes, spacings, swaps, who leaves and comes back."""
-    names = list(formation.home)
-    away: list[str] = []
-    while True:
-        kind = random.choice(["shape", "shape", "spacing", "swap", "leave", "join"])
-        here = [name for name in names if name not in away]
-        if kind == "shape":
-            shape, spacing = random.choice(SHAPES), random.uniform(12.0, 30.0)
-            yield f"{shape} {spacing:.0f}", Order(shape=shape, spacing=spacing)
-        elif kind == "spacing":
-            yield "spacing", Order(spacing=random.uniform(12.0, 30.0))
-        elif kind == "swap" and len(here) > 1:
-            first, second = random.sample(here, 2)
-            yield f"swap {first} {second}", Order(swap=(first, second))
-        elif kind == "leave" and len(here) > 2:
-            away.append(random.choice(here))
-            yield f"leave {away[-1]}", Order(leave=(away[-1],))
-        elif kind == "join" and away:
-            name = away.pop(random.randrange(len(away)))
-            shape = random.choice(SHAPES)
-            yield f"join {name}", Order(join=(name,), shape=shape, spacing=20.0)
-
-
-def at_random(count: int, seed: int) -> None:
-    """Random orders, a dozen in each flight."""
-    nearest, done = (float("inf"), "", 0.0), 0
-    while done < count:
-        random = Random(seed)
-        mission = mission_of(random.randint(3, 7), random.choice(list(PATHS)), seed)
-        orders = random_orders(formation_of_mission(mission), random)
-        given = planned(mission, orders, min(12, count - done))
-        record = flown(mission, given)
-        found = least(record, FIRST_S)
-        done, nearest, seed = done + len(given), min(nearest, found), seed + 1
-        sys.stdout.write(
-            f"seed {seed - 1}: {len(record.vehicles)} aircraft, {len(given)} orders,"
-            f" nearest {found[0]:.1f} m ({found[1]}, at {found[2]:.0f} s);"
-            f" of {done} so far {nearest[0]:.1f} m\n"
-        )
-        sys.stdout.flush()
-
-
 def picture(file: Path) -> None:
     """The transitions of the mission `shapes`, each seen from the leader."""
     mission = load_mission(Path("shapes"))
@@ -293,11 +249,7 @@ def main() -> None:
     if what == "picture":
         picture(Path(numbers[0]))
         return
-    if what == "random":
-        count, seed = [*map(int, numbers), *(100, 1)[len(numbers) :]][:2]
-        at_random(count, seed)
-    else:
-        pairs([int(number) for number in numbers] or [3, 7], every=every)
+    pairs([int(number) for number in numbers] or [3, 7], every=every)
 
 
 if __name__ == "__main__":

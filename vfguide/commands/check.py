@@ -24,7 +24,7 @@ def findings_of(faults: Sequence[Fault]) -> list[Finding]:
 def with_expectation(
     findings: Sequence[Finding], mission: Mission, source: MissionSource
 ) -> Sequence[Finding]:
-    """The findings and, of a formation that can fly, what a rehearsal of a minute shows; the worst first.
+    """The findings and, of a formation that can fly, what a rehearsal shows; the worst first.
 
     Raises:
         VfguideError: it was stopped.
@@ -38,8 +38,8 @@ def with_expectation(
     with stopped_by_signals() as stop:
         expected = expected_precision(mission, stop)
     if expected is None:
-        raise VfguideError("stopped before the rehearsal of a minute had ended")
-    return worst_first([*findings, expected.placed(source)])
+        raise VfguideError("stopped before the rehearsal had ended")
+    return worst_first([*findings, *(one.placed(source) for one in expected)])
 
 
 def report_findings(

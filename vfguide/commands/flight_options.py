@@ -123,9 +123,9 @@ def fly(
     changed = apply_overrides(loaded.mission, overrides)
     if live:
         # Before anything else is said of a mission that cannot be flown so.
-        from vfguide.commands.fly_live import check_virtual_time
+        from vfguide.commands.fly_live import check_live
 
-        check_virtual_time(changed)
+        check_live(changed, speedup=1.0 if speedup is None else speedup)
     findings = check_mission(changed, loaded.source)
     errors = Terminal(stderr=True)
     for finding in findings:

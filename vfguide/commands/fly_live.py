@@ -21,6 +21,7 @@ from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import PLAIN_STEPS, Terminal
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import CONSOLE, require
+from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.processes import broker_process
@@ -216,16 +217,15 @@ def show_nothing(time_s: float, rows: object) -> None:
     del time_s, rows
 
 
-def check_virtual_time(mission: Mission) -> None:
+def check_live(mission: Mission, *, speedup: float = 1.0) -> None:
     """See that nothing happens to a mission at times that its programs could not keep.
 
     Raises:
-        InputError: it has a time table of orders, or companions or links that are lost.
+        InputError: it has companions or links that are lost, or orders while time runs faster or slower.
     """
-    if mission.orders:
+    if mission.orders and speedup != 1.0:
         raise InputError(
-            "orders: only a flight in virtual time has a time table; leave --live out, or take the orders"
-            " out of the mission and give them with `vfguide order`"
+            "orders: are timed in real time; leave --speedup out, or take them out of the mission"
         )
     if mission.rehearsal.losses:
         raise InputError(
@@ -263,7 +263,7 @@ async def flown_live(
         InputError: the mission has something that only virtual time has.
         VfguideError: a process that should not has ended, or none of the links stands.
     """
-    check_virtual_time(mission)
+    check_live(mission, speedup=speedup)
     async with AsyncExitStack() as stack:
         if not links:
             port = await stack.enter_async_context(broker_process(directory / "broker.log"))
@@ -281,6 +281,15 @@ async def flown_live(
         if console:
             await stack.enter_async_context(
                 console_of(mission, flight.watched, tell, operator=operator)
+            )
+        if mission.orders:
+            await stack.enter_async_context(
+                timetable_given(
+                    mission,
+                    flight.watched,
+                    time_s=lambda: flight.truth_collector.time_s,
+                    tell=tell,
+                )
             )
         before, flies, interrupted = flight.accounts(), False, False
         while (

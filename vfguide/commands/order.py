@@ -153,5 +153,7 @@ def give(
         return FLOWN
     for vehicle in outcome.silent:
         output.tell(f"{vehicle}: does not answer")
+    if outcome.is_led_otherwise:
+        output.tell(f"{outcome.arrangement.lead}: does not lead; {outcome.leads} leads")
     output.tell(f"order {outcome.number}: {'flown' if outcome.flown else 'NOT flown by all'}")
     return FLOWN if outcome.flown else NOT_FLOWN

@@ -383,8 +383,10 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         given = Order(order, signed, check_of(data))
         if self._is_missed(given, now):
-            if self._path_objection(order) is not None:
-                self.counters["order: a path that the mission has not"] += 1
+            objection = self._path_objection(order)
+            if objection is not None:
+                if not self._is_known(given):
+                    self._refuse(given, objection)
                 return
             if self._shared(now) < order.time_s:
                 given.offset_s = math.inf
@@ -605,7 +607,7 @@ class Arrangements:
 
     def _missing(self, order: Order, now: float) -> str:
         """Who has not agreed, in words; empty if all have."""
-        concerned = set(order.arrangement.vehicles)
+        concerned = set(order.arrangement.vehicles) | {order.arrangement.lead} - {""}
         for vehicle, (_, steered, time_s) in self._numbers.items():
             if steered and now - time_s <= HEARD_S:
                 concerned.add(vehicle)
@@ -663,9 +665,16 @@ class Arrangements:
 
     def _path_objection(self, order: Arrangement) -> str | None:
         """Why the path of an order cannot be flown, in words; None if it can."""
-        if order.path == MAIN_PATH or order.path in self._plan.paths:
+        known = self._plan.paths.get(order.path)
+        if order.path == MAIN_PATH and order.turn_radius_m <= 0.0:
             return None
-        return f"no path is called {order.path!r} in its mission: give all the same mission"
+        if known is None:
+            return f"no path is called {order.path!r} in its mission: give all the same mission"
+        if known.check != order.path_check:
+            return (
+                f"its mission file means another curve by {order.path!r}: give all the same mission"
+            )
+        return None
 
     def _lead_objection(self, order: Arrangement, now: float) -> str | None:
         """Why who is to lead by an order cannot, in words; None if it can."""
@@ -676,13 +685,12 @@ class Arrangements:
             return f"{name} is neither leader nor deputy of its mission"
         if name != self._leader and name not in order.vehicles:
             return f"{name} is to lead, and has no place in the formation"
-        heard = self._numbers.get(name)
-        if name == self._plan.name or heard is None:
+        if name == self._plan.name:
             return None
-        _, steered, time_s = heard
-        if not steered and now - time_s <= HEARD_S:
-            return f"{name} is to lead, and its companion does not steer it"
-        return None
+        _, steered, time_s = self._numbers.get(name, (0, False, -math.inf))
+        if now - time_s > HEARD_S:
+            return f"{name} is to lead, and is not heard"
+        return None if steered else f"{name} is to lead, and its companion does not steer it"
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
@@ -714,7 +722,8 @@ class Arrangements:
     def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
         """The same about this vehicle's own part, by its own limits."""
         name, airframe = self._plan.name, self._plan.airframe
-        begin = self._present_slot(now)
+        # Slots may still be on their way now, and at rest at its time.
+        begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
         if begin is not None and place.begin.minus(begin).size > SAME_M:
             return (
                 f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
@@ -729,8 +738,8 @@ class Arrangements:
             return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
         return None
 
-    def _present_slot(self, now: float) -> Point | None:
-        """Where the own slot is now; None for a vehicle that has left."""
+    def _own_slot(self, now: float) -> Point | None:
+        """Where the own slot is at a time (s of one's own clock); None for a vehicle that has left."""
         if self._flown is not None:
             return self.point(self._plan.name, now)
         if isinstance(self._plan.task, LeaderTask):

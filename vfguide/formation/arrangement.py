@@ -108,6 +108,8 @@ class Arrangement:
     """Of a hold."""
     path: str = MAIN_PATH
     """Name of the mission's path that the leader follows, after a hold where there is one."""
+    path_check: int = 0
+    """What tells that path from any other of its name; 0 as long as it was not changed."""
     turn_radius_m: float = 0.0
     """The leader turns no tighter onto that path; 0 as long as the path was not changed."""
     lead: str = ""

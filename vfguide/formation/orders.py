@@ -37,6 +37,9 @@ STACK_M = 15.0
 FAR_BEHIND = (-300.0, 0.0)
 """From about there a vehicle comes that joins: the others have the first choice of slots."""
 
+JOIN_M = 15.0
+"""From the slot of a vehicle that joins to any other: coming in from the side it may pass its slot by 5 m."""
+
 STEP_M = 0.1
 """Slots are ordered to this: orders carry no more."""
 
@@ -85,8 +88,8 @@ class Formation:
     """Name of the mission's path that is followed."""
     turn_radius_m: float = 0.0
     """The leader turns no tighter onto it; 0 as long as it was not changed."""
-    paths: tuple[str, ...] = (MAIN_PATH,)
-    """Names of all paths of the mission."""
+    paths: Mapping[str, int] = field(default_factory=lambda: {MAIN_PATH: 0})
+    """All paths of the mission by name, and what tells each from any other of its name."""
     may_lead: tuple[str, ...] = ()
     """Who may lead, the mission's leader first; empty without deputies."""
     holder: str = ""
@@ -155,6 +158,7 @@ def arrangement_of(
     check_known(order, formation)
     _check_state(order, formation)
     end = _ends(order, formation)
+    _check_room(order, formation, end)
     begin = {name: formation.slots.get(name, end[name]) for name in end}
     # Companions compare slots as orders tell them.
     begin = {name: _rounded(point) for name, point in begin.items()}
@@ -176,6 +180,9 @@ def arrangement_of(
         if circle is None:
             raise RefusedOrderError("where to hold is not known: the leader is not heard")
         flown = Flown.HOLD
+    path = order.path or formation.path
+    turn_radius_m = turn_radius_m if order.path else formation.turn_radius_m
+    changed = path != MAIN_PATH or turn_radius_m > 0.0
     arrangement = Arrangement(
         number=number,
         time_s=time_s,
@@ -184,8 +191,9 @@ def arrangement_of(
         across_s=found.across_s,
         places=found.places,
         circle=circle if flown is Flown.HOLD else None,
-        path=order.path or formation.path,
-        turn_radius_m=turn_radius_m if order.path else formation.turn_radius_m,
+        path=path,
+        path_check=formation.paths.get(path, 0) if changed else 0,
+        turn_radius_m=turn_radius_m,
         lead=order.lead or "",
     )
     return arrangement, found
@@ -252,6 +260,23 @@ def _check_state(order: Order, formation: Formation) -> None:
     staying = {formation.leader, *formation.slots, *order.join} - {*order.leave}
     if order.lead not in staying:
         raise RefusedOrderError(f"{order.lead} is not in the formation: it cannot lead")
+
+
+def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) -> None:
+    """See that those who join have room beside their slots.
+
+    Raises:
+        RefusedOrderError: one has not.
+    """
+    places = {formation.leader: LEADER, **end}
+    for name in order.join:
+        for other, place in places.items():
+            distance = place.minus(end[name]).size
+            if other != name and distance < JOIN_M:
+                raise RefusedOrderError(
+                    f"{name} would join {distance:.1f} m from {other}, less than {JOIN_M:g} m:"
+                    " order a greater spacing, and the narrow one once it has joined"
+                )
 
 
 def _ends(order: Order, formation: Formation) -> dict[str, Point]:

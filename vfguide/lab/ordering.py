@@ -91,12 +91,19 @@ class Outcome:
     """The newest answer of each vehicle."""
     silent: tuple[str, ...] = ()
     """Vehicles that have not answered."""
+    leads: str = ""
+    """Name of the vehicle that leads afterwards, as far as is heard."""
 
     @property
     def flown(self) -> bool:
-        """Whether it is flown by all who have answered, and all have."""
+        """Whether it is flown by all who have answered, all have, and the one leads that is to lead by it."""
         verdicts = {reply.verdict for reply in self.replies.values()}
-        return verdicts == {Verdict.FLOWN} and not self.silent
+        return verdicts == {Verdict.FLOWN} and not (self.silent or self.is_led_otherwise)
+
+    @property
+    def is_led_otherwise(self) -> bool:
+        """Whether another vehicle leads than the one that was ordered to."""
+        return self.arrangement.lead not in {"", self.leads}
 
 
 Tell = Callable[[str], None]
@@ -188,7 +195,8 @@ class OrderDesk:
         """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
         succeeded = self._fresh_lead is not None and formation.leader not in self.states
         succeeded = succeeded or self._mission.leader.is_foreign
-        return {*formation.slots, *order.vehicles, *([] if succeeded else [formation.leader])}
+        leaders = {order.lead, "" if succeeded else formation.leader} - {""}
+        return {*formation.slots, *order.vehicles, *leaders}
 
     def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
         """Take an order that another gives, or a vehicle repeats."""
@@ -360,6 +368,7 @@ async def give_rehearsed(
         prediction=found.prediction,
         replies=dict(desk.replies),
         silent=tuple(sorted(desk.awaited - set(desk.replies))),
+        leads=desk.leads,
     )
 
 
@@ -514,10 +523,13 @@ async def _give(
             if told.get(vehicle) != reply:
                 told[vehicle] = reply
                 tell(said(vehicle, reply))
-        if all(
-            vehicle in desk.replies and desk.replies[vehicle].verdict in DECIDED
-            for vehicle in desk.awaited
-        ):
+        verdicts = {vehicle: reply.verdict for vehicle, reply in desk.replies.items()}
+        decided = all(verdicts.get(vehicle) in DECIDED for vehicle in desk.awaited)
+        hands_over = set(verdicts.values()) == {Verdict.FLOWN} and order.lead not in {
+            "",
+            desk.leads,
+        }
+        if decided and not hands_over:
             return
 
 

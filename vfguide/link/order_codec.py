@@ -1,12 +1,12 @@
 """Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
 
 An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
-1 there is a circle, 2 it is flown clockwise, 4 there is another path, 8 somebody else is to lead),
+1 there is a circle, 2 it is flown clockwise, 8 somebody else is to lead, 16 there is another path),
 followers (u8), number (u32), time (f64, s), time to climb and time across (f32, s); with a circle its centre
-(f64, degrees) and its radius (f32, m); of another path the radius of the turns onto it (f32, m), the length
-of its name (u8) and the name (UTF-8); of who is to lead length and name; then for each follower the length
-of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m): begin and end, each forward, right and up,
-and the layer (-32768 for none); and the CRC-32 of all that.
+(f64, degrees) and its radius (f32, m); of another path the radius of the turns onto it (f32, m), the CRC-32
+of what it follows from (u32), the length of its name (u8) and the name (UTF-8); of who is to lead length and
+name; then for each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m):
+begin and end, each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
 
 An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
 order's CRC-32 (u32), the text (UTF-8), and the CRC-32 of all that. Two orders of one number are told apart
@@ -26,7 +26,7 @@ ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
 VERSION = 2
 HEADER = struct.Struct("<4sBBBBIdff")
 CIRCLE = struct.Struct("<ddf")
-RADIUS = struct.Struct("<f")
+PATH = struct.Struct("<fI")
 OFFSETS = struct.Struct("<7h")
 REPLY = struct.Struct("<4sBBBxII")
 CHECKSUM = struct.Struct("<I")
@@ -36,7 +36,8 @@ STEP_M = 0.1
 
 NO_LAYER = -32768
 
-HAS_CIRCLE, CLOCKWISE, HAS_PATH, HAS_LEAD = 1, 2, 4, 8
+HAS_CIRCLE, CLOCKWISE, HAS_LEAD, HAS_PATH = 1, 2, 8, 16
+"""4 was another path without its CRC-32: by its name alone no path is taken up."""
 
 GREATEST_TIME_S = 1e10
 LONGEST_S = 3600.0
@@ -106,7 +107,7 @@ def encode_order(order: Arrangement) -> bytes:
         if circle is not None:
             body += CIRCLE.pack(circle.latitude_deg, circle.longitude_deg, circle.radius_m)
         if changed:
-            body += RADIUS.pack(order.turn_radius_m) + _name_bytes(order.path)
+            body += PATH.pack(order.turn_radius_m, order.path_check) + _name_bytes(order.path)
         if order.lead:
             body += _name_bytes(order.lead)
         body += b"".join(_place_bytes(place) for place in order.places)
@@ -146,7 +147,7 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError("a time of the order is out of range")
     try:
         what = Flown(flown)
-        (circle, path, radius, lead), offset = _options(body, HEADER.size, flags)
+        options, offset = _options(body, HEADER.size, flags)
         places = []
         for _ in range(count):
             place, offset = _place(body, offset)
@@ -155,7 +156,7 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError(f"no order: {error}") from None
     if offset != len(body) or len({place.vehicle for place in places}) != count:
         raise LinkDataError("the order's followers do not fit")
-    if (what is Flown.HOLD) is not (circle is not None):
+    if (what is Flown.HOLD) is not (options.circle is not None):
         raise LinkDataError("a circle belongs to a hold, and only there")
     return Arrangement(
         number=number,
@@ -164,10 +165,11 @@ def decode_order(data: bytes) -> Arrangement:
         climb_s=climb_s,
         across_s=across_s,
         places=tuple(places),
-        circle=circle,
-        path=path,
-        turn_radius_m=radius,
-        lead=lead,
+        circle=options.circle,
+        path=options.path,
+        path_check=options.path_check,
+        turn_radius_m=options.turn_radius_m,
+        lead=options.lead,
     )
 
 
@@ -236,22 +238,31 @@ def _place(body: bytes, offset: int) -> tuple[Place, int]:
     return place, end + OFFSETS.size
 
 
-def _options(
-    body: bytes, offset: int, flags: int
-) -> tuple[tuple[Circle | None, str, float, str], int]:
-    """((circle, path, radius of the turns onto it in m, who is to lead), what comes behind all that)."""
-    circle, path, radius, lead = None, MAIN_PATH, 0.0, ""
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """What is in an order only where its flags say so."""
+
+    circle: Circle | None
+    path: str
+    path_check: int
+    turn_radius_m: float
+    lead: str
+
+
+def _options(body: bytes, offset: int, flags: int) -> tuple[_Options, int]:
+    """(what an order's flags say that there is, what comes behind all that)."""
+    circle, path, check, radius, lead = None, MAIN_PATH, 0, 0.0, ""
     if flags & HAS_CIRCLE:
         circle = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
         offset += CIRCLE.size
     if flags & HAS_PATH:
-        (radius,) = RADIUS.unpack_from(body, offset)
+        radius, check = PATH.unpack_from(body, offset)
         if not RADII_M[0] <= radius <= RADII_M[1]:
             raise ValueError("turns onto a path that nobody can fly")
-        path, offset = _name(body, offset + RADIUS.size)
+        path, offset = _name(body, offset + PATH.size)
     if flags & HAS_LEAD:
         lead, offset = _name(body, offset)
-    return (circle, path, radius, lead), offset
+    return _Options(circle, path, check, radius, lead), offset
 
 
 def _circle(body: bytes, offset: int, *, clockwise: bool) -> Circle:

@@ -107,6 +107,13 @@ def orders_that_cannot_be(mission: Mission) -> Iterator[Finding]:
         yield Finding("error", ("orders",), str(refusal))
         return
     last, duration = found[-1][0], mission.rehearsal.duration_s
+    if last.time_s >= duration:
+        message = (
+            f"the order at {last.time_s:g} s is not flown: the rehearsal ends at {duration:g} s"
+        )
+        remedy = f"lengthen rehearsal.duration_s beyond {last.time_s + last.duration_s:.0f}, or take it out"
+        yield Finding("error", ("orders", len(found) - 1, "at_s"), message, remedy)
+        return
     if last.time_s + last.duration_s > duration:
         message = (
             f"the last order ends at {last.time_s + last.duration_s:.0f} s, after the rehearsal"

@@ -6,7 +6,9 @@ fields are in `vfguide.paths`.
 Where in a mission file something is: a way down the tree, and the lines it lies on.
 """
 
+import json
 import math
+import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -101,6 +103,11 @@ class PathShape(Section):
         """What its file asks for and a formation does not do."""
         return ()
 
+    @property
+    def curve(self) -> Mapping[str, Any]:
+        """The fields that its curve and the field around it follow from, without their defaults."""
+        return self.model_dump(mode="json", exclude_defaults=True)
+
     def misfits(self) -> Iterable[Misfit]:
         """What keeps it from being flown although each field is sound by itself."""
         return ()
@@ -178,6 +185,30 @@ def path_of(shape: PathShape) -> Path:
 def made_path(kind: type[Path], shape: PathShape) -> Path:
     """A path of a kind; a curve takes a while to look at."""
     return kind.of(shape)
+
+
+def curve_check(shape: PathShape, origin: Section) -> int:
+    """What tells a path from any other of its name: CRC-32 of its fields and of the origin it is drawn from.
+
+    Numbers count to nine digits: two computers may find the last one of a radius differently.
+    """
+    content = _to_nine_digits([origin.model_dump(), dict(shape.curve)])
+    return zlib.crc32(json.dumps(content, sort_keys=True).encode())
+
+
+def _to_nine_digits(value: object) -> object:
+    """The same plain data, its numbers as text."""
+    match value:
+        case bool():
+            return value
+        case int() | float():
+            return f"{value:.9g}"
+        case list():
+            return [_to_nine_digits(one) for one in value]
+        case dict():
+            return {name: _to_nine_digits(one) for name, one in value.items()}
+        case _:
+            return value
 
 
 def shape_models() -> list[type[PathShape]]:

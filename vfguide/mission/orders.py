@@ -70,6 +70,10 @@ class WrittenOrder(Section):
                 "say what: shape, spacing_m, swap, slots, leave, join, path, lead or action",
             )
             raise PydanticCustomError(kind, text)
+        if self.action == "abort" and self.order != Order(action="abort"):
+            raise PydanticCustomError(
+                "order", "an abort stands alone: nothing else is flown with it"
+            )
         return self
 
     @property

@@ -86,6 +86,15 @@ class PlanShape(RouteShape):
         return self.contents
 
     @property
+    def curve(self) -> Mapping[str, Any]:
+        """All but what the file is called, and what it says beside the route."""
+        route = {"waypoints", "end", "loiter_radius_m"}
+        return {
+            **self.model_dump(mode="json", exclude_defaults=True, exclude={"file", "contents"}),
+            "contents": self.read.model_dump(mode="json", include=route),
+        }
+
+    @property
     def corners(self) -> tuple[Waypoint, ...]:
         """The waypoints."""
         return self.read.waypoints

@@ -241,6 +241,33 @@ def test_the_leader_goes_to_another_path_and_nobody_is_lost_on_the_turn(
     assert max(float(one.max()) for one in errors) < 6.0
 
 
+def test_the_lead_goes_to_a_deputy_and_back_on_a_circle_and_nobody_leaves_its_slot(
+    mission_with: MissionWith,
+) -> None:
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    content = mission_with("shapes", rehearsal={"start": start}).model_dump(exclude_unset=True)
+    circle = {"type": "circle", "centre": {"north_m": 0, "east_m": 250}, "radius_m": 250}
+    orders = [{"at_s": 15.0, "lead": "f1"}, {"at_s": 28.0, "lead": "leader"}]
+    content |= {"path": circle, "deputies": ["f1"], "orders": orders}
+    flight = Flown(Mission.model_validate(content))
+    flight.until(27.0)
+    assert flight.numbers() == [1, 1, 1, 1]
+    assert leaders(flight) == ["f1"]
+    flight.until(40.0)
+    assert flight.numbers() == [2, 2, 2, 2]
+    assert leaders(flight) == ["leader"]
+    record = flight.record()
+    assert nearest(record, 10.0) >= 20.0
+    moved = record.time_s >= 10.0
+    errors = [slot_error(record.reference, one).distance_m[moved] for one in record.followers]
+    assert max(float(one.max()) for one in errors) < 1.0
+
+
+def leaders(flight: Flown) -> list[str]:
+    """Who leads, as each says of itself."""
+    return [name for name, one in flight.aircraft.items() if one.companion.snapshot.lead]
+
+
 @pytest.mark.parametrize("deputies", [[], ["f1"]])
 def test_at_the_end_of_a_route_all_go_back_to_their_autopilots_together(
     mission_with: MissionWith, deputies: list[str]

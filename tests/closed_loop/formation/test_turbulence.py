@@ -68,13 +68,22 @@ def test_what_check_expects_of_gusty_air_is_near_what_is_flown(mission_with: Mis
         acceptance={"mean_error_m": 0.3},
     )
     flown = summarise(fly_lockstep(windy).record).formation.mean_error_m
-    expected = expected_precision(windy)
+    (expected,) = expected_precision(windy) or ()
     assert expected is not None
     assert flown is not None
     assert (expected.severity, expected.field) == ("warning", "acceptance.mean_error_m")
     assert "article wind, moderate turbulence, ideal sensors" in expected.message
     (metres,) = re.findall(r"expect (\d\.\d\d) m of mean", expected.message)
     assert 0.7 < float(metres) / flown < 1.4
+
+
+def test_check_says_which_two_come_too_near_by_an_order(mission_with: MissionWith) -> None:
+    content = mission_with("shapes").model_dump(exclude_unset=True)
+    content["acceptance"] = {"min_separation_m": 12.0}
+    content["orders"] = [{"at_s": 12, "shape": "trail", "spacing_m": 10}]
+    _, *found = expected_precision(Mission.model_validate(content)) or ()
+    assert {(one.severity, one.field) for one in found} == {("error", "orders")}
+    assert all("less than 12 m" in one.message for one in found)
 
 
 def test_a_rehearsal_that_is_stopped_promises_nothing(mission_with: MissionWith) -> None:

@@ -150,10 +150,14 @@ def test_a_flight_that_breaks_ends_with_3(
 
 
 @pytest.mark.parametrize(
-    ("name", "field"), [("shapes", "orders"), ("leader-lost", "rehearsal.losses")]
+    ("words", "text"),
+    [
+        (("shapes", "--speedup", "4"), "orders: are timed in real time; leave --speedup out"),
+        (("leader-lost",), "rehearsal.losses: only a flight in virtual time"),
+    ],
 )
-def test_what_only_virtual_time_has_is_refused_live(command: Make, name: str, field: str) -> None:
-    outcome = command("fly", name, "--live")
+def test_what_cannot_be_kept_to_live_is_refused(command: Make, words: Any, text: str) -> None:  # noqa: ANN401
+    outcome = command("fly", *words, "--live")
     assert outcome.status == 2
-    assert outcome.err.startswith(f"{field}: only a flight in virtual time")
+    assert outcome.err.startswith(text)
     assert outcome.err.count("\n") == 1

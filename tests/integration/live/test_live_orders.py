@@ -25,6 +25,7 @@ def mission_without_orders() -> Mission:
     content = load_mission(MISSION).model_dump(exclude_unset=True)
     del content["orders"]
     leader = {"north_m": 0, "east_m": 0}
+    content["deputies"] = ["f1"]
     content["rehearsal"]["start"] = {"leader": leader, "f1": {}, "f2": {}, "f3": {}}
     return Mission.model_validate(content)
 
@@ -72,18 +73,21 @@ def test_orders_are_flown_by_processes_over_a_real_link(
             await asyncio.sleep(30.0)
             # Another process: it hears of the order before from the vehicles.
             said.append(await ordered(flight, tmp_path, link, "slot", "f1=-60,20"))
-            await asyncio.sleep(25.0)
+            await asyncio.sleep(18.0)
+            said.append(await ordered(flight, tmp_path, link, "lead", "f1"))
+            await asyncio.sleep(3.0)
             await flight.stop_companions()
             return said, flight.record(wall_s=0.0)
 
     said, record = asyncio.run(fly())
-    (dry, dry_text), (refused, refused_text), (status, text), (last, last_text) = said
+    (dry, dry_text), (refused, refused_text), (status, text), (last, last_text), lead = said
     assert dry == 0, dry_text
     assert "rehearsed: nearest" in dry_text
     assert "given" not in dry_text
     assert refused == 2
     assert "4.0 m apart, less than 7.5 m" in refused_text
     assert (status, last) == (0, 0), text + last_text
+    assert lead[0] == 0, lead[1]
     for name in ("leader", "f1", "f2", "f3"):
         assert f"{name}: yes" in text
         assert f"{name}: flies it" in text

@@ -676,6 +676,20 @@ def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) 
     assert formation.members["f2"].has_left
 
 
+def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(plan)
+    formation.run(5.0)
+    first = further(slots)
+    formation.give(first)
+    # They move from 10 s to 20 s.
+    formation.run(16.0)
+    formation.give(further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5))
+    formation.run(21.0)
+    assert formation.flown == dict.fromkeys(NAMES, 2)
+
+
 def with_paths(plan: MakePlan) -> MakePlan:
     """Plans of a mission that has another path, and two who may lead."""
 
@@ -721,6 +735,39 @@ def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
     assert "no path is called 'survey' in its mission: give all the same mission" in refused
 
 
+def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    other = with_paths(plan)(vehicle="f2")
+    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
+    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    refused = {reply.text for name, reply in formation.said if name == "f2"}
+    assert refused >= {
+        "its mission file means another curve by 'survey': give all the same mission"
+    }
+
+
+def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.run(11.0)
+    other = with_paths(plan)(vehicle="f2")
+    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
+    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.run(30.0)
+    assert formation.flown["f2"] == 0
+    assert formation.members["f2"].obstacle(formation.now) is not None
+    assert len([text for text in formation.words if "another curve" in text]) == 1
+
+
 def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
@@ -744,6 +791,21 @@ def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
         formation.run(formation.now + 0.1)
         assert formation.now < 30.0
         assert not formation.members["f1"].leads_by_order(formation.now)
+
+
+def test_nobody_is_ordered_to_lead_who_is_not_heard(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    formation.silent.add("f1")
+    formation.run(12.0)
+    formation.give(replace(further(slots), time_s=20.0, lead="f1"))
+    formation.run(60.0)
+    assert {name: formation.flown[name] for name in NAMES if name != "f1"} == {
+        name: 0 for name in NAMES if name != "f1"
+    }
+    assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
 
 
 def test_nobody_leads_by_an_order_who_is_no_deputy(plan: MakePlan, slots: dict[str, Point]) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
@@ -130,6 +131,23 @@ def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gon
     outcome, air = outcome_of(mission, Order(shape="trail", spacing=20.0), desk, monkeypatch)
     assert air.orders[-1].vehicles == set(FOLLOWERS)
     assert outcome.flown
+
+
+def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = OrderDesk(mission, clock=lambda: 0.0)
+    for name in FOLLOWERS:
+        desk.heard_state(name, state(47.4, term=2))
+    desk.heard_lead("f1", state(47.5, term=2, leads=True))
+    # All followers say that they fly it, and f1 leads on.
+    outcome, _ = outcome_of(mission, Order(lead="f2"), desk, monkeypatch)
+    assert (outcome.leads, outcome.is_led_otherwise, outcome.flown) == ("f1", True, False)
+    # The mission's leader is not there to answer, and is awaited only where it is to lead.
+    back = replace(outcome.arrangement, lead="leader")
+    assert desk.awaited_from(desk.formation(), back) - {"leader"} == set(FOLLOWERS)
+    assert "leader" in desk.awaited_from(desk.formation(), back)
+    assert "leader" not in desk.awaited_from(desk.formation(), outcome.arrangement)
 
 
 def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(

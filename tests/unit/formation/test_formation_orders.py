@@ -116,14 +116,22 @@ def test_the_stack_of_a_hold_does_not_count_for_the_spacing() -> None:
     assert held.spacing == pytest.approx(28.284, abs=0.001)
 
 
+def test_who_joins_has_15_m_beside_its_slot_or_is_refused() -> None:
+    formation = FORMATION.after(ordered(Order(leave=("f2",))))
+    with pytest.raises(RefusedOrderError, match="less than 15 m: order a greater spacing"):
+        ordered(Order(join=("f2",), shape="line-abreast", spacing=14.0), formation)
+    found = ordered(Order(join=("f2",), shape="line-abreast", spacing=15.0), formation)
+    assert found.vehicles == set(HOME)
+
+
 def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between() -> None:
-    formation = replace(FORMATION, paths=("main", "survey"))
+    formation = replace(FORMATION, paths={"main": 5, "survey": 6})
     found, _ = arrangement_of(
         Order(path="survey"), formation, LIMITS, number=7, time_s=100.0, turn_radius_m=120.0
     )
-    assert (found.path, found.turn_radius_m) == ("survey", 120.0)
+    assert (found.path, found.path_check, found.turn_radius_m) == ("survey", 6, 120.0)
     later = ordered(Order(shape="trail"), formation.after(found))
-    assert (later.path, later.turn_radius_m) == ("survey", 120.0)
+    assert (later.path, later.path_check, later.turn_radius_m) == ("survey", 6, 120.0)
     # Nobody's slot changes by the path alone.
     assert ends_of(found) == {name: (at.forward, at.right) for name, at in HOME.items()}
 
@@ -152,7 +160,7 @@ def test_who_leads_by_an_order_leads_in_it_alone() -> None:
 def test_a_path_that_there_is_not_and_a_leader_that_may_not_lead_are_refused(
     order: Order, may_lead: tuple[str, ...], sentence: str
 ) -> None:
-    formation = replace(FORMATION, paths=("main", "survey"), may_lead=may_lead)
+    formation = replace(FORMATION, paths={"main": 5, "survey": 6}, may_lead=may_lead)
     with pytest.raises(RefusedOrderError) as refusal:
         ordered(order, formation)
     assert sentence in str(refusal.value)

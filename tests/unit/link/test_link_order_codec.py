@@ -47,9 +47,14 @@ def test_a_hold_carries_its_circle() -> None:
     assert decode_order(encode_order(order)) == order
 
 
-@given(st.text("abc-", min_size=1, max_size=32), st.floats(20.0, 2000.0, width=32), st.booleans())
+@given(
+    st.text("abc-", min_size=1, max_size=32),
+    st.integers(0, 2**32 - 1),
+    st.floats(20.0, 2000.0, width=32),
+    st.booleans(),
+)
 def test_another_path_and_who_is_to_lead_survive_the_link(
-    path: str, radius_m: float, held: bool
+    path: str, check: int, radius_m: float, held: bool
 ) -> None:
     order = Arrangement(
         number=4,
@@ -57,10 +62,23 @@ def test_another_path_and_who_is_to_lead_survive_the_link(
         across_s=10.0,
         places=(Place(vehicle="f1", begin=Point(-20.0, 20.0), end=Point(-20.0, 20.0)),),
         path=path,
+        path_check=check,
         turn_radius_m=radius_m,
         lead="f1" if held else "",
     )
     assert decode_order(encode_order(order)) == order
+
+
+def test_a_path_by_its_name_alone_is_not_read() -> None:
+    order = Arrangement(
+        number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=50.0
+    )
+    body = bytearray(encode_order(order)[:-4])
+    assert body[6] == 16
+    # As an operator's program wrote it that knew no check of a path.
+    body[6] = 4
+    with pytest.raises(LinkDataError, match="flags"):
+        decode_order(bytes(body) + zlib.crc32(body).to_bytes(4, "little"))
 
 
 def test_turns_onto_a_path_that_nobody_can_fly_are_refused() -> None:

@@ -1,5 +1,6 @@
 """Other paths of a mission: looked at before the flight, ordered by name, refused where none can fly them."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from vfguide.companion.plan import flight_plan
 from vfguide.formation.arrangement import Flown
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.lab.studies.prediction import flown_s
 from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
@@ -21,7 +23,10 @@ HERE = LeaderPlace(0.0, 0.0, 0.0)
 def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> Mission:  # noqa: ANN401
     """Four aircraft along a line to the north-east, with other paths."""
     content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
-    paths = {name: {"direction": "clockwise", **one} for name, one in paths.items()}
+    paths = {
+        name: {"direction": "clockwise", **one} if one["type"] == "circle" else one
+        for name, one in paths.items()
+    }
     return Mission.model_validate({**content, "paths": paths, "orders": orders, **sections})
 
 
@@ -122,6 +127,7 @@ def test_a_faulty_path_is_told_with_its_place(paths: str, text: str) -> None:
             "orders[1].swap: 'f2' has left the formation",
         ),
         ("[{at_s: 30, swap: [f1, f9]}]", "orders[0].swap: 'f9' is no follower"),
+        ("[{at_s: 30, action: abort, shape: vee}]", "an abort stands alone"),
     ],
 )
 def test_orders_that_contradict_each_other_are_refused_with_their_place(
@@ -129,3 +135,57 @@ def test_orders_that_contradict_each_other_are_refused_with_their_place(
 ) -> None:
     (line,) = read("{}", orders)
     assert text in line
+
+
+def test_the_same_path_has_the_same_check_however_it_is_written() -> None:
+    written = {**WIDE, "radius_m": 300.0, "gain": 0.03, "direction": "clockwise"}
+    assert check_of({"wide": WIDE}) == check_of({"wide": written})
+
+
+@pytest.mark.parametrize(
+    "change", [{"radius_m": 301}, {"direction": "counterclockwise"}, {"gain": 0.02}]
+)
+def test_another_curve_has_another_check(change: dict[str, Any]) -> None:
+    assert check_of({"wide": WIDE}) != check_of({"wide": {**WIDE, **change}})
+
+
+def test_the_same_numbers_from_another_origin_have_another_check() -> None:
+    origin = {"latitude_deg": 47.397752, "longitude_deg": 8.545594, "altitude_amsl_m": 488}
+    assert check_of({"wide": WIDE}) != check_of({"wide": WIDE}, origin=origin)
+
+
+def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path: Path) -> None:
+    shipped = (MISSIONS / "survey.plan").read_text(encoding="utf-8")
+    same, other = tmp_path / "same.plan", tmp_path / "other.plan"
+    same.write_text(shipped, encoding="utf-8")
+    content = json.loads(shipped)
+    waypoints = [one for one in content["mission"]["items"] if one.get("command") == 16]
+    waypoints[0]["params"][4] += 1e-4
+    other.write_text(json.dumps(content), encoding="utf-8")
+    first, second, third = (
+        check_of({"wide": {"type": "plan", "file": str(file), "radius_m": 150}})
+        for file in (MISSIONS / "survey.plan", same, other)
+    )
+    assert first == second
+    assert first != third
+
+
+@pytest.mark.parametrize(("at_s", "severity"), [(410, "warning"), (420, "error"), (500, "error")])
+def test_an_order_that_the_rehearsal_never_comes_to_is_an_error(at_s: float, severity: str) -> None:
+    # It lasts 420 s; one that begins in it and does not end in it is worth a warning.
+    findings = check_mission(mission({}, {"at_s": at_s, "shape": "trail", "spacing_m": 20}))
+    (found,) = [one for one in findings if "orders" in one.location]
+    assert (found.severity, "lengthen rehearsal.duration_s" in found.remedy) == (severity, True)
+
+
+def test_a_time_table_is_flown_until_its_last_order_has_settled() -> None:
+    last, _ = timetable(shapes := load_mission(MISSIONS / "shapes.yaml"))[-1]
+    assert flown_s(shapes) == pytest.approx(360.0 + last.duration_s + 15.0)
+    assert flown_s(mission({})) == 60.0
+    late = {"at_s": 900, "shape": "trail", "spacing_m": 20}
+    assert flown_s(mission({}, late)) == 600.0
+
+
+def check_of(paths: dict[str, Any], **sections: Any) -> int:  # noqa: ANN401
+    """By which the path `wide` of a mission is told from others of its name."""
+    return formation_of_mission(mission(paths, **sections)).paths["wide"]

@@ -206,6 +206,8 @@ class OrderPanel:
             self._phase = "void"
         else:
             self._phase = "not flown"
+        if outcome.is_led_otherwise:
+            self._text = f"{outcome.arrangement.lead} does not lead: {outcome.leads} does"
 
     def describe(self) -> dict[str, object]:
         """What the pages show, ready for JSON."""

@@ -1,23 +1,41 @@
-"""How precise a formation will be: flown for a minute, from its slots, in all that the mission declares."""
+"""How precise a formation will be: flown for a minute, from its slots, in all that the mission declares.
+
+A mission with a time table is flown until its last order has settled.
+"""
 
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 
+from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
+from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import timetable
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.mission.starts import path_beginning
+from vfguide.record.flight import FlightRecord
+
+ORDER_FAILS = re.compile(r"order \d+ is (refused|void)")
+"""How companions say that an order is not flown."""
 
 FLOWN_S = 60.0
 """Its second half counts, as of every flight: time enough for the leader to come onto its path."""
 
 
+SETTLED_S = 15.0
+"""So long after the last slot has come to rest a mission with a time table is flown, ..."""
+
+LONGEST_S = 600.0
+"""... but no longer than this."""
+
+
 def expected_precision(
     mission: Mission, stop: Callable[[], bool] = lambda: False
-) -> Finding | None:
-    """What formation error to expect of a mission, against what it asks for; None where it was stopped.
+) -> tuple[Finding, ...] | None:
+    """What formation error to expect of a mission, and what becomes of its orders; None where it was stopped.
 
     Args:
         mission: with a follower at least, and without an error that `check_mission` finds.
@@ -29,15 +47,45 @@ def expected_precision(
     flight = fly_rehearsal(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
     if flight.interrupted:
         return None
-    formation = summarise(flight.record).formation
+    return (precision_of(mission, flight.record), *orders_amiss(mission, flight))
+
+
+def orders_amiss(mission: Mission, flight: Flight) -> Iterator[Finding]:
+    """Orders that are not flown, and the nearest two of a flight with orders where they come too near."""
+    if not mission.orders:
+        return
+    for name, events in flight.events.items():
+        for event in events:
+            if ORDER_FAILS.match(event.text):
+                message = f"{name}, at {event.time_s:.0f} s: {event.text}"
+                yield Finding("error", ("orders",), message, "see it: vfguide fly")
+    record, limit = flight.record, mission.acceptance.min_separation_m
+    for pair in pair_separations(record):
+        least = int(pair.distance_m.argmin())
+        if pair.distance_m[least] < limit:
+            message = (
+                f"{pair.first} and {pair.second} come within {pair.distance_m[least]:.1f} m of each other at"
+                f" {record.time_s[least]:.0f} s, less than {limit:g} m"
+            )
+            remedy = "order a greater spacing or other slots"
+            yield Finding("error", ("orders",), message, remedy)
+    left = [one.at_s for one in mission.orders if one.at_s > record.duration_s]
+    if left:
+        message = f"orders from {left[0]:g} s on were not rehearsed: it is flown for {LONGEST_S:g} s at most"
+        yield Finding("note", ("orders",), message)
+
+
+def precision_of(mission: Mission, record: FlightRecord) -> Finding:
+    """What formation error to expect of a mission, against what it asks for."""
+    formation = summarise(record).formation
     error, asked = formation.mean_error_m, mission.acceptance.mean_error_m
     if error is None or formation.p95_error_m is None:
         message = "the rehearsal of a minute measured no formation error"
         return Finding("warning", ("followers",), message, "see why: vfguide fly")
     message = (
         f"expect {error:.2f} m of mean formation error, 95 % of the time below"
-        f" {formation.p95_error_m:.2f} m: flown for {FLOWN_S:.0f} s in {conditions_in_words(mission)};"
-        " an aircraft that answers otherwise adds to it"
+        f" {formation.p95_error_m:.2f} m: flown for {record.duration_s:.0f} s in"
+        f" {conditions_in_words(mission)}; an aircraft that answers otherwise adds to it"
     )
     if asked is not None and error > asked:
         message += f"; acceptance.mean_error_m is {asked:g}"
@@ -47,15 +95,25 @@ def expected_precision(
 
 
 def from_the_slots(mission: Mission) -> Mission:
-    """A mission of a minute in which everybody begins in place."""
+    """A mission of a minute, or of all orders that it has, in which everybody begins in place."""
     begin = path_beginning(mission.path)
     places: dict[str, object] = {name: FollowerStart() for name in mission.followers_by_name}
     places["leader"] = LeaderStart(
         north_m=begin.north_m, east_m=begin.east_m, course_deg=begin.course_deg
     )
     start = Start.model_validate(places)
-    rehearsal = mission.rehearsal.model_copy(update={"duration_s": FLOWN_S, "start": start})
+    rehearsal = mission.rehearsal.model_copy(
+        update={"duration_s": flown_s(mission), "start": start}
+    )
     return mission.model_copy(update={"rehearsal": rehearsal})
+
+
+def flown_s(mission: Mission) -> float:
+    """How long a mission is flown, s: a minute, and until its last order has settled."""
+    if not mission.orders:
+        return FLOWN_S
+    last, _ = timetable(mission)[-1]
+    return min(max(FLOWN_S, last.time_s + last.duration_s + SETTLED_S), LONGEST_S)
 
 
 def conditions_in_words(mission: Mission) -> str:
