@@ -3,6 +3,7 @@
 import asyncio
 import math
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
@@ -486,10 +487,26 @@ async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
     while not ((calls_off or desk.is_ready) and math.isfinite(_now(desk))):
         if loop.time() - began > LISTEN_S:
             raise VfguideError(
-                f"neither the leader {desk.member.trust.leader!r} nor a deputy in its place is heard: see"
-                " that its companion runs; check link and keys"
+                f"neither the leader {desk.member.trust.leader!r} nor a deputy in its place answers:"
+                f" {unanswered(desk.member.counters)}"
             )
         await asyncio.sleep(0.05)
+
+
+def unanswered(counters: Counter[str]) -> str:
+    """Why nobody may have answered, by what has arrived and was not believed, and the remedy."""
+    refused = {
+        reason.removeprefix("refused: "): count
+        for reason, count in counters.most_common()
+        if reason.startswith("refused: ")
+    }
+    if not refused:
+        return "nothing arrives; see that its companion runs, and that --link is the formation's"
+    reason = next(iter(refused))
+    return (
+        f"{sum(refused.values())} messages arrived that are not believed, most for {reason!r}; use the roster"
+        " and the keys that the companions use"
+    )
 
 
 async def await_order(desk: OrderDesk, link: Link) -> None:

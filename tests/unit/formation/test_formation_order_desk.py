@@ -1,6 +1,7 @@
 """An operator's program hears who leads, and can call everything off whatever else it does not know."""
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -14,7 +15,7 @@ import pytest
 from vfguide.formation.arrangement import Arrangement, Flown
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
-from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number
+from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number, unanswered
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
@@ -178,3 +179,15 @@ def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_g
         assert unix_s == 0.0 or newest == 2**31 or later > max(numbers)
     # 16 years on they still fit into 32 bits.
     assert new_number(0, EPOCH_S + 16 * 366 * 86400.0, chance) < 2**32
+
+
+def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy() -> None:
+    assert unanswered(Counter()).startswith("nothing arrives")
+    assert unanswered(Counter({"copies": 7})).startswith("nothing arrives")
+    other = Counter(
+        {"refused: forged": 3, "refused: another session of the leader": 41, "copies": 9}
+    )
+    assert unanswered(other).startswith(
+        "44 messages arrived that are not believed, most for 'another"
+    )
+    assert "the keys that the companions use" in unanswered(other)
