@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
-from vfguide.lab.console.model import slots_in_words
+from vfguide.lab.console.wording import slots_in_words
 from vfguide.lab.ordering import (
     OrderDesk,
     Outcome,
