@@ -168,9 +168,10 @@ def test_only_the_rehearsal_that_was_shown_and_not_one_of_long_ago_is_given(fly:
 
 def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly: Fly) -> None:
     async def story(air: Air) -> None:
-        air.waits.clear()
-        air.panel.rehearse(VEE)
+        number = air.panel.rehearse(VEE)
         await air.settle()
+        air.waits.clear()
+        air.panel.give(number)
         with pytest.raises(BusyError, match="vee, spacing 30 m"):
             air.panel.rehearse(Order(shape="trail"))
         air.panel.abort()
@@ -206,5 +207,55 @@ def test_a_fault_of_the_console_itself_ends_no_stream(fly: Fly) -> None:
         air.panel.rehearse(VEE)
         shown = await air.settle()
         assert (shown["phase"], shown["text"]) == ("refused", "the link is not open yet: try again")
+
+    fly(story)
+
+
+def test_an_order_that_nobody_wants_is_dropped_while_it_is_rehearsed_and_after(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.waits.clear()
+        number = air.panel.rehearse(VEE)
+        await asyncio.sleep(0)
+        air.panel.drop(number)
+        air.waits.set()
+        assert (await air.settle())["phase"] == "none"
+        number = air.panel.rehearse(VEE)
+        assert (await air.settle())["phase"] == "rehearsed"
+        with pytest.raises(BusyError):
+            air.panel.drop(number - 1)
+        air.panel.drop(number)
+        with pytest.raises(BusyError):
+            air.panel.give(number)
+        assert air.given == []
+
+    fly(story)
+
+
+def test_a_new_rehearsal_takes_the_place_of_one_that_still_runs(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        air.waits.clear()
+        air.panel.rehearse(VEE)
+        await asyncio.sleep(0)
+        number = air.panel.rehearse(Order(shape="trail", spacing=30.0))
+        air.waits.set()
+        shown = await air.settle()
+        assert (shown["number"], shown["what"]) == (number, "trail, spacing 30 m")
+        assert shown["phase"] == "rehearsed"
+
+    fly(story)
+
+
+def test_an_order_that_is_being_given_is_neither_dropped_nor_replaced(fly: Fly) -> None:
+    async def story(air: Air) -> None:
+        number = air.panel.rehearse(VEE)
+        await air.settle()
+        air.waits.clear()
+        air.panel.give(number)
+        with pytest.raises(BusyError):
+            air.panel.drop(number)
+        with pytest.raises(BusyError):
+            air.panel.rehearse(VEE)
+        air.waits.set()
+        assert (await air.settle())["phase"] == "flown"
 
     fly(story)

@@ -43,6 +43,9 @@ class Panel(OrderPanel):
             raise BusyError("rehearse it again")
         self.asked.append(number)
 
+    def drop(self, number: int) -> None:
+        self.asked.append(("drop", number))
+
     def abort(self) -> int:
         self.asked.append("abort")
         return 2
@@ -181,7 +184,24 @@ def test_what_is_no_order_is_one_line(body: bytes) -> None:
     status, text = post("/order/rehearse", body, panel=panel)
     assert status == 422
     assert text.count("\n") == 1
+    assert ": " in text
+    assert "Input" not in text
     assert panel.asked == []
+
+
+def test_a_spacing_that_is_none_is_answered_with_the_limits() -> None:
+    for spacing in (b"0", b"1e9", b"NaN", b'"30"'):
+        assert post("/order/rehearse", b'{"shape": "vee", "spacing_m": ' + spacing + b"}") == (
+            422,
+            "The spacing has to be a number from 1 to 1000 m: correct it and rehearse again.\n",
+        )
+
+
+def test_a_rehearsed_order_is_dropped_by_its_number() -> None:
+    panel = Panel()
+    assert post("/order/drop", b'{"number": 4}', panel=panel) == (202, '{"number":4}')
+    assert post("/order/drop", b"{}", panel=panel)[0] == 422
+    assert panel.asked == [("drop", 4)]
 
 
 def test_long_bodies_are_not_read() -> None:

@@ -7,62 +7,28 @@ its origin, altitudes above mean sea level.
 import cmath
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from vfguide.companion.plan import local_frame
-from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Flown, Place, ends
-from vfguide.formation.shapes import named_shape
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Flown
 from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
+from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.history import History
+from vfguide.lab.console.motion import CARRIED_S, Heard, carry, climb_between
+from vfguide.lab.console.series import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES
+from vfguide.lab.console.wording import flown_in_words
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
-from vfguide.lab.report.replay.data import FORMAT, KINDS, SLOT_KINDS, Kind, encode, rounded
+from vfguide.lab.report.replay.data import FORMAT, Kind, encode
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
 from vfguide.link.presence import LEADER_FIGURES, Presence
 from vfguide.mission import Mission
-from vfguide.mission.flight_path import path_of
 
 GRAVITY = 9.80665
 """m/s²."""
-
-MODES = (*(mode.value for mode in Mode), "offline", "not known")
-"""What a card can show, by number."""
-
-SERIES = (
-    "north_m",
-    "east_m",
-    "altitude_m",
-    "course_deg",
-    "heading_deg",
-    "bank_deg",
-    "ground_speed_m_s",
-    "airspeed_m_s",
-    "wind_north_m_s",
-    "wind_east_m_s",
-    "along_m",
-    "across_m",
-    "slot_north_m",
-    "slot_east_m",
-    "slot_altitude_m",
-    "mode",
-    "age_s",
-)
-"""The numbers of a vehicle in a sample, by the names that the replay has for them."""
-
-COLUMNS = {name: number for number, name in enumerate(SERIES)}
-
-FLOWN_AS = COLUMNS["along_m"]
-"""The series before this one are of the vehicle alone."""
-
-CONSOLE_KINDS = {**KINDS, **SLOT_KINDS, "age_s": Kind(unit=0.01, bits=16)}
-"""How they are written."""
-
-CARRIED_S = 2.0
-"""For so long a place is carried on along its turn; no slot is reckoned by an older one."""
 
 KEPT_S = 15.0
 """For so long the place where a vehicle was heard last is shown."""
@@ -70,34 +36,11 @@ KEPT_S = 15.0
 OLDEST_S = 300.0
 """Greatest age that is told."""
 
-CLIMB_S = 0.5
-"""Over so long climb rates are averaged."""
-
-STEEPEST_M_S = 20.0
-"""More is no climb, but a height that was set right."""
-
 STEP_S = 0.3
 """A clock that is behind by more than this has been set, or the flight is slower than real time."""
 
 GREATEST_OF_LEADER = (OLDEST_S, 1e6, 1e6, 50e3, 10.0, 500.0, 10.0)
 """Greatest magnitudes of what followers say of a leader without a companion, as `LEADER_FIGURES` names it."""
-
-DRAWN_POINTS = 400
-"""Of the path."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
-    """The newest state of a vehicle."""
-
-    message: LeaderMessage
-    """As it came."""
-    place: complex
-    """North and east as real and imaginary part, m."""
-    climb: float
-    """m/s; the state does not say it."""
-    received_s: float
-    """When it came."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +74,7 @@ class Formation:
         self._leads = self.names[0]
         self._number = 0
         self._order: Arrangement | None = None
+        self._path = MAIN_PATH
         self._heard: dict[str, Heard] = {}
         self._said: dict[str, Said] = {}
         self._offset_s: float | None = None
@@ -191,6 +135,9 @@ class Formation:
             leads: name of the vehicle that leads.
         """
         self._number, self._order, self._leads = number, order, leads
+        # While an order was not heard the path that was flown before is the best guess.
+        if order is not None:
+            self._path = order.path
 
     def _take_foreign_leader(self, presence: Presence, now: float) -> None:
         """Take how a follower has heard a leader without a companion; the newest word of all counts."""
@@ -359,21 +306,9 @@ class Formation:
             "leads": self._leads,
             "succeeded": succeeded,
             "number": self._number,
-            "order": self._flown_in_words(),
+            "order": flown_in_words(self._number, self._order),
+            "path": self._path,
         }
-
-    def _flown_in_words(self) -> str:
-        if self._number == 0:
-            return "the mission's formation"
-        order = self._order
-        if order is None:
-            return "an order that was not heard: slots are not known"
-        if order.flown is Flown.ABORT:
-            return "nothing: all was called off"
-        text = slots_in_words(order.places)
-        if order.path != MAIN_PATH:
-            text += f", on the path {order.path}"
-        return f"a hold, {text}" if order.flown is Flown.HOLD else text
 
     def cards(self, now: float) -> list[dict[str, object]]:
         """What is said of each vehicle in words, ready for JSON; its numbers are in the samples."""
@@ -449,7 +384,6 @@ class Formation:
     def describe(self) -> dict[str, object]:
         """The flight so far, as the replay reads one."""
         day, night = colours_of(self.names), colours_of(self.names, NIGHT_COLOURS)
-        north, east = drawn_path(self._mission)
         time_ms = np.round(1000.0 * self.history.time_s)
         return {
             "format": FORMAT,
@@ -459,7 +393,7 @@ class Formation:
             "time": encode(time_ms, Kind(unit=0.001, bits=32), in_units=True),
             "window_s": [0.0, 0.0],
             "modes": list(MODES),
-            "path": {"north_m": rounded(north), "east_m": rounded(east)},
+            "ground": describe_ground(self._mission),
             "names": list(SERIES),
             "vehicles": [
                 {
@@ -477,52 +411,9 @@ class Formation:
         }
 
 
-def slots_in_words(places: Iterable[Place]) -> str:
-    """What followers fly in once they have come to their slots."""
-    points = ends(places)
-    if not points:
-        return "no followers"
-    shape = named_shape((point.forward, point.right) for point in points.values())
-    if shape is None:
-        return "slots of their own"
-    return f"{shape[0]}, {shape[1]:.0f} m apart"
-
-
 def slot_of(mission: Mission, name: str) -> tuple[float, float, float]:
     """Forward, right and up of a vehicle's slot, m; the leader's is where it is."""
     follower = mission.followers_by_name.get(name)
     if follower is None:
         return 0.0, 0.0, 0.0
     return follower.slot.forward_m, follower.slot.right_m, follower.slot.up_m
-
-
-def climb_between(before: Heard | None, message: LeaderMessage) -> float:
-    """How fast a vehicle climbs, m/s, by its last states."""
-    if before is None:
-        return 0.0
-    passed_s = message.time_s - before.message.time_s
-    if not 0.0 < passed_s < CARRIED_S:
-        return 0.0
-    newest = (message.altitude_amsl - before.message.altitude_amsl) / passed_s
-    newest = min(max(newest, -STEEPEST_M_S), STEEPEST_M_S)
-    return before.climb + min(passed_s / CLIMB_S, 1.0) * (newest - before.climb)
-
-
-def carry(heard: Heard, seconds: float) -> tuple[complex, complex]:
-    """(place in m, velocity in m/s) some seconds after a state, along the turn that it flew."""
-    message = heard.message
-    half_turn = cmath.rect(1.0, 0.5 * message.turn_rate * seconds)
-    velocity = cmath.rect(message.ground_speed, message.course) * half_turn
-    return heard.place + velocity * seconds, velocity * half_turn
-
-
-def drawn_path(mission: Mission) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of points along the path, m: once round it, or as far as the rehearsal flies along it."""
-    path = path_of(mission.path)
-    if math.isfinite(path.length):
-        progress = path.outline(DRAWN_POINTS)
-    else:
-        reach_m = mission.leader.airspeed_m_s * mission.rehearsal.duration_s
-        progress = np.linspace(0.0, reach_m, DRAWN_POINTS)
-    places = path.at(progress)
-    return places.north, places.east

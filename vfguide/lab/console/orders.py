@@ -8,13 +8,14 @@ import asyncio
 import logging
 import math
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
-from vfguide.lab.console.model import slots_in_words
+from vfguide.lab.console.wording import slots_in_words
 from vfguide.lab.ordering import (
     OrderDesk,
     Outcome,
@@ -40,9 +41,23 @@ Phase = Literal[
 ]
 """How far an order has come. `refused`: it cannot be carried out; `void`: not all have agreed to it."""
 
-BUSY = frozenset({"rehearsing", "giving"})
-
 ABORT = Order(action="abort")
+
+REMEDIES = {
+    "shape": "This shape is not known: choose one from the list.",
+    "spacing_m": "The spacing has to be a number from 1 to 1000 m: correct it and rehearse again.",
+    "swap": "Two followers change places: choose both by name.",
+    "slots": "A slot has to lie within 10 km of the leader: correct it and rehearse again.",
+    "leave": "This names no follower: choose who is to leave from the list.",
+    "join": "This names no follower: choose who is to join from the list.",
+    "path": "This path has no name of the mission: choose one from the list.",
+    "lead": "This names no vehicle that may lead: choose one from the list.",
+    "action": "This action is not known: choose hold, resume or ABORT.",
+    "number": "This is no rehearsed order: rehearse it again.",
+}
+"""What to do about a fault, by the field of the order that has it."""
+
+UNREADABLE = "This is no order that the console can read: reload the page and choose it again."
 
 
 class Choice(BaseModel):
@@ -61,7 +76,7 @@ class Nothing(BaseModel):
 
 
 class BusyError(VfguideError):
-    """Another order is being rehearsed or given, or the one that was meant is not there any more."""
+    """An order is being given, or the one that was meant is not there any more."""
 
 
 class OrderPanel:
@@ -101,38 +116,52 @@ class OrderPanel:
         self._outcome: Outcome | None = None
 
     def rehearse(self, order: Order) -> int:
-        """Begin to rehearse an order; the number of the rehearsal.
+        """Begin to rehearse an order in the place of the last; the number of the rehearsal.
 
         Raises:
-            BusyError: another order is being rehearsed or given.
+            BusyError: an order is being given.
         """
-        self._check_free()
+        self._check_not_giving()
+        self.stop()
         self._count += 1
         self._forget("rehearsing", order_in_words(order))
-        self._begin(self._rehearse(order))
+        self._begin(partial(self._rehearse, order))
         return self._count
+
+    def drop(self, number: int) -> None:
+        """Forget an order that has not been given.
+
+        Raises:
+            BusyError: it is not the one that is there, or it is being given.
+        """
+        self._check_not_giving()
+        if number != self._count:
+            raise BusyError("another order has been rehearsed meanwhile: look at that one first")
+        self.stop()
+        self._forget()
+        self._changed()
 
     def give(self, number: int) -> None:
         """Begin to give an order that was rehearsed.
 
         Raises:
-            BusyError: it is not the one that is there, is too old, or another is being rehearsed or given.
+            BusyError: it is not the one that is there, is not rehearsed yet, is too old, or is being given.
         """
-        self._check_free()
+        self._check_not_giving()
         found = self._found
         if number != self._count or self._phase != "rehearsed" or found is None:
             raise BusyError("this order is not the one that was rehearsed last: rehearse it again")
         if self._clock() - self._found_s > FRESH_S:
             raise BusyError("this rehearsal is too old: rehearse the order again")
         self._phase = "giving"
-        self._begin(self._give(found))
+        self._begin(partial(self._give, found))
 
     def abort(self) -> int:
         """Call everything off, whatever else is being done; the number of the order."""
         self.stop()
         self._count += 1
         self._forget("giving", order_in_words(ABORT))
-        self._begin(self._abort())
+        self._begin(self._abort)
         return self._count
 
     def stop(self) -> None:
@@ -141,20 +170,18 @@ class OrderPanel:
             self._task.cancel()
             self._task = None
 
-    def _check_free(self) -> None:
-        if self._phase in BUSY:
-            raise BusyError(
-                f"another order ({self._what}) is being rehearsed or given: wait for it"
-            )
+    def _check_not_giving(self) -> None:
+        if self._phase == "giving":
+            raise BusyError(f"an order ({self._what}) is being given: wait for the answers")
 
-    def _begin(self, doing: Awaitable[None]) -> None:
-        self._task = asyncio.create_task(self._guarded(doing), name="order")
+    def _begin(self, work: Callable[[], Awaitable[None]]) -> None:
+        self._task = asyncio.create_task(self._guarded(work), name="order")
         self._changed()
 
-    async def _guarded(self, doing: Awaitable[None]) -> None:
+    async def _guarded(self, work: Callable[[], Awaitable[None]]) -> None:
         """Do something for an order; whatever stops it is shown."""
         try:
-            await doing
+            await work()
         except VfguideError as error:
             self._phase, self._text = "refused", str(error)
         except Exception:
@@ -282,6 +309,12 @@ def order_in_words(order: Order) -> str:
     return ", ".join(words)
 
 
+def fault_in_words(error: ValidationError) -> str:
+    """What is wrong with an order that a page has sent, in one sentence with the remedy."""
+    place = error.errors(include_url=False, include_input=False)[0]["loc"]
+    return REMEDIES.get(str(place[0]), UNREADABLE) if place else UNREADABLE
+
+
 def order_from(text: bytes) -> Order:
     """The order that a page has sent.
 
@@ -289,3 +322,15 @@ def order_from(text: bytes) -> Order:
         pydantic.ValidationError: it is none.
     """
     return WrittenOrder.model_validate_json(text, strict=True).order
+
+
+def use_number(use: Callable[[int], None], body: bytes) -> int:
+    """Do something with the rehearsed order whose number a page has sent; the number.
+
+    Raises:
+        pydantic.ValidationError: it is none.
+        BusyError: not this order, or not now.
+    """
+    number = Choice.model_validate_json(body).number
+    use(number)
+    return number

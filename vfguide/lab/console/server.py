@@ -8,6 +8,7 @@ import ssl
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from importlib.resources import files
 from ipaddress import ip_address
@@ -30,7 +31,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from vfguide.errors import InputError
-from vfguide.lab.console.orders import BusyError, Choice, Nothing, OrderPanel, order_from
+from vfguide.lab.console.orders import (
+    BusyError,
+    Nothing,
+    OrderPanel,
+    fault_in_words,
+    order_from,
+    use_number,
+)
 from vfguide.lab.console.source import Source
 from vfguide.lab.report.replay.page_part import read as read_replay
 
@@ -291,12 +299,10 @@ def order_routes(panel: OrderPanel) -> list[Route]:
         return await told(request, lambda body: panel.rehearse(order_from(body)))
 
     async def give(request: Request) -> Response:
-        def chosen(body: bytes) -> int:
-            number = Choice.model_validate_json(body).number
-            panel.give(number)
-            return number
+        return await told(request, partial(use_number, panel.give))
 
-        return await told(request, chosen)
+    async def drop(request: Request) -> Response:
+        return await told(request, partial(use_number, panel.drop))
 
     async def abort(request: Request) -> Response:
         def called_off(body: bytes) -> int:
@@ -308,6 +314,7 @@ def order_routes(panel: OrderPanel) -> list[Route]:
     return [
         Route("/order/rehearse", rehearse, methods=["POST"]),
         Route("/order/give", give, methods=["POST"]),
+        Route("/order/drop", drop, methods=["POST"]),
         Route("/order/abort", abort, methods=["POST"]),
     ]
 
@@ -322,10 +329,7 @@ async def told(request: Request, use: Callable[[bytes], int]) -> Response:
     try:
         number = use(bytes(body))
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        line = " ".join(f"{place}: {first['msg']}".removeprefix(": ").split())
-        return PlainTextResponse(f"This is no order: {line}\n", status_code=422)
+        return PlainTextResponse(f"{fault_in_words(error)}\n", status_code=422)
     except BusyError as error:
         return PlainTextResponse(f"{error}\n", status_code=409)
     return JSONResponse({"number": number}, status_code=202)

@@ -161,7 +161,8 @@ class Console {
     );
   }
 
-  #tellFlown({ leads, succeeded, number, order }) {
+  #tellFlown({ leads, succeeded, number, order, path }) {
+    this.player.flight.followPath(path);
     const numbered = number ? ` (order ${number})` : "";
     tell(this.flies, `${leads} leads${succeeded ? " in the leader's place" : ""} · ${order}${numbered}`);
     this.flies.classList.toggle("succeeded", succeeded);

@@ -13,6 +13,8 @@ class LiveFlight extends Flight {
     super(content);
     this.live = content.live;
     if (!this.live) return;
+    this.ground = content.ground;
+    this.followPath(content.flies.path);
     this.nothing = "no aircraft heard";
     this.names = content.names;
     this.#make();
@@ -23,6 +25,8 @@ class LiveFlight extends Flight {
     const names = (vehicles) => vehicles.map((vehicle) => vehicle.name).join("\n");
     if (content.live !== this.live || names(content.vehicles) !== names(this.vehicles)) return false;
     if (!this.live) return true;
+    this.ground = content.ground;
+    this.followPath(content.flies.path);
     this.time = decodeSeries(content.time);
     for (const [number, vehicle] of this.vehicles.entries()) {
       const { series } = content.vehicles[number];
@@ -30,6 +34,14 @@ class LiveFlight extends Flight {
     }
     this.#make();
     return true;
+  }
+
+  /** Draw this path as the one that is flown, and the others thin. */
+  followPath(name) {
+    const { paths, outlines } = this.ground;
+    this.path = paths[name] ?? paths.main;
+    const others = Object.values(paths).filter((path) => path !== this.path);
+    this.outlines = [...others.map((path) => ({ kind: "path", ...path })), ...outlines];
   }
 
   #make() {

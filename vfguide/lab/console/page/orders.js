@@ -26,7 +26,7 @@ class Orders {
   constructor(followers) {
     const part = (id) => document.getElementById(id);
     this.parts = Object.fromEntries(
-      ["orders", "wanted", "what", "spacing", "first", "second", "path", "lead", "rehearse", "give", "outcome", "answers", "abort"]
+      ["orders", "wanted", "what", "spacing", "first", "second", "path", "lead", "rehearse", "give", "drop", "outcome", "answers", "abort"]
         .map((id) => [id, part(id)]),
     );
     const { parts } = this;
@@ -47,6 +47,10 @@ class Orders {
       this.#send("rehearse", this.#content());
     });
     parts.give.addEventListener("click", () => this.#send("give", JSON.stringify({ number: this.order.number })));
+    parts.drop.addEventListener("click", () => this.#drop());
+    document.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.allowed && !parts.drop.hidden) this.#drop();
+    });
     parts.abort.addEventListener("click", () => this.#send("abort", "{}"));
     this.#chosen();
     setInterval(() => this.#show(), 1000);
@@ -116,6 +120,10 @@ class Orders {
     this.#show();
   }
 
+  #drop() {
+    this.#send("drop", JSON.stringify({ number: this.order.number }));
+  }
+
   get #isRehearsed() {
     return this.rehearsed?.number === this.order?.number && this.rehearsed?.content === this.#content();
   }
@@ -126,9 +134,9 @@ class Orders {
     parts.wanted.hidden = !this.allowed;
     parts.abort.hidden = !this.allowed;
     const phase = order?.phase ?? "none";
-    const busy = phase === "rehearsing" || phase === "giving";
     const old = phase === "rehearsed" && performance.now() - this.since > 1000 * order.fresh_s;
-    parts.rehearse.disabled = busy;
+    parts.rehearse.disabled = phase === "giving";
+    parts.drop.hidden = !["rehearsing", "rehearsed", "refused"].includes(phase);
     parts.give.disabled = phase !== "rehearsed" || old || !this.#isRehearsed;
     const [level, text] = this.complaint ? ["alarm", this.complaint] : this.#words(phase, old);
     tell(parts.outcome, text ? `${LEVELS[level]} ${text}` : "");

@@ -14,7 +14,8 @@ const GROUND_MARGIN = 0.35;
 // An aircraft that was heard longer ago is somewhere else by now: it is drawn pale.
 const OLD_S = 2;
 
-const OUTLINE_NAMES = { fence: "fence", path: "other paths" };
+const OUTLINE_NAMES = { fence: "fence", path: "other paths", rally: "rally points" };
+const RALLY_RADIUS = 4;
 
 class Scene {
   constructor(canvas, flight, framing) {
@@ -142,15 +143,25 @@ class Scene {
     context.setLineDash([]);
   }
 
-  /** Other paths, and the edges of the fence. */
+  /** Other paths, the edges of the fence, and rally points. */
   #drawOutlines(context, theme) {
     const level = this.level;
     context.lineWidth = 1;
     for (const { kind, north_m: north, east_m: east } of this.flight.outlines ?? []) {
       this.#chooseOutline(context, kind, theme);
-      this.#trace(context, 0, north.length, (i) => this.camera.project(east[i], north[i], level));
+      const placeOf = (i) => this.camera.project(east[i], north[i], level);
+      if (kind === "rally") for (const i of north.keys()) this.#markRally(context, placeOf(i));
+      else this.#trace(context, 0, north.length, placeOf);
     }
     context.setLineDash([]);
+  }
+
+  #markRally(context, { x, y }) {
+    context.beginPath();
+    context.arc(x, y, RALLY_RADIUS, 0, 2 * Math.PI);
+    context.moveTo(x, y - 3 * RALLY_RADIUS);
+    context.lineTo(x, y - RALLY_RADIUS);
+    context.stroke();
   }
 
   #chooseOutline(context, kind, theme) {
@@ -172,10 +183,14 @@ class Scene {
       const end = x - context.measureText(OUTLINE_NAMES[kind]).width - 6;
       this.#chooseOutline(context, kind, theme);
       context.lineWidth = 1;
-      context.beginPath();
-      context.moveTo(end - 26, y);
-      context.lineTo(end, y);
-      context.stroke();
+      if (kind === "rally") {
+        this.#markRally(context, { x: end - 13, y });
+      } else {
+        context.beginPath();
+        context.moveTo(end - 26, y);
+        context.lineTo(end, y);
+        context.stroke();
+      }
       context.setLineDash([]);
       y -= 17;
     }

@@ -1,0 +1,63 @@
+"""What the console draws on the ground, and which path it draws as the one that is flown."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vfguide.formation.arrangement import Arrangement
+from vfguide.lab.console.ground import describe_ground, rally_points
+from vfguide.lab.console.model import Formation
+from vfguide.mission import Mission, load_mission
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    """A circle of 300 m, another of 250 m round a place 50 m north, and a fence of 900 m."""
+    content = load_mission(MISSIONS / "circle-wind.yaml").model_dump(exclude_unset=True)
+    circle = {"type": "circle", "centre": {"north_m": 0.0, "east_m": 0.0}, "radius_m": 300.0}
+    content["path"] = circle
+    content["paths"] = {
+        "near": {**circle, "centre": {"north_m": 50.0, "east_m": 0.0}, "radius_m": 250.0}
+    }
+    content["fence"] = {"circles": [{"centre": {"north_m": 0.0, "east_m": 0.0}, "radius_m": 900.0}]}
+    return Mission.model_validate(content)
+
+
+def order(path: str) -> Arrangement:
+    return Arrangement(number=3, time_s=0.0, across_s=0.0, places=(), path=path)
+
+
+def test_all_paths_and_the_fence_are_drawn_where_they_are(mission: Mission) -> None:
+    ground = describe_ground(mission)
+    for name, north_m, radius_m in (("main", 0.0, 300.0), ("near", 50.0, 250.0)):
+        line = ground["paths"][name]
+        for north, east in zip(line["north_m"], line["east_m"], strict=True):
+            assert math.hypot(north - north_m, east) == pytest.approx(radius_m, abs=0.02)
+    (fence,) = ground["outlines"]
+    assert fence["kind"] == "fence"
+    assert max(fence["north_m"]) == pytest.approx(900.0, abs=0.5)
+
+
+def test_rally_points_of_a_plan_are_drawn() -> None:
+    mission = load_mission(MISSIONS / "survey-plan.yaml")
+    kinds = [one["kind"] for one in describe_ground(mission)["outlines"]]
+    north, _ = rally_points(mission)
+    assert north.size == len(mission.path.rally_points) > 0
+    assert kinds.count("rally") == 1
+    assert "fence" in kinds
+
+
+def test_the_path_of_the_order_that_is_flown_is_drawn(mission: Mission) -> None:
+    formation = Formation(mission)
+    assert formation.flies()["path"] == "main"
+    formation.take_order(3, order("near"), leads="leader")
+    assert formation.flies()["path"] == "near"
+    # What follows was not heard: the path stays until it is known.
+    formation.take_order(4, None, leads="leader")
+    assert formation.flies()["path"] == "near"
+    formation.take_order(5, replace(order("main"), number=5), leads="leader")
+    assert formation.flies()["path"] == "main"
