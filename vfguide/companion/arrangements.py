@@ -666,7 +666,7 @@ class Arrangements:
     def _path_objection(self, order: Arrangement) -> str | None:
         """Why the path of an order cannot be flown, in words; None if it can."""
         known = self._plan.paths.get(order.path)
-        if order.path == MAIN_PATH and order.turn_radius_m <= 0.0:
+        if order.path == MAIN_PATH and order.turn_radius_m <= 0.0 and order.path_check == 0:
             return None
         if known is None:
             return f"no path is called {order.path!r} in its mission: give all the same mission"

@@ -25,7 +25,7 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.controller import gains_of
-from vfguide.mission.flight_path import PathShape, curve_check, path_of
+from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.quantity import Section
@@ -78,7 +78,7 @@ class KnownPath:
     least_radius: float = 0.0
     """The leader turns no tighter onto it, m; 0 where that is left to the field."""
     check: int = 0
-    """What tells it from any other path of its name: see `vfguide.mission.flight_path.curve_check`."""
+    """What tells it from any other of its name (`Mission.path_checks`); 0 if none can be ordered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -277,15 +277,16 @@ def known_paths(mission: Mission) -> dict[str, KnownPath]:
     """The paths of a mission by name; none where its leader has no companion."""
     if mission.leader.is_foreign:
         return {}
-    return {name: known_path(mission, shape) for name, shape in mission.paths_by_name.items()}
+    checks = mission.path_checks
+    return {name: known_path(shape, checks[name]) for name, shape in mission.paths_by_name.items()}
 
 
-def known_path(mission: Mission, shape: PathShape) -> KnownPath:
+def known_path(shape: PathShape, check: int = 0) -> KnownPath:
     """A path of a mission, and the field around it."""
     return KnownPath(
         path_of(shape),
         PathGains(gain=shape.gain, approach_angle=shape.approach_angle),
-        check=curve_check(shape, mission.origin),
+        check=check,
     )
 
 
@@ -486,7 +487,7 @@ def slot_of(mission: Mission, name: str) -> Slot[float]:
 def leader_task(mission: Mission) -> LeaderTask:
     """Path, law, cruise, and whom to give way to."""
     law = leader_laws.find(mission.leader.law)
-    known = known_path(mission, mission.path)
+    known = known_path(mission.path)
     return LeaderTask(
         path=known.path,
         path_gains=known.gains,

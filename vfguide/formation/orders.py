@@ -192,7 +192,8 @@ def arrangement_of(
         places=found.places,
         circle=circle if flown is Flown.HOLD else None,
         path=path,
-        path_check=formation.paths.get(path, 0) if changed else 0,
+        # Who is to lead has to know the same path, also where it stays.
+        path_check=formation.paths.get(path, 0) if changed or order.lead else 0,
         turn_radius_m=turn_radius_m,
         lead=order.lead or "",
     )
@@ -272,7 +273,7 @@ def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) ->
     for name in order.join:
         for other, place in places.items():
             distance = place.minus(end[name]).size
-            if other != name and distance < JOIN_M:
+            if other != name and distance < JOIN_M - 2.0 * STEP_M:
                 raise RefusedOrderError(
                     f"{name} would join {distance:.1f} m from {other}, less than {JOIN_M:g} m:"
                     " order a greater spacing, and the narrow one once it has joined"

@@ -90,8 +90,8 @@ def encode_order(order: Arrangement) -> bytes:
     """
     circle = order.circle
     flags = 0 if circle is None else HAS_CIRCLE | (CLOCKWISE if circle.clockwise else 0)
-    changed = order.path != MAIN_PATH or order.turn_radius_m > 0.0
-    flags |= (HAS_PATH if changed else 0) | (HAS_LEAD if order.lead else 0)
+    said = order.path != MAIN_PATH or order.turn_radius_m > 0.0 or order.path_check != 0
+    flags |= (HAS_PATH if said else 0) | (HAS_LEAD if order.lead else 0)
     try:
         body = HEADER.pack(
             ORDER_MAGIC,
@@ -106,7 +106,7 @@ def encode_order(order: Arrangement) -> bytes:
         )
         if circle is not None:
             body += CIRCLE.pack(circle.latitude_deg, circle.longitude_deg, circle.radius_m)
-        if changed:
+        if said:
             body += PATH.pack(order.turn_radius_m, order.path_check) + _name_bytes(order.path)
         if order.lead:
             body += _name_bytes(order.lead)
@@ -257,9 +257,10 @@ def _options(body: bytes, offset: int, flags: int) -> tuple[_Options, int]:
         offset += CIRCLE.size
     if flags & HAS_PATH:
         radius, check = PATH.unpack_from(body, offset)
-        if not RADII_M[0] <= radius <= RADII_M[1]:
-            raise ValueError("turns onto a path that nobody can fly")
         path, offset = _name(body, offset + PATH.size)
+        stays = path == MAIN_PATH and radius == 0.0
+        if not (stays or RADII_M[0] <= radius <= RADII_M[1]):
+            raise ValueError("turns onto a path that nobody can fly")
     if flags & HAS_LEAD:
         lead, offset = _name(body, offset)
     return _Options(circle, path, check, radius, lead), offset

@@ -105,8 +105,8 @@ class PathShape(Section):
 
     @property
     def curve(self) -> Mapping[str, Any]:
-        """The fields that its curve and the field around it follow from, without their defaults."""
-        return self.model_dump(mode="json", exclude_defaults=True)
+        """What curve and field follow from: numbers, texts, lists, sets and tables of them."""
+        return self.model_dump()
 
     def misfits(self) -> Iterable[Misfit]:
         """What keeps it from being flown although each field is sound by itself."""
@@ -187,28 +187,49 @@ def made_path(kind: type[Path], shape: PathShape) -> Path:
     return kind.of(shape)
 
 
-def curve_check(shape: PathShape, origin: Section) -> int:
-    """What tells a path from any other of its name: CRC-32 of its fields and of the origin it is drawn from.
+def curve_check(shape: PathShape, origin: Section, height: float) -> int:
+    """What tells a path from any other of its name: CRC-32 of what it follows from; not 0.
 
     Numbers count to nine digits: two computers may find the last one of a radius differently.
+
+    Args:
+        shape: its fields.
+        origin: that it counts from.
+        height: above the origin, m, at which the mission flies.
+
+    Raises:
+        InputError: a path of one's own has a field that cannot be compared.
     """
-    content = _to_nine_digits([origin.model_dump(), dict(shape.curve)])
-    return zlib.crc32(json.dumps(content, sort_keys=True).encode())
+    try:
+        text = _canonical([origin.model_dump(), height, dict(shape.curve)])
+    except TypeError as error:
+        raise InputError(
+            f"a path of type {shape.type!r} cannot be ordered in flight: {error}; let its `curve` give"
+            " numbers, texts, lists and tables"
+        ) from None
+    return zlib.crc32(text.encode()) or 1
 
 
-def _to_nine_digits(value: object) -> object:
-    """The same plain data, its numbers as text."""
+def _canonical(value: object) -> str:
+    """Plain data as a text that is the same on every computer.
+
+    Raises:
+        TypeError: it is none.
+    """
     match value:
-        case bool():
-            return value
-        case int() | float():
+        case None | bool() | int() | str():
+            return json.dumps(value)
+        case float():
             return f"{value:.9g}"
-        case list():
-            return [_to_nine_digits(one) for one in value]
-        case dict():
-            return {name: _to_nine_digits(one) for name, one in value.items()}
+        case list() | tuple():
+            return f"[{','.join(_canonical(one) for one in value)}]"
+        case set() | frozenset():
+            return f"[{','.join(sorted(_canonical(one) for one in value))}]"
+        case Mapping():
+            entries = sorted((str(name), _canonical(one)) for name, one in value.items())
+            return f"{{{','.join(f'{name}:{text}' for name, text in entries)}}}"
         case _:
-            return value
+            raise TypeError(f"{type(value).__name__} is not plain data")
 
 
 def shape_models() -> list[type[PathShape]]:

@@ -20,7 +20,7 @@ from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.fence import Fence
-from vfguide.mission.flight_path import PathShape, chosen_path
+from vfguide.mission.flight_path import PathShape, chosen_path, curve_check
 from vfguide.mission.foreign_leader import completed
 from vfguide.mission.orders import Slot, TimedOrder
 from vfguide.mission.path_frame import with_frame
@@ -236,6 +236,20 @@ class Mission(Section):
     def paths_by_name(self) -> Mapping[str, PathShape]:
         """All paths, `main` the one that the mission begins with."""
         return {MAIN_PATH: self.path, **self.paths}
+
+    @property
+    def path_checks(self) -> Mapping[str, int]:
+        """What tells each path from any other of its name; 0 where none can be ordered, nor another leader.
+
+        Raises:
+            InputError: a path of one's own cannot be compared.
+        """
+        if not (self.paths or self.deputies):
+            return dict.fromkeys(self.paths_by_name, 0)
+        return {
+            name: curve_check(one, self.origin, self.height_above_origin_m)
+            for name, one in self.paths_by_name.items()
+        }
 
     @property
     def leader_vehicle(self) -> Vehicle:

@@ -15,7 +15,7 @@ from vfguide.mission.climb_limits import climbs_beyond_limits
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
-from vfguide.mission.flight_path import curve_check, path_of
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.orders import Slot
 from vfguide.mission.path_frame import least_radius
@@ -85,10 +85,7 @@ def formation_of_mission(mission: Mission) -> Formation:
         leader=mission.leader.vehicle,
         home=home,
         slots=home,
-        paths={
-            name: curve_check(shape, mission.origin)
-            for name, shape in mission.paths_by_name.items()
-        },
+        paths=mission.path_checks,
         may_lead=may_lead,
     )
 

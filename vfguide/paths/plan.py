@@ -90,8 +90,9 @@ class PlanShape(RouteShape):
         """All but what the file is called, and what it says beside the route."""
         route = {"waypoints", "end", "loiter_radius_m"}
         return {
-            **self.model_dump(mode="json", exclude_defaults=True, exclude={"file", "contents"}),
-            "contents": self.read.model_dump(mode="json", include=route),
+            **super().curve,
+            "file": None,
+            "contents": self.read.model_dump(include=route),
         }
 
     @property

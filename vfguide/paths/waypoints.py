@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -105,6 +105,11 @@ class RouteShape(PathShape):
     @abstractmethod
     def after(self) -> End:
         """What comes after the last of them."""
+
+    @property
+    def curve(self) -> Mapping[str, Any]:
+        """Its fields, and the radius of its turns where the mission gives it."""
+        return {**self.model_dump(), "bend": (self.bend.radius, self.bend.easement)}
 
     @property
     def circle_radius_m(self) -> float:

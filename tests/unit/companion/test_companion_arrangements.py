@@ -752,6 +752,21 @@ def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
     }
 
 
+def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_mission(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    other = with_paths(plan)(vehicle="f1")
+    paths = {**other.paths, "main": replace(other.paths["main"], check=7)}
+    formation.members["f1"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.run(5.0)
+    formation.give(replace(further(slots), lead="f1", path_check=8))
+    formation.run(60.0)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    refused = {reply.text for name, reply in formation.said if name == "f1"}
+    assert refused >= {"its mission file means another curve by 'main': give all the same mission"}
+
+
 def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:

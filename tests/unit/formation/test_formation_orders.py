@@ -120,8 +120,10 @@ def test_who_joins_has_15_m_beside_its_slot_or_is_refused() -> None:
     formation = FORMATION.after(ordered(Order(leave=("f2",))))
     with pytest.raises(RefusedOrderError, match="less than 15 m: order a greater spacing"):
         ordered(Order(join=("f2",), shape="line-abreast", spacing=14.0), formation)
-    found = ordered(Order(join=("f2",), shape="line-abreast", spacing=15.0), formation)
-    assert found.vehicles == set(HOME)
+    # In an echelon 15 m are 10.6 and 10.6 m, in steps of 0.1 m, which makes 14.99 m.
+    for shape in ("line-abreast", "echelon-left"):
+        found = ordered(Order(join=("f2",), shape=shape, spacing=15.0), formation)
+        assert found.vehicles == set(HOME)
 
 
 def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between() -> None:

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -67,6 +68,14 @@ def test_another_path_and_who_is_to_lead_survive_the_link(
         lead="f1" if held else "",
     )
     assert decode_order(encode_order(order)) == order
+
+
+def test_who_is_to_lead_on_the_path_that_is_flown_has_its_check() -> None:
+    order = Arrangement(number=4, time_s=5.0, across_s=0.0, places=(), path_check=9, lead="f1")
+    assert decode_order(encode_order(order)) == order
+    other = replace(order, path="survey")
+    with pytest.raises(LinkDataError, match="turns onto a path"):
+        decode_order(encode_order(other))
 
 
 def test_a_path_by_its_name_alone_is_not_read() -> None:

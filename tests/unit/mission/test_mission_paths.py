@@ -7,11 +7,13 @@ from typing import Any
 import pytest
 
 from vfguide.companion.plan import flight_plan
+from vfguide.errors import InputError
 from vfguide.formation.arrangement import Flown
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
 from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
+from vfguide.mission.flight_path import PathShape, curve_check
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -168,6 +170,44 @@ def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path: P
     )
     assert first == second
     assert first != third
+
+
+@pytest.mark.parametrize("change", [{"wind": {"type": "calm"}}, {"leader": {"airspeed_m_s": 22.0}}])
+def test_a_route_whose_turns_the_mission_gives_is_another_curve_in_another_mission(
+    change: dict[str, dict[str, Any]],
+) -> None:
+    content = mission({}).model_dump(exclude_unset=True)
+    corners = [
+        {"north_m": 0, "east_m": 0},
+        {"north_m": 900, "east_m": 0},
+        {"north_m": 900, "east_m": 900},
+    ]
+    content["paths"] = {"wide": {"type": "waypoints", "waypoints": corners}}
+    first = Mission.model_validate(content)
+    other = Mission.model_validate(
+        content | {name: {**content[name], **section} for name, section in change.items()}
+    )
+    radii = {one.paths["wide"].bend.radius for one in (first, other)}
+    assert len(radii) == 2
+    assert first.path_checks["wide"] != other.path_checks["wide"]
+
+
+def test_sets_have_no_order_and_what_is_no_plain_data_is_an_error_with_its_remedy() -> None:
+    origin = mission({}).origin
+
+    class Own(PathShape):
+        type: str = "own"
+        what: object = None
+
+    first = curve_check(Own(what=frozenset("abcdefgh")), origin, 100.0)
+    assert first == curve_check(Own(what=frozenset("hgfedcba")), origin, 100.0)
+    assert first != curve_check(Own(what=frozenset("abcdefg")), origin, 100.0)
+    with pytest.raises(InputError, match="let its `curve` give numbers"):
+        curve_check(Own(what=object()), origin, 100.0)
+
+
+def test_a_mission_in_which_no_path_can_be_ordered_compares_none() -> None:
+    assert set(load_mission(MISSIONS / "circle-wind.yaml").path_checks.values()) == {0}
 
 
 @pytest.mark.parametrize(("at_s", "severity"), [(410, "warning"), (420, "error"), (500, "error")])

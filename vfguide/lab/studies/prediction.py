@@ -6,7 +6,12 @@ A mission with a time table is flown until its last order has settled.
 import os
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from typing import Any
 
+import numpy as np
+
+from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
@@ -17,8 +22,9 @@ from vfguide.mission.order_plan import timetable
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.mission.starts import path_beginning
 from vfguide.record.flight import FlightRecord
+from vfguide.record.vehicle import VehicleRecord
 
-ORDER_FAILS = re.compile(r"order \d+ is (refused|void)")
+ORDER_FAILS = re.compile(r"order (\d+) is (refused|void)")
 """How companions say that an order is not flown."""
 
 FLOWN_S = 60.0
@@ -47,18 +53,29 @@ def expected_precision(
     flight = fly_rehearsal(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
     if flight.interrupted:
         return None
-    return (precision_of(mission, flight.record), *orders_amiss(mission, flight))
+    return (precision_of(mission, first_minute(flight.record)), *orders_amiss(mission, flight))
+
+
+def first_minute(record: FlightRecord) -> FlightRecord:
+    """The part that tells how precise a mission is; later orders may send vehicles away."""
+    count = int(np.searchsorted(record.time_s, FLOWN_S + 1e-6, side="right"))
+    if count == len(record.time_s):
+        return record
+    vehicles = tuple(replace(one, **series_of(one, count)) for one in record.vehicles)
+    return replace(record, time_s=record.time_s[:count], vehicles=vehicles, duration_s=FLOWN_S)
+
+
+def series_of(vehicle: VehicleRecord, count: int) -> dict[str, Any]:
+    """The first samples of each of its series, by name."""
+    values = {one.name: getattr(vehicle, one.name) for one in fields(vehicle)}
+    return {name: one[:count] for name, one in values.items() if isinstance(one, np.ndarray)}
 
 
 def orders_amiss(mission: Mission, flight: Flight) -> Iterator[Finding]:
     """Orders that are not flown, and the nearest two of a flight with orders where they come too near."""
     if not mission.orders:
         return
-    for name, events in flight.events.items():
-        for event in events:
-            if ORDER_FAILS.match(event.text):
-                message = f"{name}, at {event.time_s:.0f} s: {event.text}"
-                yield Finding("error", ("orders",), message, "see it: vfguide fly")
+    yield from orders_not_flown(mission, flight)
     record, limit = flight.record, mission.acceptance.min_separation_m
     for pair in pair_separations(record):
         least = int(pair.distance_m.argmin())
@@ -69,10 +86,33 @@ def orders_amiss(mission: Mission, flight: Flight) -> Iterator[Finding]:
             )
             remedy = "order a greater spacing or other slots"
             yield Finding("error", ("orders",), message, remedy)
-    left = [one.at_s for one in mission.orders if one.at_s > record.duration_s]
-    if left:
-        message = f"orders from {left[0]:g} s on were not rehearsed: it is flown for {LONGEST_S:g} s at most"
+    unsettled = [
+        found.time_s for found, _ in timetable(mission) if ends_at(found) > record.duration_s + 1.0
+    ]
+    if unsettled:
+        message = (
+            f"orders from {unsettled[0]:g} s on were not rehearsed to their end: it is flown for"
+            f" {LONGEST_S:g} s at most"
+        )
         yield Finding("note", ("orders",), message)
+
+
+def orders_not_flown(mission: Mission, flight: Flight) -> Iterator[Finding]:
+    """Orders that are refused or void in the rehearsal, one finding for each, with the first reason given."""
+    found: dict[int, str] = {}
+    away = {loss.vehicle for loss in mission.rehearsal.losses}
+    said = sorted(
+        (event.time_s, name, event.text)
+        for name, events in flight.events.items()
+        # A companion that comes back refuses what the others fly by, until it has heard it again.
+        if name not in away
+        for event in events
+    )
+    for time_s, name, text in said:
+        if (fails := ORDER_FAILS.match(text)) is not None:
+            found.setdefault(int(fails[1]), f"{name}, at {time_s:.0f} s: {text}")
+    for number, message in sorted(found.items()):
+        yield Finding("error", ("orders", number - 1), message, "see it: vfguide fly")
 
 
 def precision_of(mission: Mission, record: FlightRecord) -> Finding:
@@ -80,7 +120,7 @@ def precision_of(mission: Mission, record: FlightRecord) -> Finding:
     formation = summarise(record).formation
     error, asked = formation.mean_error_m, mission.acceptance.mean_error_m
     if error is None or formation.p95_error_m is None:
-        message = "the rehearsal of a minute measured no formation error"
+        message = "the rehearsal measured no formation error"
         return Finding("warning", ("followers",), message, "see why: vfguide fly")
     message = (
         f"expect {error:.2f} m of mean formation error, 95 % of the time below"
@@ -113,7 +153,12 @@ def flown_s(mission: Mission) -> float:
     if not mission.orders:
         return FLOWN_S
     last, _ = timetable(mission)[-1]
-    return min(max(FLOWN_S, last.time_s + last.duration_s + SETTLED_S), LONGEST_S)
+    return min(max(FLOWN_S, ends_at(last)), LONGEST_S)
+
+
+def ends_at(order: Arrangement) -> float:
+    """When all are in their slots again after an order, s."""
+    return order.time_s + order.duration_s + SETTLED_S
 
 
 def conditions_in_words(mission: Mission) -> str:
