@@ -13,7 +13,7 @@ from random import Random, SystemRandom
 from vfguide.companion.state_receiver import motion_of
 from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown, agreed_number
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, agreed_number
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
@@ -328,7 +328,7 @@ async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: 
         mission, order, desk, formation, number=formation.number + 1, lead_s=link.order_lead_s
     )
     prediction = None
-    if arrangement.flown is not Flown.ABORT:
+    if arrangement.flown is not Manoeuvre.ABORT:
         prediction = await asyncio.to_thread(
             rehearsed,
             mission,
@@ -351,7 +351,7 @@ async def give_rehearsed(
         RefusedOrderError: it cannot be carried out any more; one sentence says why.
         VfguideError: another order has been given since.
     """
-    aborts = found.arrangement.flown is Flown.ABORT
+    aborts = found.arrangement.flown is Manoeuvre.ABORT
     if not aborts and desk.newest_number != found.formation.number:
         raise VfguideError(
             f"order {desk.newest_number} has been given since this one was rehearsed: rehearse it again"

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
 from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number, unanswered
@@ -113,7 +113,7 @@ def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, arrangement=2**31))
     outcome, air = outcome_of(mission, Order(action="abort"), desk, monkeypatch)
-    assert air.orders[0].flown is Flown.ABORT
+    assert air.orders[0].flown is Manoeuvre.ABORT
     assert air.orders[0].number > 2**31
     assert {name: reply.verdict for name, reply in outcome.replies.items()} == dict.fromkeys(
         FOLLOWERS, Verdict.FLOWN
