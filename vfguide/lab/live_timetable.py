@@ -18,7 +18,7 @@ from vfguide.lab.ordering import (
     rehearse_order,
 )
 from vfguide.link.opening import Link
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import TimedOrder
 
@@ -31,7 +31,7 @@ LOOK_S = 0.1
 
 @asynccontextmanager
 async def timetable_given(
-    mission: Mission, watched: Watched, *, time_s: Callable[[], float], tell: Tell
+    mission: Mission, watched: WatchedFormation, *, time_s: Callable[[], float], tell: Tell
 ) -> AsyncIterator[None]:
     """Give the orders of a mission's time table for as long as the context lasts.
 
@@ -59,7 +59,7 @@ class _Operator:
     """Who gives the orders of a time table; see there."""
 
     mission: Mission
-    watched: Watched
+    watched: WatchedFormation
     time_s: Callable[[], float]
     tell: Tell
 

@@ -32,7 +32,7 @@ from vfguide.link.order_codec import (
 )
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.link.watch import Watched, check_connected, operator_of
+from vfguide.link.watch import WatchedFormation, check_connected, operator_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 from vfguide.state import HeardState
@@ -275,7 +275,7 @@ class OrderDesk:
 async def give_order(
     mission: Mission,
     order: Order,
-    watched: Watched,
+    watched: WatchedFormation,
     *,
     tell: Tell,
     dry_run: bool = False,
@@ -439,7 +439,7 @@ def _resolved(
 
 @asynccontextmanager
 async def at_desk(
-    mission: Mission, watched: Watched, random: Random
+    mission: Mission, watched: WatchedFormation, random: Random
 ) -> AsyncIterator[tuple[OrderDesk, Link]]:
     """An operator's program on the links, for as long as the context lasts."""
     name = f"operator-{random.getrandbits(32):08x}"

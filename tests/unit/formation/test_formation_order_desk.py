@@ -19,7 +19,7 @@ from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_nu
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -101,7 +101,7 @@ def outcome_of(
 
     monkeypatch.setattr(ordering, "at_desk", at_desk)
     monkeypatch.setattr(ordering.asyncio, "sleep", sleep)
-    watched = Watched(addresses=(), formation="any", leader="leader", roster=None)
+    watched = WatchedFormation(addresses=(), formation="any", leader="leader", roster=None)
     given = give_order(mission, order, watched, tell=lambda _: None)
     return asyncio.run(given), air
 

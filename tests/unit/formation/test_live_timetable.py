@@ -14,11 +14,11 @@ from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab import live_timetable
 from vfguide.lab.live_timetable import timetable_given
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"
-WATCHED = Watched(addresses=(), formation="any", leader="leader", roster=None)
+WATCHED = WatchedFormation(addresses=(), formation="any", leader="leader", roster=None)
 
 
 class Operator:
