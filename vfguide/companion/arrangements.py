@@ -14,19 +14,26 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
-from vfguide.companion.order_limits import circle_objection, motion_objection
+from vfguide.companion.order_limits import (
+    LATEST_S,
+    age_objection,
+    circle_objection,
+    lead_objection,
+    nearness_objection,
+    path_objection,
+    slot_objection,
+    time_objection,
+)
 from vfguide.companion.plan import FlightPlan, KnownPath
 from vfguide.companion.route_end import RouteEnd
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.formation.arrangement import (
-    MAIN_PATH,
     Arrangement,
     Manoeuvre,
-    Place,
     Point,
     agreed_number,
 )
-from vfguide.formation.transition import approaches, nearest_on
+from vfguide.formation.transition import nearest_on
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.laws.leader import LeaderTask
@@ -51,27 +58,11 @@ SETTLE_S = 0.5
 LATE_S = 30.0
 """For so long after its time an order that this companion has agreed to may turn out to be flown."""
 
-SOONEST_S = 1.0
-LATEST_S = 120.0
-"""An order's time is from here to there ahead."""
-
-ABORT_S = 30.0
-"""What calls everything off is of now: its time is no further from the present than this."""
-
 JUMP_S = 2.0
 """A formation's clock that steps further is another one: the computer of its leader was started anew."""
 
-SAME_M = 1.0
-"""A slot that is nearer than this to where an order begins is the one that it means."""
-
 NO_TIME_S = 1e-3
 """Less than this is what numbers are rounded by."""
-
-KEEP_M = 5.0
-"""Slots come no nearer than this, whatever an operator's program thinks of it."""
-
-LOWEST_M = 20.0
-"""Nobody is sent lower than this above the mission's origin."""
 
 HEARD_S = 5.0
 """Who was heard by so much earlier flies by what it said then."""
@@ -383,7 +374,7 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         given = Order(order, signed, check_of(data))
         if self._is_missed(given, now):
-            objection = self._path_objection(order)
+            objection = path_objection(order, self._plan)
             if objection is not None:
                 if not self._is_known(given):
                     self._refuse(given, objection)
@@ -406,7 +397,11 @@ class Arrangements:
         if order.number <= self.number and self._has_aborted:
             self._reply(given, Verdict.FLOWN)
             return
-        objection = self._age_objection(order, now) if calls_off else self._objection(order, now)
+        objection = (
+            age_objection(order, self._clock.from_own(now))
+            if calls_off
+            else self._objection(order, now)
+        )
         if objection is not None:
             self._refuse(given, objection)
             return
@@ -636,13 +631,6 @@ class Arrangements:
             self._repeated_s = now
             self._repeats.append(flown.signed)
 
-    def _age_objection(self, order: Arrangement, now: float) -> str | None:
-        """Why what calls everything off is not of now, in words; None if it is, or no time is known."""
-        off_s = self._clock.from_own(now) - order.time_s
-        if abs(off_s) > ABORT_S:
-            return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
-        return None
-
     def _objection(self, order: Arrangement, now: float) -> str | None:
         """Why this companion cannot carry out an order, in words; None if it can."""
         if self.called_off is not None:
@@ -650,59 +638,26 @@ class Arrangements:
         time_s = self._clock.from_own(now)
         if not math.isfinite(time_s):
             return "the formation's time is not known to this companion yet"
-        if not SOONEST_S <= order.time_s - time_s <= LATEST_S:
-            return f"its time is {order.time_s - time_s:.0f} s ahead, not {SOONEST_S:g} to {LATEST_S:g} s"
+        if (objection := time_objection(order, time_s)) is not None:
+            return objection
         strangers = order.vehicles - self._names | order.vehicles & {self._leader}
         if strangers:
             return f"{', '.join(sorted(strangers))} is no follower of this formation"
         if self._next is not None:
             return f"order {self._next.arrangement.number} is not decided yet"
         return (
-            self._path_objection(order)
-            or self._lead_objection(order, now)
+            path_objection(order, self._plan)
+            or lead_objection(order, self._plan, self._leader, self._steered(order.lead, now))
             or self._motion_objection(order, now)
         )
-
-    def _path_objection(self, order: Arrangement) -> str | None:
-        """Why the path of an order cannot be flown, in words; None if it can."""
-        known = self._plan.paths.get(order.path)
-        if order.path == MAIN_PATH and order.turn_radius_m <= 0.0 and order.path_check == 0:
-            return None
-        if known is None:
-            return f"no path is called {order.path!r} in its mission: give all the same mission"
-        if known.check != order.path_check:
-            return (
-                f"its mission file means another curve by {order.path!r}: give all the same mission"
-            )
-        return None
-
-    def _lead_objection(self, order: Arrangement, now: float) -> str | None:
-        """Why who is to lead by an order cannot, in words; None if it can."""
-        name, may_lead = order.lead, () if self._plan.lead is None else self._plan.lead.order
-        if not name:
-            return None
-        if name not in may_lead:
-            return f"{name} is neither leader nor deputy of its mission"
-        if name != self._leader and name not in order.vehicles:
-            return f"{name} is to lead, and has no place in the formation"
-        if name == self._plan.name:
-            return None
-        _, steered, time_s = self._numbers.get(name, (0, False, -math.inf))
-        if now - time_s > HEARD_S:
-            return f"{name} is to lead, and is not heard"
-        return None if steered else f"{name} is to lead, and its companion does not steer it"
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
         left_s = self._left(now) - (order.time_s - self._clock.from_own(now))
         if left_s > NO_TIME_S:
             return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
-        for one in approaches(order.places, order.climb_s, order.across_s, self._leader):
-            if one.distance < KEEP_M:
-                return (
-                    f"{one.first} and {one.second} would come within {one.distance:.1f} m of each other"
-                    f" {one.time_s:.0f} s after its beginning, less than {KEEP_M:g} m"
-                )
+        if (objection := nearness_objection(order, self._leader)) is not None:
+            return objection
         circle = self._circle_of(order)
         if circle is not None:
             places = self._places.values() if self._places else [(0.0, 0.0)]
@@ -710,7 +665,16 @@ class Arrangements:
             if objection is not None:
                 return objection
         place = order.place_of(self._plan.name)
-        return None if place is None else self._own_objection(order, place, now)
+        if place is None:
+            return None
+        # Slots may still be on their way now, and at rest at its time.
+        begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
+        return slot_objection(order, place, self._plan, begin)
+
+    def _steered(self, vehicle: str, now: float) -> bool | None:
+        """Whether a vehicle's companion steers it, by what it said last; None where it is not heard."""
+        _, steered, time_s = self._numbers.get(vehicle, (0, False, -math.inf))
+        return steered if now - time_s <= HEARD_S else None
 
     def _left(self, now: float) -> float:
         """How long the slots still move by what is flown, s; not positive once they have arrived."""
@@ -718,25 +682,6 @@ class Arrangements:
             return -math.inf
         flown = self._flown.arrangement
         return flown.time_s + flown.duration_s - self._time_of(self._flown, now)
-
-    def _own_objection(self, order: Arrangement, place: Place, now: float) -> str | None:
-        """The same about this vehicle's own part, by its own limits."""
-        name, airframe = self._plan.name, self._plan.airframe
-        # Slots may still be on their way now, and at rest at its time.
-        begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
-        if begin is not None and place.begin.minus(begin).size > SAME_M:
-            return (
-                f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
-                f" right of the leader, but its slot is at {begin.forward:.0f} m and {begin.right:.0f} m"
-            )
-        objection = motion_objection(order, place, airframe)
-        if objection is not None:
-            return objection
-        lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
-        height = self._plan.height - self._plan.up + lowest
-        if height < LOWEST_M and lowest < self._plan.up:
-            return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
-        return None
 
     def _own_slot(self, now: float) -> Point | None:
         """Where the own slot is at a time (s of one's own clock); None for a vehicle that has left."""

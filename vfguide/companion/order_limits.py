@@ -1,9 +1,11 @@
-"""What one aircraft can do of an order: how fast its slot moves, and on what circle it holds."""
+"""Why a companion does not carry out an order: by its mission, its time, its limits, or others too near."""
 
 import math
 from collections.abc import Iterable
 
-from vfguide.formation.arrangement import PEAK, Arrangement, Place
+from vfguide.companion.plan import FlightPlan
+from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Place, Point
+from vfguide.formation.transition import approaches
 from vfguide.guidance.limits import GRAVITY
 from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
@@ -14,8 +16,130 @@ LEAST_S = 0.1
 FAR_M = 5000.0
 """A circle that is further away than this from all vehicles is another place's."""
 
+SOONEST_S = 1.0
+LATEST_S = 120.0
+"""An order's time is from here to there ahead."""
+
+ABORT_S = 30.0
+"""What calls everything off is of now: its time is no further from the present than this."""
+
+SAME_M = 1.0
+"""A slot that is nearer than this to where an order begins is the one that it means."""
+
+KEEP_M = 5.0
+"""Slots come no nearer than this, whatever an operator's program thinks of it."""
+
+LOWEST_M = 20.0
+"""Nobody is sent lower than this above the mission's origin."""
+
 ROUNDED = 1.02
 """Limits are passed by this factor at most: slots and times are rounded on their way."""
+
+
+def age_objection(order: Arrangement, time_s: float) -> str | None:
+    """Why what calls everything off is not of now, in words; None if it is, or no time is known.
+
+    Args:
+        order: that calls everything off.
+        time_s: now, s of the formation's clock; NaN where it is not known.
+    """
+    off_s = time_s - order.time_s
+    if abs(off_s) > ABORT_S:
+        return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
+    return None
+
+
+def time_objection(order: Arrangement, time_s: float) -> str | None:
+    """Why an order comes too early or too late, in words; None if it does not.
+
+    Args:
+        order: that is to be flown.
+        time_s: now, s of the formation's clock.
+    """
+    ahead_s = order.time_s - time_s
+    if not SOONEST_S <= ahead_s <= LATEST_S:
+        return f"its time is {ahead_s:.0f} s ahead, not {SOONEST_S:g} to {LATEST_S:g} s"
+    return None
+
+
+def path_objection(order: Arrangement, plan: FlightPlan) -> str | None:
+    """Why the path of an order cannot be flown, in words; None if it can."""
+    if order.path == MAIN_PATH and order.turn_radius_m <= 0.0 and order.path_check == 0:
+        return None
+    known = plan.paths.get(order.path)
+    if known is None:
+        return f"no path is called {order.path!r} in its mission: give all the same mission"
+    if known.check != order.path_check:
+        return f"its mission file means another curve by {order.path!r}: give all the same mission"
+    return None
+
+
+def lead_objection(
+    order: Arrangement, plan: FlightPlan, leader: str, steered: bool | None
+) -> str | None:
+    """Why the vehicle that is to lead by an order cannot, in words; None if it can, or if none is named.
+
+    Args:
+        order: that is to be flown.
+        plan: of the own vehicle.
+        leader: name of the mission's leader.
+        steered: whether the companion of the vehicle that is to lead steers it; None where it is not heard.
+    """
+    name = order.lead
+    if not name:
+        return None
+    if name not in (() if plan.lead is None else plan.lead.order):
+        return f"{name} is neither leader nor deputy of its mission"
+    if name != leader and name not in order.vehicles:
+        return f"{name} is to lead, and has no place in the formation"
+    if name == plan.name or steered:
+        return None
+    if steered is None:
+        return f"{name} is to lead, and is not heard"
+    return f"{name} is to lead, and its companion does not steer it"
+
+
+def nearness_objection(order: Arrangement, leader: str) -> str | None:
+    """Which two slots come too near to each other, and when, in words; None if none do.
+
+    Args:
+        order: by which the slots move.
+        leader: name of the mission's leader.
+    """
+    for one in approaches(order.places, order.climb_s, order.across_s, leader):
+        if one.distance < KEEP_M:
+            return (
+                f"{one.first} and {one.second} would come within {one.distance:.1f} m of each other"
+                f" {one.time_s:.0f} s after its beginning, less than {KEEP_M:g} m"
+            )
+    return None
+
+
+def slot_objection(
+    order: Arrangement, place: Place, plan: FlightPlan, begin: Point | None
+) -> str | None:
+    """Why a vehicle cannot fly its own part of an order, in words; None if it can.
+
+    Args:
+        order: by which its slot moves.
+        place: its part.
+        plan: of the vehicle.
+        begin: where its slot is at the order's time; None for a vehicle that has left.
+    """
+    name = plan.name
+    if begin is not None and place.begin.minus(begin).size > SAME_M:
+        return (
+            f"{name} is to begin {place.begin.forward:.0f} m ahead of and {place.begin.right:.0f} m"
+            f" right of the leader, but its slot is at {begin.forward:.0f} m and {begin.right:.0f} m"
+        )
+    objection = motion_objection(order, place, plan.airframe)
+    if objection is not None:
+        return objection
+    lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
+    height = plan.height - plan.up + lowest
+    if height < LOWEST_M and lowest < plan.up:
+        return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
+    return None
 
 
 def motion_objection(order: Arrangement, place: Place, airframe: Airframe) -> str | None:
