@@ -16,6 +16,7 @@ from vfguide.lab.ordering import (
     Rehearsed,
     Tell,
     at_desk,
+    await_formation,
     await_present,
     await_rest,
     conclusion,
@@ -129,6 +130,7 @@ class _Operator:
             if not aborts:
                 await await_rest(desk, link)
                 check_connected(link)
+                await await_formation(desk, calls_off=False)
                 if desk.newest_number != found.formation.number:
                     tell(f"order {desk.newest_number} has been given meanwhile: rehearsing again")
                     found = await self._rehearse(timed, desk, link)
