@@ -22,7 +22,7 @@ import numpy as np
 
 from tests.benchmarks.orders import mission_of
 from vfguide.errors import VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown, Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order
 from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
@@ -133,7 +133,7 @@ def drawn_order(  # noqa: C901, PLR0911 - one case for each kind
     kinds = ["shape"] * 6 + ["spacing"] * 2 + ["swap"] * 3 + ["slot", "path", "lead", "lead"]
     kinds += ["leave"] * 2 if len(here) > 2 else []
     kinds += ["join"] * 4 if away else []
-    kinds += ["resume"] * 6 if formation.flown is Flown.HOLD else ["hold"]
+    kinds += ["resume"] * 6 if formation.flown is Manoeuvre.HOLD else ["hold"]
     match random.choice(kinds):
         case "spacing":
             return f"spacing {spacing:g}", Order(spacing=spacing)

@@ -16,7 +16,7 @@ from vfguide.lab.console.live import live_flight_of
 from vfguide.lab.console.server import Address, served
 from vfguide.lab.console.source import RecordedFlight, Source
 from vfguide.link.address import parse_links
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission
 from vfguide.regular_file import open_regular
 
@@ -53,7 +53,7 @@ def show_formation(
     credentials = keys.of_operator()
     if operator:
         check_orders(credentials)
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
@@ -96,7 +96,7 @@ def show_recorded(
 @asynccontextmanager
 async def live_console(
     mission: Mission,
-    watched: Watched,
+    watched: WatchedFormation,
     *,
     address: Address,
     token: str | None = None,

@@ -27,7 +27,7 @@ from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.processes import broker_process
 from vfguide.lab.report.geometry import slot_error
 from vfguide.link.presence import Presence
-from vfguide.link.watch import Watched, check_reachable, watching
+from vfguide.link.watch import WatchedFormation, check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency, latency_of
@@ -334,7 +334,7 @@ def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | N
 
 @asynccontextmanager
 async def console_of(
-    mission: Mission, watched: Watched, tell: Callable[[str], None], *, operator: bool
+    mission: Mission, watched: WatchedFormation, tell: Callable[[str], None], *, operator: bool
 ) -> AsyncIterator[None]:
     """The flight on a page, whose address is told, and that of operators if there may be any."""
     # Here, because it brings the web server's libraries.

@@ -12,7 +12,7 @@ from vfguide.errors import InputError
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.link.address import parse_links
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
 
@@ -52,7 +52,7 @@ def judge_flight(
         VfguideError: an emulator has fallen silent.
     """
     port, credentials = truth_port(truth), keys.of_operator()
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
@@ -86,7 +86,7 @@ async def _watch(
     mission: Mission,
     *,
     truth: tuple[str, int],
-    watched: Watched,
+    watched: WatchedFormation,
     start: Path,
     speedup: float,
     patience_s: float,

@@ -21,7 +21,7 @@ from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
 from vfguide.link.address import parse_links
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
-from vfguide.link.watch import HEARD_SHARE, Watched, check_connected, watching
+from vfguide.link.watch import HEARD_SHARE, WatchedFormation, check_connected, watching
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import check_mission
 
@@ -58,7 +58,7 @@ def show_status(
         VfguideError: no link stands.
     """
     credentials = keys.of_operator()
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
@@ -83,7 +83,7 @@ def show_status(
     return ALL_THERE if online else SOME_MISSING
 
 
-async def living_presences(watched: Watched) -> dict[str, Presence]:
+async def living_presences(watched: WatchedFormation) -> dict[str, Presence]:
     """What each vehicle says about itself; who is not heard a second time is offline.
 
     Raises:
@@ -104,7 +104,7 @@ async def living_presences(watched: Watched) -> dict[str, Presence]:
 
 
 async def keep_showing(
-    mission: Mission, watched: Watched, output: Terminal, *, as_json: bool
+    mission: Mission, watched: WatchedFormation, output: Terminal, *, as_json: bool
 ) -> None:
     """Show how the vehicles are, again and again, until Ctrl-C: in place on a terminal, else line by line.
 

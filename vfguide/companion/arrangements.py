@@ -21,7 +21,7 @@ from vfguide.companion.shared_clock import SharedClock
 from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,
-    Flown,
+    Manoeuvre,
     Place,
     Point,
     agreed_number,
@@ -216,11 +216,11 @@ class Arrangements:
         if self._ended is not None:
             return self._ended
         flown = self.flown
-        return flown.number if flown is not None and flown.flown is Flown.ABORT else None
+        return flown.number if flown is not None and flown.flown is Manoeuvre.ABORT else None
 
     @property
     def _has_aborted(self) -> bool:
-        return self._flown is not None and self._flown.arrangement.flown is Flown.ABORT
+        return self._flown is not None and self._flown.arrangement.flown is Manoeuvre.ABORT
 
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
         """Take where the leader is on its path: at the end everybody goes back to the autopilot, for good.
@@ -399,7 +399,7 @@ class Arrangements:
     def _consider(self, given: Order, now: float) -> None:
         """Agree to an order, or refuse it; fly it at once where it calls everything off."""
         order = given.arrangement
-        calls_off = order.flown is Flown.ABORT
+        calls_off = order.flown is Manoeuvre.ABORT
         if order.number <= self.number and not calls_off:
             self.counters["order: not newer"] += 1
             return
@@ -520,7 +520,7 @@ class Arrangements:
         for known in (self._next, self._flown, refused):
             if known is None or known.arrangement.number != given.arrangement.number:
                 continue
-            if known.check != given.check and given.arrangement.flown is Flown.ABORT:
+            if known.check != given.check and given.arrangement.flown is Manoeuvre.ABORT:
                 continue
             if known.check != given.check:
                 self._reply(given, Verdict.REFUSED, "another order has this number: give it again")
@@ -534,10 +534,10 @@ class Arrangements:
     def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
         order = given.arrangement
-        if self.called_off is not None and order.flown is not Flown.ABORT:
+        if self.called_off is not None and order.flown is not Manoeuvre.ABORT:
             return False
         flying = self._newest(now) == order.number
-        due = order.flown is Flown.ABORT or given.begins(self._shared(now))
+        due = order.flown is Manoeuvre.ABORT or given.begins(self._shared(now))
         newer = self._flown is None or order.number > self._flown.arrangement.number
         return flying and due and newer
 
@@ -546,7 +546,7 @@ class Arrangements:
         # Of an order that was missed it is not known who has led since.
         if order is self._next and order.arrangement.lead == self._plan.name:
             self._appointed_s = now
-        if order.arrangement.flown is Flown.ABORT:
+        if order.arrangement.flown is Manoeuvre.ABORT:
             # An abort tells the mission's slots: it is given without knowing the present ones.
             self._last_up = self.own_up(now)
         had_left = self.has_left
@@ -557,7 +557,7 @@ class Arrangements:
         self._older.clear()
         self._reply(order, Verdict.FLOWN)
         number, what = order.arrangement.number, order.arrangement.flown
-        if what is Flown.ABORT:
+        if what is Manoeuvre.ABORT:
             self._say(f"order {number}: everybody back to the autopilot", warning=True)
         elif self.has_left:
             self._say(f"order {number}: out of the formation, back to the autopilot", warning=True)

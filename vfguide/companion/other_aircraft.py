@@ -103,7 +103,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nearby:
+class NearbyAircraft:
     """Those who may come near."""
 
     names: tuple[str, ...]
@@ -179,7 +179,7 @@ class OtherAircraft:
 
     def nearby(
         self, here: Viewpoint, members: Callable[[], Sequence[tuple[complex, complex]]]
-    ) -> Nearby | None:
+    ) -> NearbyAircraft | None:
         """Those who may come near within the horizon; None where there is none.
 
         Args:
@@ -203,7 +203,7 @@ class OtherAircraft:
         velocities = np.array([one.velocity for _, one in found], dtype=np.complex128)
         keep = self._distance_m + UNSURE_M_S * ages
         count = len(found)
-        return Nearby(
+        return NearbyAircraft(
             names=tuple(f"aircraft {address:06X}" for address, _ in found),
             altitudes=tuple(
                 one.altitude_amsl if one.altitude_error == 0.0 else math.nan for _, one in found

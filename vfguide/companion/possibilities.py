@@ -80,7 +80,7 @@ class Viewpoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class VehiclesInSight:
     """Those who may come near, one element for each."""
 
     row: IntArray
@@ -117,7 +117,7 @@ class Seen:
 
 
 def possibilities_of(
-    seen: Seen, here: Viewpoint, leader: LeaderState[float] | None
+    seen: VehiclesInSight, here: Viewpoint, leader: LeaderState[float] | None
 ) -> tuple[Others, IntArray] | None:
     """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
     found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
@@ -184,7 +184,9 @@ def possibilities_of(
     return others, seen.row[rows]
 
 
-def with_formation(seen: Seen, leader: LeaderState[float]) -> tuple[ComplexArray, ComplexArray]:
+def with_formation(
+    seen: VehiclesInSight, leader: LeaderState[float]
+) -> tuple[ComplexArray, ComplexArray]:
     """(places, velocities) of those who fly with the formation, silent ones as they flew in it; m, m/s."""
     frame = cmath.exp(1j * leader.course)
     carried = place_of(leader) + frame * seen.offset
@@ -195,7 +197,7 @@ def with_formation(seen: Seen, leader: LeaderState[float]) -> tuple[ComplexArray
     )
 
 
-def tightened(seen: Seen) -> ComplexArray:
+def tightened(seen: VehiclesInSight) -> ComplexArray:
     """Tracks of vehicles that, when they fell silent, rolled on to the bank limit of their turn, m.
 
     A turn that has only begun is reported late: 0.1 rad/s of it are 20 m after four seconds.
@@ -207,7 +209,7 @@ def tightened(seen: Seen) -> ComplexArray:
 
 
 def tracks_held(
-    seen: Seen, holds: BoolArray, here: Viewpoint
+    seen: VehiclesInSight, holds: BoolArray, here: Viewpoint
 ) -> list[tuple[IntArray, ComplexArray]]:
     """(who, tracks in m) of silent vehicles that hold what their autopilots held last."""
     found = []
@@ -219,7 +221,7 @@ def tracks_held(
     return found
 
 
-def course_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:
+def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
     """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s.
 
     The course is the one that they have said their autopilots were told to hold. In gusts it cannot be found
@@ -247,7 +249,7 @@ def course_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:
     )
 
 
-def heading_held(seen: Seen, wind: complex) -> tuple[ComplexArray, ComplexArray]:
+def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
     """(places, velocities) of those who hold the heading of their last turn since they were heard; m, m/s.
 
     In a wind that swings the nose turns at another rate than the course, and the wind carries it since.

@@ -15,7 +15,7 @@ from vfguide.companion.possibilities import (
     HOLDS_S,
     SPACING_SHARE,
     IntArray,
-    Seen,
+    VehiclesInSight,
     Viewpoint,
     possibilities_of,
 )
@@ -241,7 +241,7 @@ class Traffic:
         rows = np.flatnonzero(near)
         if not rows.size:
             return None
-        seen = Seen(
+        seen = VehiclesInSight(
             row=rows,
             age=age[rows],
             silent=silent[rows],

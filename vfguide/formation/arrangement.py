@@ -28,7 +28,7 @@ MAIN_PATH = "main"
 """Name of the path that a mission begins with."""
 
 
-class Flown(IntEnum):
+class Manoeuvre(IntEnum):
     """What is flown by an arrangement."""
 
     FORMATION = 1
@@ -96,7 +96,7 @@ class Arrangement:
     """Rises from order to order: a newer one counts."""
     time_s: float
     """When slots begin to move, s on the formation's clock."""
-    flown: Flown = Flown.FORMATION
+    flown: Manoeuvre = Manoeuvre.FORMATION
     """What is flown."""
     climb_s: float = 0.0
     """How long it takes into the layers, and out of them again, s; 0 without layers."""

@@ -13,7 +13,7 @@ from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,
     Circle,
-    Flown,
+    Manoeuvre,
     Place,
     Point,
     ends,
@@ -80,7 +80,7 @@ class Formation:
     """Slots of those that fly in it now, by follower."""
     number: int = 0
     """Of the newest order."""
-    flown: Flown = Flown.FORMATION
+    flown: Manoeuvre = Manoeuvre.FORMATION
     """What is flown."""
     circle: Circle | None = None
     """Of the hold that is flown."""
@@ -104,7 +104,7 @@ class Formation:
     def spacing(self) -> float | None:
         """Least distance of two slots, m, without the stack of a hold; None without followers."""
         slots = dict(self.slots)
-        if self.flown is Flown.HOLD:
+        if self.flown is Manoeuvre.HOLD:
             slots = {name: replace(slot, up=self.home[name].up) for name, slot in slots.items()}
         places = [LEADER, *slots.values()]
         return min((one.minus(other).size for one, other in combinations(places, 2)), default=None)
@@ -124,7 +124,7 @@ class Formation:
 
     def holds_after(self, order: Order) -> bool:
         """Whether the leader circles once an order is flown: a hold lasts until the mission goes on."""
-        return order.action == "hold" or (self.flown is Flown.HOLD and order.action is None)
+        return order.action == "hold" or (self.flown is Manoeuvre.HOLD and order.action is None)
 
 
 def arrangement_of(
@@ -151,7 +151,7 @@ def arrangement_of(
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
     """
-    if formation.flown is Flown.ABORT and order.action != "abort":
+    if formation.flown is Manoeuvre.ABORT and order.action != "abort":
         raise RefusedOrderError(
             "everything was called off: the formation begins anew with its companions"
         )
@@ -163,9 +163,9 @@ def arrangement_of(
     # Companions compare slots as orders tell them.
     begin = {name: _rounded(point) for name, point in begin.items()}
     end = {name: _rounded(point) for name, point in end.items()}
-    flown = Flown.FORMATION
+    flown = Manoeuvre.FORMATION
     if order.action == "abort":
-        flown = Flown.ABORT
+        flown = Manoeuvre.ABORT
         end = begin
         found = Transition(
             places=tuple(Place(vehicle=name, begin=begin[name], end=begin[name]) for name in begin),
@@ -179,7 +179,7 @@ def arrangement_of(
         circle = circle if order.action == "hold" else formation.circle
         if circle is None:
             raise RefusedOrderError("where to hold is not known: the leader is not heard")
-        flown = Flown.HOLD
+        flown = Manoeuvre.HOLD
     path = order.path or formation.path
     turn_radius_m = turn_radius_m if order.path else formation.turn_radius_m
     changed = path != MAIN_PATH or turn_radius_m > 0.0
@@ -190,7 +190,7 @@ def arrangement_of(
         climb_s=found.climb_s,
         across_s=found.across_s,
         places=found.places,
-        circle=circle if flown is Flown.HOLD else None,
+        circle=circle if flown is Manoeuvre.HOLD else None,
         path=path,
         path_check=formation.paths.get(path, 0) if changed else 0,
         turn_radius_m=turn_radius_m,
@@ -247,7 +247,7 @@ def _check_state(order: Order, formation: Formation) -> None:
     for name in order.join:
         if name in formation.slots:
             raise RefusedOrderError(f"{name} is in the formation already")
-    if order.action == "resume" and formation.flown is not Flown.HOLD:
+    if order.action == "resume" and formation.flown is not Manoeuvre.HOLD:
         raise RefusedOrderError(
             "nothing is held: the mission is flown, and nothing is to be resumed"
         )
@@ -299,7 +299,7 @@ def _ends(order: Order, formation: Formation) -> dict[str, Point]:
             for rank, name in enumerate(formation.home)
             if name in end
         }
-    if formation.flown is Flown.HOLD or order.action == "resume":
+    if formation.flown is Manoeuvre.HOLD or order.action == "resume":
         return {name: replace(point, up=formation.home[name].up) for name, point in end.items()}
     return end
 

@@ -57,7 +57,7 @@ SETTLED_S = 1.0
 """At the beginning of a stretch the vehicle has settled for at least this long."""
 
 
-class Turning(NamedTuple):
+class TurningVehicle(NamedTuple):
     """One vehicle that turns; a tuple, since thousands are made for each trial."""
 
     alpha: float
@@ -83,7 +83,7 @@ def course_response(samples: Samples, parameters: Parameters, airframe: Airframe
     direction, bank = settled(samples.time_s, samples.direction), 0.0
     directions = [direction]
     for number, target in enumerate(told):
-        vehicle = Turning(
+        vehicle = TurningVehicle(
             alpha, lag, max(speeds[number], 1.0), north[number], east[number], airframe
         )
         period = times[number + 1] - times[number]
@@ -98,7 +98,7 @@ def settled(time_s: FloatArray, values: FloatArray) -> float:
 
 
 def turned(
-    direction: float, bank: float, target: float, vehicle: Turning, period: float
+    direction: float, bank: float, target: float, vehicle: TurningVehicle, period: float
 ) -> tuple[float, float]:
     """(direction, bank) after a period, by a midpoint step; the roll is exact."""
     half = 0.5 * period
@@ -113,21 +113,21 @@ def turned(
     return direction, first_order_lag(bank, wanted, period, vehicle.lag)
 
 
-def turn_rate(direction: float, target: float, vehicle: Turning) -> float:
+def turn_rate(direction: float, target: float, vehicle: TurningVehicle) -> float:
     """Of the ideal first-order hold, rad/s, within the bank limit."""
     limit = coordinated_turn_rate(vehicle.airframe.max_bank, vehicle.speed)
     rate = vehicle.alpha * course_error(direction, target, vehicle)
     return min(max(rate, -limit), limit)
 
 
-def bank_wanted(direction: float, target: float, vehicle: Turning) -> float:
+def bank_wanted(direction: float, target: float, vehicle: TurningVehicle) -> float:
     """Of a hold by bank, rad, within the limit."""
     gain = vehicle.alpha * vehicle.airframe.cruise / GRAVITY
     bank = gain * course_error(direction, target, vehicle)
     return min(max(bank, -vehicle.airframe.max_bank), vehicle.airframe.max_bank)
 
 
-def course_error(direction: float, target: float, vehicle: Turning) -> float:
+def course_error(direction: float, target: float, vehicle: TurningVehicle) -> float:
     """Setpoint minus course (rad); the course is the direction and the drift in the wind."""
     ahead, aside = math.cos(direction), math.sin(direction)
     along = vehicle.wind_north * ahead + vehicle.wind_east * aside

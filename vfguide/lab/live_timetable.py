@@ -24,7 +24,7 @@ from vfguide.lab.ordering import (
     rehearse_order,
 )
 from vfguide.link.opening import Link
-from vfguide.link.watch import Watched, check_connected
+from vfguide.link.watch import WatchedFormation, check_connected
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import TimedOrder
 
@@ -42,7 +42,7 @@ RETRY_S = 1.0
 
 @asynccontextmanager
 async def timetable_given(
-    mission: Mission, watched: Watched, *, time_s: Callable[[], float], tell: Tell
+    mission: Mission, watched: WatchedFormation, *, time_s: Callable[[], float], tell: Tell
 ) -> AsyncIterator[None]:
     """Give the orders of a mission's time table for as long as the context lasts.
 
@@ -76,7 +76,7 @@ class _Operator:
     """Who gives the orders of a time table; see there."""
 
     mission: Mission
-    watched: Watched
+    watched: WatchedFormation
     time_s: Callable[[], float]
     tell: Tell
     left: deque[tuple[str, TimedOrder]]

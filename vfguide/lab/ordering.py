@@ -14,7 +14,7 @@ from random import Random, SystemRandom
 from vfguide.companion.state_receiver import motion_of
 from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown, agreed_number
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, agreed_number
 from vfguide.formation.orders import Formation, Order
 from vfguide.frames import LocalFrame
 from vfguide.lab.studies.order import Prediction, rehearsed
@@ -33,7 +33,7 @@ from vfguide.link.order_codec import (
 )
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.link.watch import Watched, check_connected, operator_of
+from vfguide.link.watch import WatchedFormation, check_connected, operator_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 from vfguide.state import HeardState
@@ -280,7 +280,7 @@ class OrderDesk:
 async def give_order(
     mission: Mission,
     order: Order,
-    watched: Watched,
+    watched: WatchedFormation,
     *,
     tell: Tell,
     dry_run: bool = False,
@@ -329,7 +329,7 @@ async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: 
         mission, order, desk, formation, number=formation.number + 1, lead_s=link.order_lead_s
     )
     prediction = None
-    if arrangement.flown is not Flown.ABORT:
+    if arrangement.flown is not Manoeuvre.ABORT:
         stopped = threading.Event()
         try:
             prediction = await asyncio.to_thread(
@@ -357,7 +357,7 @@ async def give_rehearsed(
         RefusedOrderError: it cannot be carried out any more; one sentence says why.
         VfguideError: another order has been given since.
     """
-    aborts = found.arrangement.flown is Flown.ABORT
+    aborts = found.arrangement.flown is Manoeuvre.ABORT
     if not aborts and desk.newest_number != found.formation.number:
         raise VfguideError(
             f"order {desk.newest_number} has been given since this one was rehearsed: rehearse it again"
@@ -445,7 +445,7 @@ def _resolved(
 
 @asynccontextmanager
 async def at_desk(
-    mission: Mission, watched: Watched, random: Random
+    mission: Mission, watched: WatchedFormation, random: Random
 ) -> AsyncIterator[tuple[OrderDesk, Link]]:
     """An operator's program on the links, for as long as the context lasts."""
     name = f"operator-{random.getrandbits(32):08x}"

@@ -19,7 +19,7 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Flown, Place, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
@@ -146,7 +146,7 @@ def decode_order(data: bytes) -> Arrangement:
     if not 0.0 <= across_s <= LONGEST_S:
         raise LinkDataError("a time of the order is out of range")
     try:
-        what = Flown(flown)
+        what = Manoeuvre(flown)
         options, offset = _options(body, HEADER.size, flags)
         places = []
         for _ in range(count):
@@ -156,7 +156,7 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError(f"no order: {error}") from None
     if offset != len(body) or len({place.vehicle for place in places}) != count:
         raise LinkDataError("the order's followers do not fit")
-    if (what is Flown.HOLD) is not (options.circle is not None):
+    if (what is Manoeuvre.HOLD) is not (options.circle is not None):
         raise LinkDataError("a circle belongs to a hold, and only there")
     return Arrangement(
         number=number,

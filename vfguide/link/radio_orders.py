@@ -62,7 +62,7 @@ def pieces_of(content: bytes) -> tuple[Piece, ...]:
 
 
 @dataclass(slots=True, kw_only=True)
-class Waiting:
+class OutgoingMessage:
     """A message on its way out."""
 
     kind: PackedKind
@@ -82,7 +82,7 @@ class OrderOutbox:
 
     def __init__(self) -> None:
         """Begin with nothing to say."""
-        self._waiting: dict[tuple[object, ...], Waiting] = {}
+        self._waiting: dict[tuple[object, ...], OutgoingMessage] = {}
 
     def post(self, kind: Kind, body: bytes, content: bytes, now: float) -> None:
         """Say this from now on; what was said about the same order before is over.
@@ -104,7 +104,7 @@ class OrderOutbox:
             before.said %= len(before.pieces)
             return
         self._waiting.pop(about, None)
-        self._waiting[about] = Waiting(
+        self._waiting[about] = OutgoingMessage(
             kind=PACKED_KINDS[kind], body=body, pieces=pieces_of(content), posted_s=now
         )
         while len(self._waiting) > MOST_WAITING:
@@ -126,7 +126,7 @@ class OrderOutbox:
         return None
 
     @staticmethod
-    def _is_over(one: Waiting, now: float) -> bool:
+    def _is_over(one: OutgoingMessage, now: float) -> bool:
         if one.kind is PackedKind.ORDER:
             return now - one.posted_s > FORGET_S
         return one.said >= ROUNDS * len(one.pieces)
@@ -144,7 +144,7 @@ def about_of(kind: Kind, body: bytes) -> tuple[object, ...]:
 
 
 @dataclass(slots=True, kw_only=True)
-class Partial:
+class PartialMessage:
     """A message of which some pieces have come."""
 
     mark: int
@@ -160,7 +160,7 @@ class OrderInbox:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._partial: dict[tuple[int, PackedKind], Partial] = {}
+        self._partial: dict[tuple[int, PackedKind], PartialMessage] = {}
 
     def take(self, sender: int, kind: PackedKind, piece: Piece) -> bytes | None:
         """Take a piece; the whole message if it was the last that was missing.
@@ -174,7 +174,7 @@ class OrderInbox:
         about = sender, kind
         partial = self._partial.get(about)
         if partial is None or (partial.mark, partial.size) != (piece.mark, piece.size):
-            partial = self._partial[about] = Partial(mark=piece.mark, size=piece.size)
+            partial = self._partial[about] = PartialMessage(mark=piece.mark, size=piece.size)
         partial.parts[piece.index] = piece.data
         if len(partial.parts) < count:
             return None
@@ -184,6 +184,6 @@ class OrderInbox:
             raise LinkDataError("pieces of two messages")
         return content
 
-    def __iter__(self) -> Iterator[Partial]:
+    def __iter__(self) -> Iterator[PartialMessage]:
         """The messages of which some pieces have come."""
         return iter(self._partial.values())

@@ -104,7 +104,7 @@ LONGEST_CYCLE_S = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waiting:
+class QueuedBody:
     """Something that is to be said."""
 
     body: bytes
@@ -166,8 +166,8 @@ class Station:
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
         self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
         self._true_leader_s = -math.inf
-        self._state: Waiting | None = None
-        self._question: Waiting | None = None
+        self._state: QueuedBody | None = None
+        self._question: QueuedBody | None = None
         self._asked_s = -math.inf
         self._open: dict[int, tuple[float, float]] = {}
         self._questions: dict[int, Question] = {}
@@ -189,9 +189,9 @@ class Station:
             case Kind.STATE:
                 if self._state is not None:
                     self._member.counters["radio: replaced before its turn"] += 1
-                self._state = Waiting(body=parcel.body, since_s=now)
+                self._state = QueuedBody(body=parcel.body, since_s=now)
             case Kind.QUESTION:
-                self._question = Waiting(body=parcel.body, since_s=now)
+                self._question = QueuedBody(body=parcel.body, since_s=now)
             case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
                 self._post_about_order(parcel, now)
             case _:

@@ -22,7 +22,7 @@ HEARD_SHARE = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watched:
+class WatchedFormation:
     """A formation that somebody wants to know something of."""
 
     addresses: tuple[LinkAddress, ...]
@@ -55,7 +55,9 @@ def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
     )
 
 
-async def presences(watched: Watched, *, seconds: float, random: Random) -> dict[str, Presence]:
+async def presences(
+    watched: WatchedFormation, *, seconds: float, random: Random
+) -> dict[str, Presence]:
     """What each vehicle of a formation last said about itself, by name.
 
     Presences are kept by a broker, and repeated every second on other links.
@@ -76,7 +78,7 @@ async def presences(watched: Watched, *, seconds: float, random: Random) -> dict
         return dict(found)
 
 
-async def check_reachable(watched: Watched, *, random: Random) -> None:
+async def check_reachable(watched: WatchedFormation, *, random: Random) -> None:
     """See that a link stands.
 
     Raises:
@@ -98,7 +100,7 @@ def check_connected(link: Link) -> None:
 
 @asynccontextmanager
 async def watching(
-    watched: Watched, *, random: Random
+    watched: WatchedFormation, *, random: Random
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
     """A link on which presences come in, and those that have, by vehicle; old ones while no link stands."""
     found: dict[str, Presence] = {}
@@ -111,7 +113,7 @@ async def watching(
 
 
 def watching_member(
-    watched: Watched,
+    watched: WatchedFormation,
     random: Random,
     *,
     receive_presence: Callable[[str, Presence], None],

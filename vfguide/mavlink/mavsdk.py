@@ -72,7 +72,7 @@ HEARD: dict[str, type[MAVLink_message]] = {
 """What companions listen to, by the name that MAVSDK gives it."""
 
 
-class Heard(Protocol):
+class ReceivedMessage(Protocol):
     """A message as MAVSDK describes it."""
 
     message_name: str
@@ -233,12 +233,12 @@ class MavsdkChannel:
             logger.warning("setpoints have stopped: MAVSDK is told to end offboard")
             plugins.offboard.stop_async(ignored)
 
-    def _hear(self, heard: Heard, _user_data: object) -> None:
+    def _hear(self, heard: ReceivedMessage, _user_data: object) -> None:
         """From a thread of MAVSDK."""
         if heard.message_name in HEARD:
             self._loop.call_soon_threadsafe(self._deliver, heard)
 
-    def _deliver(self, heard: Heard) -> None:
+    def _deliver(self, heard: ReceivedMessage) -> None:
         message, plugins = message_of(heard.message_name, heard.fields_json), self._plugins
         if message is None or plugins is None:
             self._status.counters["not understood"] += 1

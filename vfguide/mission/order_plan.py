@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Flown, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
@@ -149,7 +149,7 @@ def resolve(
 
     slow = MotionLimits(forward=2.0, back=2.0, aside=2.0, acceleration=0.5)
     found, way = attempt(slow)
-    if found.flown is Flown.ABORT:
+    if found.flown is Manoeuvre.ABORT:
         return found, way
     after = {place.vehicle: place.end for place in found.places}
     ordered = with_slots(mission, after)

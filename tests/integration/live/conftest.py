@@ -23,7 +23,7 @@ from vfguide.link.member import Member
 from vfguide.link.opening import open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.link.watch import Watched as WatchedFormation
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"

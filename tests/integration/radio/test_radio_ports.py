@@ -20,7 +20,7 @@ from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
-from vfguide.link.watch import Watched, presences
+from vfguide.link.watch import WatchedFormation, presences
 
 PATIENCE_S = 60.0
 
@@ -170,7 +170,7 @@ def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
 
 
 def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links([air.address("eye")]),
         formation=FORMATION,
         leader=LEADER,

@@ -23,7 +23,7 @@ from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
-from vfguide.link.watch import Watched, presences
+from vfguide.link.watch import WatchedFormation, presences
 from vfguide.registry import links
 
 PATIENCE_S = 60.0
@@ -169,7 +169,7 @@ def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
 
 def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
     links = group()
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links(links),
         formation=FORMATION,
         leader=LEADER,
@@ -194,7 +194,7 @@ def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
 
 def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
     links = group()
-    watched = Watched(
+    watched = WatchedFormation(
         addresses=parse_links(links), formation=FORMATION, leader=LEADER, roster=ROSTER
     )
     said = Presence(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.guidance.settings import PathGains
 from vfguide.link.order_codec import (
     Reply,
@@ -256,7 +256,9 @@ def test_a_wrong_order_is_refused_with_its_reason(
 def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
     formation = Formation(plan)
     formation.run(5.0)
-    formation.give(Arrangement(number=4, time_s=0.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.give(
+        Arrangement(number=4, time_s=0.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
     assert formation.flown == dict.fromkeys(NAMES, 4)
     assert all(member.has_left for member in formation.members.values())
 
@@ -364,7 +366,7 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
 def called_off(*, number: int, time_s: float) -> bytes:
     """An order that calls everything off."""
     return encode_order(
-        Arrangement(number=number, time_s=time_s, flown=Flown.ABORT, across_s=0.0, places=())
+        Arrangement(number=number, time_s=time_s, flown=Manoeuvre.ABORT, across_s=0.0, places=())
     )
 
 
@@ -437,7 +439,7 @@ def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: Make
     abort = Arrangement(
         number=2,
         time_s=20.0,
-        flown=Flown.ABORT,
+        flown=Manoeuvre.ABORT,
         across_s=0.0,
         places=(Place(vehicle="f1", begin=begin, end=begin),),
     )
@@ -453,7 +455,9 @@ def test_an_old_abort_of_a_lower_number_is_not_flown(
     formation.run(5.0)
     formation.give(further(slots, number=4, time_s=10.0))
     formation.run(40.0)
-    formation.give(Arrangement(number=3, time_s=9.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.give(
+        Arrangement(number=3, time_s=9.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
     assert not any(member.has_left for member in formation.members.values())
 
 
@@ -462,7 +466,9 @@ def test_no_order_brings_a_formation_back_after_an_abort(
 ) -> None:
     formation = Formation(plan)
     formation.run(5.0)
-    formation.give(Arrangement(number=4, time_s=5.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.give(
+        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
     formation.run(6.0)
     formation.give(further(slots, number=5, time_s=12.0))
     formation.run(15.0)
@@ -479,7 +485,9 @@ def test_no_order_brings_a_formation_back_after_an_abort(
         member.receive_order(order, order, 15.1, repeated=repeated)
         assert member.called_off == 4
     # The same abort is answered as before, and a further one is flown.
-    formation.give(Arrangement(number=7, time_s=15.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.give(
+        Arrangement(number=7, time_s=15.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
@@ -651,7 +659,7 @@ def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
         latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
     )
     order = Arrangement(
-        number=1, time_s=10.0, flown=Flown.HOLD, across_s=10.0, places=(), circle=circle
+        number=1, time_s=10.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
     )
     assert_refused(Arrangements(own, SAME_CLOCK), order, sentence)
 
@@ -669,7 +677,9 @@ def assert_refused(member: Arrangements, order: Arrangement, sentence: str | Non
 def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) -> None:
     formation = Formation(plan)
     formation.run(5.0)
-    formation.give(Arrangement(number=4, time_s=5.0, flown=Flown.ABORT, across_s=0.0, places=()))
+    formation.give(
+        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
     formation.run(60.0)
     formation.start("f2")
     formation.run(64.0)

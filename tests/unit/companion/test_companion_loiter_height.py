@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.loiter_height import TRIES, LoiterHeight
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan, loiter_step
-from vfguide.formation.arrangement import Arrangement, Flown, Place, Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport
 from vfguide.mission.fence import Fence
@@ -25,7 +25,7 @@ def abort(up: float = 0.0, *, number: int = 1, time_s: float = 20.0) -> Arrangem
     return Arrangement(
         number=number,
         time_s=time_s,
-        flown=Flown.ABORT,
+        flown=Manoeuvre.ABORT,
         across_s=0.0,
         places=(Place(vehicle="f1", begin=here, end=here),),
     )
@@ -40,7 +40,7 @@ def height(plan: Callable[..., FlightPlan], mission: Callable[[str], Mission]) -
 
 def altitudes(height: LoiterHeight, flown: Arrangement | None, **state: object) -> list[float]:
     """What a heartbeat is answered with, m above mean sea level."""
-    aborts = flown is not None and flown.flown is Flown.ABORT
+    aborts = flown is not None and flown.flown is Manoeuvre.ABORT
     known: dict[str, Any] = {"returned": True, "engaged": False, "altitude_amsl": 600.0}
     known["called_off"] = flown.number if flown is not None and aborts else None
     place = None if flown is None else flown.place_of("f1")
@@ -65,7 +65,7 @@ def test_nobody_loiters_lower_than_the_path_and_its_rank(height: LoiterHeight) -
 def test_nothing_is_told_without_a_loiter_that_was_asked_for(height: LoiterHeight) -> None:
     assert altitudes(height, abort(), returned=False) == []
     assert altitudes(height, None) == []
-    assert altitudes(height, replace(abort(), flown=Flown.FORMATION)) == []
+    assert altitudes(height, replace(abort(), flown=Manoeuvre.FORMATION)) == []
     assert altitudes(height, abort(number=2), altitude_amsl=math.nan) == []
 
 

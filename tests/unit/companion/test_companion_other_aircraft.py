@@ -12,7 +12,7 @@ from vfguide.companion.other_aircraft import (
     MOST_AIRCRAFT,
     MOST_VERDICTS,
     STALE_S,
-    Nearby,
+    NearbyAircraft,
     OtherAircraft,
 )
 from vfguide.companion.possibilities import Viewpoint
@@ -53,7 +53,7 @@ def seen(
     here: Viewpoint = HERE,
     members: tuple[tuple[complex, complex], ...] = (),
     distance_m: float = 100.0,
-) -> Nearby | None:
+) -> NearbyAircraft | None:
     aircraft = OtherAircraft(FRAME, distance_m=distance_m)
     for one in reports:
         aircraft.take(one, at_s)

@@ -12,7 +12,7 @@ from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
-from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.arrangement import Circle as HoldCircle
 from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
@@ -394,7 +394,7 @@ def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has(plan:
     latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 200.0)
     circle = HoldCircle(latitude_deg=latitude_deg, longitude_deg=longitude_deg, radius_m=200.0)
     hold = Arrangement(
-        number=3, time_s=2.0, flown=Flown.HOLD, across_s=0.0, places=(), circle=circle
+        number=3, time_s=2.0, flown=Manoeuvre.HOLD, across_s=0.0, places=(), circle=circle
     )
     state = HeardState(
         time_s=3.0, north=0.0, east=0.0, course=0.0, ground_speed=20.0, acceleration=0.0,

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from vfguide.errors import VfguideError
-from vfguide.formation.arrangement import Flown
+from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab.console import orders
 from vfguide.lab.console.orders import FRESH_S, BusyError, OrderPanel
@@ -38,7 +38,7 @@ class Air:
         self.waits = asyncio.Event()
         self.waits.set()
         self.verdicts = dict.fromkeys(("leader", "f1", "f2", "f3"), Verdict.FLOWN)
-        self.given: list[Flown] = []
+        self.given: list[Manoeuvre] = []
         self.desk = OrderDesk(mission, clock=lambda: self.now)
         self.panel = OrderPanel(mission, self.desk, clock=lambda: self.now, changed=lambda: None)
         link: Any = SimpleNamespace(connected=True)
@@ -130,7 +130,7 @@ def test_what_a_rehearsal_has_found_is_shown_before_the_order_can_be_given(fly: 
         shown = await air.settle()
         assert shown["phase"] == "flown"
         assert shown["answers"][0] == {"vehicle": "f1", "says": "flown", "text": ""}
-        assert air.given == [Flown.FORMATION]
+        assert air.given == [Manoeuvre.FORMATION]
         # Once is enough.
         with pytest.raises(BusyError):
             air.panel.give(number)
@@ -178,7 +178,7 @@ def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly: Fly) -> N
         air.waits.set()
         shown = await air.settle()
         assert (shown["phase"], shown["what"]) == ("flown", "abort")
-        assert air.given == [Flown.ABORT]
+        assert air.given == [Manoeuvre.ABORT]
 
     fly(story)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from vfguide.formation.orders import Order
 from vfguide.lab.console.orders import BusyError, OrderPanel
-from vfguide.lab.console.server import LARGEST_BODY, Doors, Pass, application
+from vfguide.lab.console.server import LARGEST_BODY, Access, AccessToken, application
 from vfguide.lab.console.source import Source
 from vfguide.lab.ordering import OrderDesk
 from vfguide.mission import load_mission
@@ -70,9 +70,9 @@ def post(
     """(status, text) of what a request is answered; headers in the place of a page's own, empty for none."""
     source = Nothing()
     source.panel = panel or Panel()
-    doors = Doors(
-        look=Pass(token=LOOK, cookie="look"),
-        order=Pass(token=OPERATOR, cookie="operator") if operators else None,
+    doors = Access(
+        look=AccessToken(token=LOOK, cookie="look"),
+        order=AccessToken(token=OPERATOR, cookie="operator") if operators else None,
         secure=False,
     )
     own = {"host": HOST, "origin": ORIGIN, "cookie": ORDERS, "content-type": "application/json"}

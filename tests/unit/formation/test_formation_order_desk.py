@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
 from vfguide.lab.ordering import (
@@ -27,7 +27,7 @@ from vfguide.lab.ordering import (
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -109,7 +109,7 @@ def outcome_of(
 
     monkeypatch.setattr(ordering, "at_desk", at_desk)
     monkeypatch.setattr(ordering.asyncio, "sleep", sleep)
-    watched = Watched(addresses=(), formation="any", leader="leader", roster=None)
+    watched = WatchedFormation(addresses=(), formation="any", leader="leader", roster=None)
     given = give_order(mission, order, watched, tell=lambda _: None)
     return asyncio.run(given), air
 
@@ -121,7 +121,7 @@ def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, arrangement=2**31))
     outcome, air = outcome_of(mission, Order(action="abort"), desk, monkeypatch)
-    assert air.orders[0].flown is Flown.ABORT
+    assert air.orders[0].flown is Manoeuvre.ABORT
     assert air.orders[0].number > 2**31
     assert {name: reply.verdict for name, reply in outcome.replies.items()} == dict.fromkeys(
         FOLLOWERS, Verdict.FLOWN

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Point
+from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError
 
@@ -60,10 +60,10 @@ def test_nothing_is_resumed_where_nothing_is_held() -> None:
 
 def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back() -> None:
     held = ordered(Order(action="hold"), circle=CIRCLE)
-    assert held.flown is Flown.HOLD
+    assert held.flown is Manoeuvre.HOLD
     assert [one.end.up for one in held.places] == [15.0, 30.0, 45.0]
     resumed = ordered(Order(action="resume"), FORMATION.after(held))
-    assert resumed.flown is Flown.FORMATION
+    assert resumed.flown is Manoeuvre.FORMATION
     assert resumed.circle is None
     assert {one.end.up for one in resumed.places} == {0.0}
 
@@ -88,10 +88,10 @@ def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(
 
 
 def test_after_an_abort_nothing_but_an_abort_can_be_ordered() -> None:
-    aborted = replace(FORMATION, flown=Flown.ABORT)
+    aborted = replace(FORMATION, flown=Manoeuvre.ABORT)
     with pytest.raises(RefusedOrderError, match="called off"):
         ordered(Order(shape="vee", spacing=20.0), aborted)
-    assert ordered(Order(action="abort"), aborted).flown is Flown.ABORT
+    assert ordered(Order(action="abort"), aborted).flown is Manoeuvre.ABORT
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order: Order
     held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
     # Another circle is not what was asked for.
     found = ordered(order, held, replace(CIRCLE, radius_m=900.0))
-    assert found.flown is Flown.HOLD
+    assert found.flown is Manoeuvre.HOLD
     assert found.circle == CIRCLE
     heights = {"f1": 15.0, "f2": 30.0, "f3": 45.0}
     assert {one.vehicle: one.end.up for one in found.places} == {

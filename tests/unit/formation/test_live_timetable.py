@@ -21,12 +21,12 @@ from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission import load_mission
 from vfguide.mission.order_plan import formation_of_mission, resolve
 
 MISSIONS = Path(__file__).parents[3] / "missions"
-WATCHED = Watched(addresses=(), formation="any", leader="leader", roster=None)
+WATCHED = WatchedFormation(addresses=(), formation="any", leader="leader", roster=None)
 VEHICLES = ("leader", "f1", "f2", "f3")
 AHEAD_S = 1000.0
 """The formation's clock shows so much more than the flight's."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.formation.arrangement import Arrangement, Circle, Flown, Place, Point
+from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
     Reply,
@@ -27,7 +27,7 @@ ORDERS = st.builds(
     Arrangement,
     number=st.integers(1, 2**32 - 1),
     time_s=st.floats(-1e9, 1e9),
-    flown=st.sampled_from([Flown.FORMATION, Flown.ABORT]),
+    flown=st.sampled_from([Manoeuvre.FORMATION, Manoeuvre.ABORT]),
     climb_s=SECONDS,
     across_s=SECONDS,
     places=st.lists(PLACES, max_size=12, unique_by=lambda one: one.vehicle).map(tuple),
@@ -42,7 +42,7 @@ def test_an_order_survives_the_link(order: Arrangement) -> None:
 def test_a_hold_carries_its_circle() -> None:
     circle = Circle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
     order = Arrangement(
-        number=3, time_s=5.0, flown=Flown.HOLD, across_s=10.0, places=(), circle=circle
+        number=3, time_s=5.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
     )
     assert decode_order(encode_order(order)) == order
 

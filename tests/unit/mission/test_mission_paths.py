@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from vfguide.companion.plan import flight_plan
-from vfguide.formation.arrangement import Flown
+from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
@@ -44,7 +44,7 @@ def test_every_companion_knows_all_paths() -> None:
 
 def test_the_turns_onto_a_path_suit_every_slot() -> None:
     found = ordered(mission({"wide": WIDE}), path="wide")
-    assert (found.path, found.flown) == ("wide", Flown.FORMATION)
+    assert (found.path, found.flown) == ("wide", Manoeuvre.FORMATION)
     # At 20 + 8 m/s over ground and two thirds of 45 degrees r = 28² / (g tan 30°) = 138.5 m; f3 is 40 m
     # outside, so that R² - r R - 40 r = 0: R = 170.9 m.
     assert found.turn_radius_m == pytest.approx(171.0)

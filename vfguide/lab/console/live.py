@@ -17,7 +17,7 @@ from vfguide.lab.console.source import Source
 from vfguide.lab.ordering import OrderDesk, ask_for_order
 from vfguide.link.opening import Link, open_link
 from vfguide.link.presence import Presence
-from vfguide.link.watch import Watched, watching_member
+from vfguide.link.watch import WatchedFormation, watching_member
 from vfguide.mission import Mission
 
 SAMPLE_S = 0.1
@@ -63,7 +63,7 @@ class LiveFlight(Source):
         content = {**self._formation.describe(), **self._words(self.now), **self._order()}
         return json.dumps(content, allow_nan=False)
 
-    async def run(self, watched: Watched, *, random: Random) -> None:
+    async def run(self, watched: WatchedFormation, *, random: Random) -> None:
         """Listen, and tell all pages what there is to show, until cancelled."""
         formation, desk = self._formation, self._desk
         member = watching_member(
@@ -186,7 +186,7 @@ def rows_of(values: FloatArray) -> list[list[float | None]]:
 
 @asynccontextmanager
 async def live_flight_of(
-    mission: Mission, watched: Watched, *, orders: bool = False
+    mission: Mission, watched: WatchedFormation, *, orders: bool = False
 ) -> AsyncIterator[LiveFlight]:
     """A formation that is listened to, and may be given orders, for as long as the context lasts."""
     flight = LiveFlight(mission, orders=orders)

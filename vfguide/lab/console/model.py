@@ -14,7 +14,7 @@ import numpy as np
 
 from vfguide.companion.plan import local_frame
 from vfguide.elementwise import FloatArray
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Flown
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
 from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
 from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.history import History
@@ -213,7 +213,7 @@ class Formation:
         slots = np.full_like(self._slots, math.nan)
         slots[0] = 0.0
         order = self._order
-        if order is None or order.flown is Flown.ABORT:
+        if order is None or order.flown is Manoeuvre.ABORT:
             return slots
         time_s = now + (self._offset_s or 0.0)
         for name in order.vehicles & self._rows.keys():
@@ -358,7 +358,9 @@ class Formation:
         order = self._order
         if order is None:
             return False
-        return order.flown is Flown.ABORT or (name != self.names[0] and name not in order.vehicles)
+        return order.flown is Manoeuvre.ABORT or (
+            name != self.names[0] and name not in order.vehicles
+        )
 
     def _mode(self, name: str) -> str:
         said = self._said.get(name)

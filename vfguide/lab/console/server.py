@@ -148,7 +148,7 @@ def is_own_url(text: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pass:
+class AccessToken:
     """A token that lets in, and the cookie that keeps it."""
 
     token: str
@@ -166,12 +166,12 @@ class Pass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doors:
+class Access:
     """Who is let in."""
 
-    look: Pass
+    look: AccessToken
     """Of those who may look."""
-    order: Pass | None
+    order: AccessToken | None
     """Of those who may give orders, too; None where nobody may."""
     secure: bool
     """Whether it is served by TLS, and cookies are for TLS alone."""
@@ -195,7 +195,7 @@ class Doors:
 class Guard:
     """Lets in who has a token, in the address or in a cookie, and puts the headers on every answer."""
 
-    def __init__(self, app: ASGIApp, doors: Doors) -> None:
+    def __init__(self, app: ASGIApp, doors: Access) -> None:
         """Stand before an application."""
         self._app, self._doors = app, doors
 
@@ -238,7 +238,7 @@ class Guard:
             return PlainTextResponse("An order is JSON.\n", status_code=415)
         return self._app
 
-    def _welcome(self, operator: Pass | None = None) -> Response:
+    def _welcome(self, operator: AccessToken | None = None) -> Response:
         """To the page itself: the token stays in no list of addresses that were visited."""
         answer, look, secure = (
             RedirectResponse("/", status_code=303),
@@ -256,7 +256,7 @@ class Guard:
         return answer
 
 
-def application(source: Source, *, title: str, doors: Doors) -> ASGIApp:
+def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
     """Everything that is served.
 
     Args:
@@ -447,10 +447,10 @@ async def served(
         order = (
             None
             if operator_token is None
-            else Pass(token=operator_token, cookie=f"vfguide-operator-{port}")
+            else AccessToken(token=operator_token, cookie=f"vfguide-operator-{port}")
         )
-        doors = Doors(
-            look=Pass(token=token, cookie=f"vfguide-console-{port}"),
+        doors = Access(
+            look=AccessToken(token=token, cookie=f"vfguide-console-{port}"),
             order=order,
             secure=address.certificate is not None,
         )

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Flown, Place, ends
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre, Place, ends
 from vfguide.formation.shapes import named_shape
 
 
@@ -17,12 +17,12 @@ def flown_in_words(number: int, order: Arrangement | None) -> str:
         return "the mission's formation"
     if order is None:
         return "an order that was not heard: slots are not known"
-    if order.flown is Flown.ABORT:
+    if order.flown is Manoeuvre.ABORT:
         return "nothing: all was called off"
     text = slots_in_words(order.places)
     if order.path != MAIN_PATH:
         text += f", on the path {order.path}"
-    return f"a hold, {text}" if order.flown is Flown.HOLD else text
+    return f"a hold, {text}" if order.flown is Manoeuvre.HOLD else text
 
 
 def slots_in_words(places: Iterable[Place]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.lab.debrief.recordings import FlightRecordings, Recorded
+from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
 from vfguide.lab.rehearsal.recorder import MODES, drawn_outlines, drawn_path, local_positions
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
@@ -40,7 +40,7 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
     """
     mission = found.mission
     names = [mission.leader.vehicle, *mission.followers_by_name]
-    parts: dict[str, list[tuple[Recorded, float]]] = {name: [] for name in names}
+    parts: dict[str, list[tuple[RecordingContents, float]]] = {name: [] for name in names}
     for one, shift in zip(found.recordings, found.shifts_s, strict=True):
         parts.setdefault(one.start.vehicle, []).append((one, shift))
     flown = [name for name in names if any(len(one.telemetry.positions) for one, _ in parts[name])]
@@ -98,7 +98,7 @@ def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
     return (*notes, *(f"{note[0].upper()}{note[1:]}." for note in found.notes))
 
 
-def without_position(one: Recorded) -> str:
+def without_position(one: RecordingContents) -> str:
     """What is wrong with a recording that tells nothing of its vehicle."""
     tlog, _ = files_of(one.directory, one.start.vehicle)
     return (
@@ -107,7 +107,7 @@ def without_position(one: Recorded) -> str:
     )
 
 
-def span_of(parts: dict[str, list[tuple[Recorded, float]]]) -> tuple[float, float]:
+def span_of(parts: dict[str, list[tuple[RecordingContents, float]]]) -> tuple[float, float]:
     """Beginning and end of the flight on the common clock: while anybody was steered, or else reported."""
     steered, reported = [], []
     for recordings in parts.values():
@@ -128,7 +128,7 @@ def span_of(parts: dict[str, list[tuple[Recorded, float]]]) -> tuple[float, floa
 
 
 def vehicle_record(
-    mission: Mission, name: str, parts: list[tuple[Recorded, float]], moments: FloatArray
+    mission: Mission, name: str, parts: list[tuple[RecordingContents, float]], moments: FloatArray
 ) -> VehicleRecord:
     """One vehicle at the moments of the flight; NaN where nothing is known of it."""
     positions = joined([shifted(one.telemetry.positions, shift) for one, shift in parts])
@@ -184,7 +184,7 @@ def vehicle_record(
     )
 
 
-def doings_at(moments: FloatArray, parts: list[tuple[Recorded, float]]) -> FloatArray:
+def doings_at(moments: FloatArray, parts: list[tuple[RecordingContents, float]]) -> FloatArray:
     """Mode, course, speed, limited and W at each moment: of the newest step before it."""
     rows = [
         doings_row(one.start.to_unix(step.time_s) + shift, step)
@@ -198,7 +198,7 @@ def doings_at(moments: FloatArray, parts: list[tuple[Recorded, float]]) -> Float
     return table[newest, 1:]
 
 
-def joined_track(parts: list[tuple[Recorded, float]]) -> GuidanceTrack:
+def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
     """The steps of all starts of a vehicle on the common clock."""
     steps = [
         replace(

@@ -10,7 +10,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
-from vfguide.lab.debrief.recordings import FlightRecordings, Recorded
+from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
 from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
@@ -150,9 +150,9 @@ def satellite_offset(telemetry: Telemetry) -> float | None:
     return float(np.median(times[:, 1] - times[:, 0])) if len(times) else None
 
 
-def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> Recorded:
+def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> RecordingContents:
     """A log as what a companion would have recorded: its setpoints are the steps of guidance."""
-    return Recorded(
+    return RecordingContents(
         directory=log.path.parent,
         start=Start(
             vehicle=vehicle,

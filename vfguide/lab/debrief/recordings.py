@@ -38,7 +38,7 @@ TIME_OF_DAY = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recorded:
+class RecordingContents:
     """One recording, read."""
 
     directory: Path
@@ -76,7 +76,7 @@ class FlightRecordings:
 
     mission: Mission
     """As flown."""
-    recordings: tuple[Recorded, ...]
+    recordings: tuple[RecordingContents, ...]
     """In the order of their starts."""
     shifts_s: tuple[float, ...]
     """What to add to s since 1970 of each recording for the common clock."""
@@ -128,7 +128,7 @@ def collect(directories: Sequence[Path]) -> FlightRecordings:
     )
 
 
-def read_recording(directory: Path) -> Recorded:
+def read_recording(directory: Path) -> RecordingContents:
     """Everything in one directory.
 
     Raises:
@@ -136,7 +136,7 @@ def read_recording(directory: Path) -> Recorded:
     """
     start = read_start(directory)
     tlog, guidance = files_of(directory, start.vehicle)
-    return Recorded(
+    return RecordingContents(
         directory=directory,
         start=start,
         telemetry=read_telemetry(tlog, system_id=start.system_id, start_s=start.unix_s),
@@ -144,7 +144,9 @@ def read_recording(directory: Path) -> Recorded:
     )
 
 
-def heard_leader(recordings: Sequence[Recorded], mission: Mission) -> list[Recorded]:
+def heard_leader(
+    recordings: Sequence[RecordingContents], mission: Mission
+) -> list[RecordingContents]:
     """A leader without a companion, as the follower heard it that heard most of it; none where nobody did.
 
     Its telemetry is in what its followers recorded, late by what it took to arrive.
@@ -164,9 +166,9 @@ def heard_leader(recordings: Sequence[Recorded], mission: Mission) -> list[Recor
     return [best] if len(best.telemetry.positions) else []
 
 
-def newest_flight(recordings: Sequence[Recorded]) -> list[Recorded]:
+def newest_flight(recordings: Sequence[RecordingContents]) -> list[RecordingContents]:
     """Those that overlap the newest, or one that overlaps it, and so on; in order."""
-    chosen: list[Recorded] = []
+    chosen: list[RecordingContents] = []
     begin = float("inf")
     for one in sorted(recordings, key=lambda one: one.span_s[1], reverse=True):
         first, last = one.span_s
@@ -177,7 +179,9 @@ def newest_flight(recordings: Sequence[Recorded]) -> list[Recorded]:
     return sorted(chosen, key=lambda one: one.start.unix_s)
 
 
-def common_clock(recordings: Sequence[Recorded], leader: str) -> tuple[tuple[float, ...], str]:
+def common_clock(
+    recordings: Sequence[RecordingContents], leader: str
+) -> tuple[tuple[float, ...], str]:
     """(what to add to each recording's times, which clock that gives)."""
     leading = [one.start for one in recordings if one.start.vehicle == leader]
     one_run = len({start.computer for start in leading}) == 1

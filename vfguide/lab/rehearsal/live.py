@@ -28,7 +28,7 @@ from vfguide.link.keys import (
     read_private_key,
     read_roster,
 )
-from vfguide.link.watch import Watched
+from vfguide.link.watch import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
@@ -155,9 +155,9 @@ def foreign_leader_options(mission: Mission) -> list[str]:
     ]
 
 
-def watched_by_anybody(mission: Mission, links: Sequence[str]) -> Watched:
+def watched_by_anybody(mission: Mission, links: Sequence[str]) -> WatchedFormation:
     """The formation of a mission on its links, for those who have no keys."""
-    return Watched(
+    return WatchedFormation(
         addresses=parse_links(links),
         formation=mission.name,
         leader=mission.timekeeper,
@@ -192,10 +192,10 @@ class LiveFlight:
         self._companions_zero_s = 0.0
         self.keys = key_places(Path(self._state.name) / "rehearsal.yaml")
         """Of this rehearsal alone: everybody's, and an operator's."""
-        self._watched: Watched | None = None
+        self._watched: WatchedFormation | None = None
 
     @property
-    def watched(self) -> Watched:
+    def watched(self) -> WatchedFormation:
         """The formation, for those who want to know how it is."""
         return self._watched or watched_by_anybody(self.mission, self._links)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from vfguide.formation.arrangement import Flown
+from vfguide.formation.arrangement import Manoeuvre
 from vfguide.link.order_codec import encode_order
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable
@@ -37,6 +37,6 @@ def _mail(mission: Mission) -> Iterator[tuple[float, bytes]]:
     for arrangement, _ in timetable(mission):
         data = encode_order(arrangement)
         # What is called off is flown as soon as it is heard.
-        lead_s = 0.0 if arrangement.flown is Flown.ABORT else LEAD_S
+        lead_s = 0.0 if arrangement.flown is Manoeuvre.ABORT else LEAD_S
         for number in range(TIMES):
             yield arrangement.time_s - lead_s + REPEAT_S * number, data

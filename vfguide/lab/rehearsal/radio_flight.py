@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.shared_clock import SharedClock
-from vfguide.formation.arrangement import Flown
+from vfguide.formation.arrangement import Manoeuvre
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
@@ -150,7 +150,7 @@ class Channels:
         return station
 
 
-class Voice:
+class ClockQuestions:
     """A member that asks for the leader's clock when that is due."""
 
     def __init__(self) -> None:
@@ -164,7 +164,7 @@ class Voice:
             self._asks_s = now + clock.pause_s
 
 
-class Crew:
+class RadioAircraft:
     """One aircraft with its station."""
 
     def __init__(self, channels: Channels, name: str, *, log: TelemetryLog | None = None) -> None:
@@ -181,7 +181,7 @@ class Crew:
             from_own=self._from_own,
         )
         self.aircraft = Aircraft(channels.mission, name, log=log, clock=clock, orders=())
-        self._voice = Voice()
+        self._voice = ClockQuestions()
         self._radio: Radio = channels.air.add(channels.station(self.member))
 
     def step(self, now: float, heard: list[Mail]) -> None:
@@ -212,7 +212,7 @@ class Crew:
             self.member = self._new_member()
             self._radio.station = self._channels.station(self.member)
             self._radio.station.begin(self._channels.air.now)
-            self._voice = Voice()
+            self._voice = ClockQuestions()
         self._alone = lost
 
     def _new_member(self) -> Member:
@@ -257,7 +257,7 @@ class RadioOperator:
         self.verdicts: dict[int, dict[str, Verdict]] = {}
         """What each vehicle has said last to each order."""
         air = channels.air
-        self._voice = Voice()
+        self._voice = ClockQuestions()
         self.member = Member(
             channels.trust(OPERATOR, 0, channels.operator_key),
             clock=lambda: air.now,
@@ -272,7 +272,7 @@ class RadioOperator:
         self._orders = list[tuple[float, float, bytes]]()
         before_s = -math.inf
         for order, _ in timetable(channels.mission):
-            aborts = order.flown is Flown.ABORT
+            aborts = order.flown is Manoeuvre.ABORT
             begins_s = order.time_s if aborts else order.time_s - ORDER_LEAD_S
             begins_s = max(begins_s, before_s + DECIDED_S)
             self._orders.append((begins_s, order.time_s + AFTER_S, encode_order(order)))
@@ -349,7 +349,9 @@ def fly_by_radio(
 
     foreign = ForeignLeader(flown, log=log()) if flown.leader.is_foreign else None
     names = [flown.leader.vehicle, *flown.followers_by_name]
-    crews = [Crew(channels, name, log=log()) for name in names if name in channels.vehicles]
+    crews = [
+        RadioAircraft(channels, name, log=log()) for name in names if name in channels.vehicles
+    ]
     operator = RadioOperator(channels) if flown.orders else None
     times, ages, interrupted = list[float](), list[float](), False
     for now in instants(flown):

@@ -16,7 +16,7 @@ from random import Random
 
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.rehearsal.truth_collector import TruthCollector
-from vfguide.link.watch import Watched, presences
+from vfguide.link.watch import WatchedFormation, presences
 from vfguide.mission.model import Mission
 from vfguide.record.latency import Latency, latency_of
 
@@ -81,7 +81,7 @@ PATIENCE_S = 20.0
 class WatchedFlight:
     """What a judge knows of a flight that runs elsewhere."""
 
-    def __init__(self, mission: Mission, *, watched: Watched, speedup: float) -> None:
+    def __init__(self, mission: Mission, *, watched: WatchedFormation, speedup: float) -> None:
         """Prepare to watch.
 
         Args:
@@ -147,7 +147,7 @@ class WatchedFlight:
 
 @asynccontextmanager
 async def watched_flight(
-    mission: Mission, *, truth: tuple[str, int], watched: Watched, speedup: float
+    mission: Mission, *, truth: tuple[str, int], watched: WatchedFormation, speedup: float
 ) -> AsyncIterator[WatchedFlight]:
     """A flight to watch, with an open ear for true states at a host and port.
 

@@ -66,7 +66,7 @@ class Batch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flown:
+class BatchResult:
     """What a batch came to."""
 
     batch: Batch
@@ -94,12 +94,12 @@ def batches(law: str, formations: int, seed: int, *, duration_s: float = DURATIO
     ]
 
 
-def sampled(executor: Executor, tasks: list[Batch]) -> Iterator[Flown]:
+def sampled(executor: Executor, tasks: list[Batch]) -> Iterator[BatchResult]:
     """What the batches come to, in their order."""
     return flown_by(executor, fly_batch, tasks)
 
 
-def fly_batch(batch: Batch) -> Flown:
+def fly_batch(batch: Batch) -> BatchResult:
     """Draw, and fly."""
     began = time.process_time()
     random = default_rng(SeedSequence(batch.seed))
@@ -112,7 +112,7 @@ def fly_batch(batch: Batch) -> Flown:
     with np.errstate(over="ignore", invalid="ignore"):
         fly_formations(start, conditions, watch, random)
     vehicles = start.north.size
-    return Flown(
+    return BatchResult(
         batch=batch,
         outcome=watch.outcome(),
         wind_share=start.wind.mean / mission.leader.airspeed_m_s,
@@ -195,7 +195,7 @@ def drawn_start(mission: Mission, count: int, random: Generator) -> Start:
     )
 
 
-def summary_of(flown: list[Flown]) -> dict[str, Any]:
+def summary_of(flown: list[BatchResult]) -> dict[str, Any]:
     """All batches in a few figures."""
     mean = np.concatenate([one.outcome.mean_error_m for one in flown])
     settle = np.concatenate([one.outcome.settle_10m_s for one in flown])

@@ -8,7 +8,7 @@ import numpy as np
 
 from vfguide.elementwise import BoolArray
 from vfguide.errors import VfguideError
-from vfguide.formation.arrangement import Arrangement, Flown
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.wind_triangle import resolve
@@ -98,7 +98,7 @@ def rehearsed(
     )
     copy = _at_present(mission, formation, order, starts=starts, leader=leader, end_s=end_s)
     data = encode_order(order)
-    early_s = 0.0 if order.flown is Flown.ABORT else LEAD_S
+    early_s = 0.0 if order.flown is Manoeuvre.ABORT else LEAD_S
     orders = [(BEGINS_S - early_s + REPEAT_S * number, data) for number in range(TIMES)]
     names = [copy.leader.vehicle, *copy.followers_by_name]
     flying = [
