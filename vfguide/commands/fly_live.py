@@ -282,27 +282,21 @@ async def flown_live(
             await stack.enter_async_context(
                 console_of(mission, flight.watched, tell, operator=operator)
             )
-        if mission.orders:
-            await stack.enter_async_context(
-                timetable_given(
-                    mission,
-                    flight.watched,
-                    time_s=lambda: flight.truth_collector.time_s,
-                    tell=tell,
-                )
-            )
         before, flies, interrupted = flight.accounts(), False, False
-        while (
-            now_s := flight.truth_collector.time_s
-        ) < mission.rehearsal.duration_s and not interrupted:
-            flight.check()
-            if now_s >= 0.0 and not flies:
-                # What starting took is not what flying takes.
-                before, flies = flight.accounts(), True
-            seen = flight.truth_collector.record(wall_s=0.0, only_now=True) if flies else None
-            show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
-            await asyncio.sleep(LOOK_S)
-            interrupted = stop()
+        async with timetable_given(
+            mission, flight.watched, time_s=lambda: flight.truth_collector.time_s, tell=tell
+        ):
+            while (
+                now_s := flight.truth_collector.time_s
+            ) < mission.rehearsal.duration_s and not interrupted:
+                flight.check()
+                if now_s >= 0.0 and not flies:
+                    # What starting took is not what flying takes.
+                    before, flies = flight.accounts(), True
+                seen = flight.truth_collector.record(wall_s=0.0, only_now=True) if flies else None
+                show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
+                await asyncio.sleep(LOOK_S)
+                interrupted = stop()
         if interrupted:
             tell("stopping: the companions hand their vehicles back")
         if not flies and flight.truth_collector.time_s < 0.0:

@@ -10,7 +10,7 @@ from vfguide.errors import InputError
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Action, Order, check_known
 from vfguide.formation.shapes import SHAPES
-from vfguide.lab.ordering import give_order
+from vfguide.lab.ordering import conclusion, give_order
 from vfguide.link.address import parse_links
 from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission
@@ -151,9 +151,6 @@ def give(
     outcome = asyncio.run(give_order(mission, order, watched, tell=output.tell, dry_run=dry_run))
     if dry_run:
         return FLOWN
-    for vehicle in outcome.silent:
-        output.tell(f"{vehicle}: does not answer")
-    if outcome.is_led_otherwise:
-        output.tell(f"{outcome.arrangement.lead}: does not lead; {outcome.leads} leads")
-    output.tell(f"order {outcome.number}: {'flown' if outcome.flown else 'NOT flown by all'}")
+    for line in conclusion(outcome):
+        output.tell(line)
     return FLOWN if outcome.flown else NOT_FLOWN

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import threading
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
@@ -45,6 +46,9 @@ KNOWS_S = 8.0
 
 REPEAT_S = 0.5
 """Between two copies of an order, until it is flown or refused."""
+
+LOOK_S = 0.1
+"""Between two looks at the clock."""
 
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""
@@ -103,8 +107,9 @@ class Outcome:
 
     @property
     def is_led_otherwise(self) -> bool:
-        """Whether another vehicle leads than the one that was ordered to."""
-        return self.arrangement.lead not in {"", self.leads}
+        """Whether all who have answered fly it, and another leads than the one that was ordered to."""
+        verdicts = {reply.verdict for reply in self.replies.values()}
+        return verdicts == {Verdict.FLOWN} and self.arrangement.lead not in {"", self.leads}
 
 
 Tell = Callable[[str], None]
@@ -301,11 +306,7 @@ async def give_order(
             " `vfguide keys make MISSION`"
         )
     async with at_desk(mission, watched, random or Random()) as (desk, link):
-        await await_formation(desk, calls_off=order.action == "abort")
-        if order.action != "abort":
-            # The others say where they are every half second at least.
-            await asyncio.sleep(1.0)
-            await await_order(desk, link)
+        await await_present(desk, link, calls_off=order.action == "abort")
         found = await rehearse_order(mission, order, desk, link)
         if found.prediction is not None:
             tell(predicted(found.prediction))
@@ -317,7 +318,7 @@ async def give_order(
 async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: Link) -> Rehearsed:
     """Fly an order in virtual time from the formation as it is; an order to abort is not flown.
 
-    It is flown in a thread: a cancelled rehearsal goes on to its end there, and nobody hears of it.
+    It is flown in a thread, which ends soon after the rehearsal is cancelled.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
@@ -329,14 +330,19 @@ async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: 
     )
     prediction = None
     if arrangement.flown is not Manoeuvre.ABORT:
-        prediction = await asyncio.to_thread(
-            rehearsed,
-            mission,
-            formation,
-            arrangement,
-            leader=desk.leader_place(_now(desk)),
-            joining=desk.places(),
-        )
+        stopped = threading.Event()
+        try:
+            prediction = await asyncio.to_thread(
+                rehearsed,
+                mission,
+                formation,
+                arrangement,
+                leader=desk.leader_place(_now(desk)),
+                joining=desk.places(),
+                stop=stopped.is_set,
+            )
+        finally:
+            stopped.set()
     return Rehearsed(
         order=order, formation=formation, arrangement=arrangement, prediction=prediction
     )
@@ -493,6 +499,27 @@ async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
         await asyncio.sleep(0.05)
 
 
+async def await_present(desk: OrderDesk, link: Link, *, calls_off: bool) -> None:
+    """Wait until the formation is heard and, but to call everything off, the order that is flown is known.
+
+    Raises:
+        VfguideError: the formation is not heard.
+    """
+    await await_formation(desk, calls_off=calls_off)
+    if not calls_off:
+        # The others say where they are every half second at least.
+        await asyncio.sleep(1.0)
+        await await_order(desk, link)
+
+
+async def await_rest(desk: OrderDesk, link: Link) -> None:
+    """Wait until the slots will be at rest when an order begins that is given now: earlier it is refused."""
+    while (flown := desk.flown) is not None:
+        if _now(desk) + link.order_lead_s >= flown.time_s + flown.duration_s:
+            return
+        await asyncio.sleep(LOOK_S)
+
+
 def unanswered(counters: Counter[str]) -> str:
     """Why nobody may have answered, by what has arrived and was not believed, and the remedy."""
     refused = {
@@ -559,3 +586,12 @@ def said(vehicle: str, reply: Reply) -> str:
         Verdict.VOID: "void",
     }[reply.verdict]
     return f"{vehicle}: {words}{f', {reply.text}' if reply.text else ''}"
+
+
+def conclusion(outcome: Outcome) -> list[str]:
+    """What became of an order, in lines: who is silent, who leads instead, and whether it is flown."""
+    lines = [f"{vehicle}: does not answer" for vehicle in outcome.silent]
+    if outcome.is_led_otherwise:
+        lines.append(f"{outcome.arrangement.lead}: does not lead; {outcome.leads} leads")
+    lines.append(f"order {outcome.number}: {'flown' if outcome.flown else 'NOT flown by all'}")
+    return lines

@@ -146,6 +146,11 @@ class Member:
         """Whether orders and what is said to them are wanted."""
 
     @property
+    def is_operator(self) -> bool:
+        """Whether this is no vehicle of the roster: several programs may use an operator's name and key."""
+        return self.trust.signs and self.name not in self.trust.vehicles
+
+    @property
     def stands_back(self) -> bool:
         """Whether another companion of this name was here before: this one is not to steer then."""
         return self.clock() - self._twin_s < self._twin_quiet_s
@@ -159,8 +164,11 @@ class Member:
         """Note a true message in one's own name that somebody else has said, at a time of the formation, s.
 
         Who has not been here for long steps back. A recording of this companion's own run before is older
-        than its start. A leader does not step back: followers tell two of them apart by asking.
+        than its start. A leader does not step back: followers tell two of them apart by asking. Nor does an
+        operator's program: it steers nothing.
         """
+        if self.is_operator:
+            return
         now = self.clock()
         ago_s = self.formation_time() - said_s
         live = ago_s < now - self._began_s - AFTER_START_S
@@ -248,11 +256,23 @@ class Member:
         except RefusedError as refusal:
             if str(refusal) == TWIN:
                 self.note_twin(envelope.time_s)
+                if wanted and self.is_operator and envelope.kind is Kind.ORDER:
+                    self._learn_order(data)
             raise
         self._believed_s = self.clock()
         if wanted:
             self._use(message)
         return True
+
+    def _learn_order(self, sealed: bytes) -> None:
+        """Take an order that another program of this operator gives, as one that a vehicle repeats.
+
+        Raises:
+            RefusedError: it is none of an operator.
+        """
+        if self._receive_order is not None:
+            order = self.trust.vouch(sealed)
+            self._receive_order(order.body, order.sealed, True)  # noqa: FBT003
 
     def _guarded(self, use: Callable[[], object]) -> bool:
         """Do something with a message; whether it shows that somebody is heard."""
@@ -287,6 +307,8 @@ class Member:
         self.counters[f"refused: {reason}"] += 1
         if reason == "another session of the leader":
             self.hurry.set()
+        if reason == TWIN and self.is_operator:
+            return
         text = ALARMS.get(reason)
         if text is not None and self.counters[f"refused: {reason}"] == 1:
             logger.warning(text, self.name)

@@ -15,7 +15,15 @@ import pytest
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
-from vfguide.lab.ordering import EPOCH_S, OrderDesk, Outcome, give_order, new_number, unanswered
+from vfguide.lab.ordering import (
+    EPOCH_S,
+    OrderDesk,
+    Outcome,
+    conclusion,
+    give_order,
+    new_number,
+    unanswered,
+)
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
@@ -144,6 +152,12 @@ def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(
     # All followers say that they fly it, and f1 leads on.
     outcome, _ = outcome_of(mission, Order(lead="f2"), desk, monkeypatch)
     assert (outcome.leads, outcome.is_led_otherwise, outcome.flown) == ("f1", True, False)
+    assert conclusion(outcome)[0] == "f2: does not lead; f1 leads"
+    # Who has refused it does not lead, of course: that is no news.
+    refusal = Reply(number=1, verdict=Verdict.REFUSED)
+    refused = replace(outcome, replies={**outcome.replies, "f2": refusal})
+    assert conclusion(refused) == [f"order {outcome.number}: NOT flown by all"]
+    assert not refused.is_led_otherwise
     # The mission's leader is not there to answer, and is awaited only where it is to lead.
     back = replace(outcome.arrangement, lead="leader")
     assert desk.awaited_from(desk.formation(), back) - {"leader"} == set(FOLLOWERS)

@@ -1,12 +1,13 @@
 """An order flown in virtual time before it is given: how near anybody comes, and how long it takes."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vfguide.elementwise import BoolArray
+from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
@@ -72,6 +73,7 @@ def rehearsed(
     *,
     leader: LeaderPlace | None = None,
     joining: Mapping[str, LeaderPlace] | None = None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Prediction:
     """Fly an arrangement in virtual time, from the formation as it is.
 
@@ -81,9 +83,11 @@ def rehearsed(
         arrangement: what is to be flown; its time and number do not count.
         leader: where it is; at the beginning of its path if absent.
         joining: where vehicles are that are to join; 150 m behind their slots if absent.
+        stop: whether to end before the rehearsal is complete; asked again and again.
 
     Raises:
         RefusedOrderError: two would come within the mission's least separation, or it would not be flown.
+        VfguideError: it was stopped.
     """
     order = replace(arrangement, number=1, time_s=BEGINS_S)
     starts = starts_of_joining(formation, order, leader, joining or {})
@@ -107,6 +111,8 @@ def rehearsed(
     times = [step / rate_hz for step in range(round(end_s * rate_hz) + 1)]
     mail = list[Mail]()
     for now in times:
+        if stop():
+            raise VfguideError("the rehearsal was stopped")
         mail = step_all(flying, now, mail)
     for aircraft in flying:
         if isinstance(aircraft, Aircraft):
