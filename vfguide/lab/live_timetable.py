@@ -13,7 +13,7 @@ from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.lab.ordering import (
     LOOK_S,
     OrderDesk,
-    Rehearsed,
+    RehearsedOrder,
     Tell,
     at_desk,
     await_formation,
@@ -139,7 +139,7 @@ class _Operator:
         for line in conclusion(outcome):
             tell(line)
 
-    async def _rehearse(self, timed: TimedOrder, desk: OrderDesk, link: Link) -> Rehearsed:
+    async def _rehearse(self, timed: TimedOrder, desk: OrderDesk, link: Link) -> RehearsedOrder:
         await await_present(desk, link, calls_off=timed.action == "abort")
         return await rehearse_order(self.mission, timed.order, desk, link)
 

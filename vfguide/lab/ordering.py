@@ -69,7 +69,7 @@ MOST_KNOWN = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rehearsed:
+class RehearsedOrder:
     """An order that was rehearsed, and can be given."""
 
     order: Order
@@ -315,7 +315,9 @@ async def give_order(
         return await give_rehearsed(mission, found, desk, link, tell=tell)
 
 
-async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: Link) -> Rehearsed:
+async def rehearse_order(
+    mission: Mission, order: Order, desk: OrderDesk, link: Link
+) -> RehearsedOrder:
     """Fly an order in virtual time from the formation as it is; an order to abort is not flown.
 
     It is flown in a thread, which ends soon after the rehearsal is cancelled.
@@ -343,13 +345,13 @@ async def rehearse_order(mission: Mission, order: Order, desk: OrderDesk, link: 
             )
         finally:
             stopped.set()
-    return Rehearsed(
+    return RehearsedOrder(
         order=order, formation=formation, arrangement=arrangement, prediction=prediction
     )
 
 
 async def give_rehearsed(
-    mission: Mission, found: Rehearsed, desk: OrderDesk, link: Link, *, tell: Tell
+    mission: Mission, found: RehearsedOrder, desk: OrderDesk, link: Link, *, tell: Tell
 ) -> Outcome:
     """Give an order that was rehearsed, and wait for what becomes of it.
 

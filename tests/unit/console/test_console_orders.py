@@ -13,7 +13,7 @@ from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab.console import orders
 from vfguide.lab.console.orders import FRESH_S, BusyError, OrderPanel
-from vfguide.lab.ordering import OrderDesk, Outcome, Rehearsed
+from vfguide.lab.ordering import OrderDesk, Outcome, RehearsedOrder
 from vfguide.lab.studies.order import Prediction
 from vfguide.link.order_codec import Reply, Verdict
 from vfguide.mission import Mission, load_mission
@@ -52,7 +52,7 @@ class Air:
         patch.setattr(orders, "rehearse_order", self.rehearse)
         patch.setattr(orders, "give_rehearsed", self.give)
 
-    async def rehearse(self, _: Mission, order: Order, *__: object) -> Rehearsed:
+    async def rehearse(self, _: Mission, order: Order, *__: object) -> RehearsedOrder:
         await self.waits.wait()
         if self.refusal is not None:
             raise VfguideError(self.refusal)
@@ -61,7 +61,7 @@ class Air:
         prediction = Prediction(
             least_m=14.61, pair=("f1", "f3"), least_s=4.5, settled_s=18.2, moved_s=18.2
         )
-        return Rehearsed(
+        return RehearsedOrder(
             order=order,
             formation=formation,
             arrangement=arrangement,
@@ -69,7 +69,7 @@ class Air:
         )
 
     async def give(
-        self, _: Mission, found: Rehearsed, desk: OrderDesk, *__: object, **___: object
+        self, _: Mission, found: RehearsedOrder, desk: OrderDesk, *__: object, **___: object
     ) -> Outcome:
         await self.waits.wait()
         self.given.append(found.arrangement.flown)

@@ -18,7 +18,7 @@ from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
 from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
 from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.history import History
-from vfguide.lab.console.motion import CARRIED_S, Heard, carry, climb_between
+from vfguide.lab.console.motion import CARRIED_S, StateReport, carry, climb_between
 from vfguide.lab.console.series import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES
 from vfguide.lab.console.wording import flown_in_words
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
@@ -44,7 +44,7 @@ GREATEST_OF_LEADER = (OLDEST_S, 1e6, 1e6, 50e3, 10.0, 500.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
+class PresenceReport:
     """The newest presence of a vehicle."""
 
     presence: Presence
@@ -70,13 +70,13 @@ class Formation:
         """What came and was no state."""
         self._rows = {name: row for row, name in enumerate(self.names)}
         self._slots = np.array([slot_of(mission, name) for name in self.names])
-        self._lead: Heard | None = None
+        self._lead: StateReport | None = None
         self._leads = self.names[0]
         self._number = 0
         self._order: Arrangement | None = None
         self._path = MAIN_PATH
-        self._heard: dict[str, Heard] = {}
-        self._said: dict[str, Said] = {}
+        self._heard: dict[str, StateReport] = {}
+        self._said: dict[str, PresenceReport] = {}
         self._offset_s: float | None = None
         self._near: tuple[Nearness, ...] = ()
 
@@ -105,10 +105,12 @@ class Formation:
         ):
             self._note_clock(message.time_s - now)
 
-    def _heard_of(self, before: Heard | None, message: LeaderMessage, now: float) -> Heard:
+    def _heard_of(
+        self, before: StateReport | None, message: LeaderMessage, now: float
+    ) -> StateReport:
         place = complex(*self._frame.to_local(message.latitude_deg, message.longitude_deg))
         climb = climb_between(before, message)
-        return Heard(message=message, place=place, climb=climb, received_s=now)
+        return StateReport(message=message, place=place, climb=climb, received_s=now)
 
     def take_presence(self, vehicle: str, presence: Presence, now: float) -> None:
         """Take what a vehicle says about itself."""
@@ -120,7 +122,7 @@ class Formation:
             warned_s = now
         if self._mission.leader.is_foreign:
             self._take_foreign_leader(presence, now)
-        self._said[vehicle] = Said(presence=presence, received_s=now, warned_s=warned_s)
+        self._said[vehicle] = PresenceReport(presence=presence, received_s=now, warned_s=warned_s)
 
     def take_lead(self, data: bytes, now: float) -> None:
         """Take how the leader moves by which a deputy leads in its place."""
@@ -162,7 +164,7 @@ class Formation:
             turn_rate=turn_rate,
             turn_acceleration=0.0,
         )
-        self._heard[self.names[0]] = Heard(
+        self._heard[self.names[0]] = StateReport(
             message=message,
             place=complex(north, east),
             climb=climb_between(before, message),
@@ -200,7 +202,7 @@ class Formation:
         self.history.add(now, values)
         return values
 
-    def _carried_s(self, heard: Heard, now: float) -> float:
+    def _carried_s(self, heard: StateReport, now: float) -> float:
         """For how long a state is carried on to be one of now, s."""
         passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
         # A vehicle whose messages take less than the leader's is heard ahead of the moment.

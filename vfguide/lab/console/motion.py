@@ -16,7 +16,7 @@ STEEPEST_M_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class StateReport:
     """The newest state of a vehicle."""
 
     message: LeaderMessage
@@ -29,7 +29,7 @@ class Heard:
     """When it came."""
 
 
-def climb_between(before: Heard | None, message: LeaderMessage) -> float:
+def climb_between(before: StateReport | None, message: LeaderMessage) -> float:
     """How fast a vehicle climbs, m/s, by its last states."""
     if before is None:
         return 0.0
@@ -41,7 +41,7 @@ def climb_between(before: Heard | None, message: LeaderMessage) -> float:
     return before.climb + min(passed_s / CLIMB_S, 1.0) * (newest - before.climb)
 
 
-def carry(heard: Heard, seconds: float) -> tuple[complex, complex]:
+def carry(heard: StateReport, seconds: float) -> tuple[complex, complex]:
     """(place in m, velocity in m/s) some seconds after a state, along the turn that it flew."""
     message = heard.message
     half_turn = cmath.rect(1.0, 0.5 * message.turn_rate * seconds)

@@ -19,7 +19,7 @@ from vfguide.lab.console.wording import slots_in_words
 from vfguide.lab.ordering import (
     OrderDesk,
     Outcome,
-    Rehearsed,
+    RehearsedOrder,
     await_formation,
     await_order,
     give_rehearsed,
@@ -60,7 +60,7 @@ REMEDIES = {
 UNREADABLE = "This is no order that the console can read: reload the page and choose it again."
 
 
-class Choice(BaseModel):
+class RehearsalChoice(BaseModel):
     """Which rehearsed order is to be given, as a page sends it."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -69,7 +69,7 @@ class Choice(BaseModel):
     """Of the rehearsal that the page has shown."""
 
 
-class Nothing(BaseModel):
+class EmptyRequest(BaseModel):
     """What a page sends with an order that needs no more words."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -111,7 +111,7 @@ class OrderPanel:
     def _forget(self, phase: Phase = "none", what: str = "") -> None:
         self._phase: Phase = phase
         self._what, self._text = what, ""
-        self._found: Rehearsed | None = None
+        self._found: RehearsedOrder | None = None
         self._found_s = -math.inf
         self._outcome: Outcome | None = None
 
@@ -205,7 +205,7 @@ class OrderPanel:
         self._found = await rehearse_order(self._mission, order, self._desk, link)
         self._phase, self._found_s = "rehearsed", self._clock()
 
-    async def _give(self, found: Rehearsed) -> None:
+    async def _give(self, found: RehearsedOrder) -> None:
         link = self._open_link()
         check_connected(link)
         self._conclude(
@@ -269,7 +269,7 @@ class OrderPanel:
         return answers
 
 
-def outcome_of(found: Rehearsed) -> dict[str, object]:
+def outcome_of(found: RehearsedOrder) -> dict[str, object]:
     """What a rehearsal says, ready for JSON."""
     prediction = found.prediction
     if prediction is None:
@@ -331,6 +331,6 @@ def use_number(use: Callable[[int], None], body: bytes) -> int:
         pydantic.ValidationError: it is none.
         BusyError: not this order, or not now.
     """
-    number = Choice.model_validate_json(body).number
+    number = RehearsalChoice.model_validate_json(body).number
     use(number)
     return number

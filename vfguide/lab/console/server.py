@@ -33,7 +33,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from vfguide.errors import InputError
 from vfguide.lab.console.orders import (
     BusyError,
-    Nothing,
+    EmptyRequest,
     OrderPanel,
     fault_in_words,
     order_from,
@@ -306,7 +306,7 @@ def order_routes(panel: OrderPanel) -> list[Route]:
 
     async def abort(request: Request) -> Response:
         def called_off(body: bytes) -> int:
-            Nothing.model_validate_json(body)
+            EmptyRequest.model_validate_json(body)
             return panel.abort()
 
         return await told(request, called_off)
