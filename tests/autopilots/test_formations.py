@@ -16,7 +16,7 @@ IN_SLOT_M = 30.0
 
 MAKES_WAY_M = 120.0
 """The same for the deputy that leads: it makes way for the dead leader's aircraft, which flies straight on
-across its arc, by 72 m as seen, and comes back by some metres a second."""
+across its arc, by 40 to 72 m as seen, and comes back by some metres a second."""
 
 FAULTS = faults("leader", "f3")
 
