@@ -9,13 +9,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from random import random
 
+from vfguide.link.clock_codec import decode_ask
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Envelope, Kind
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence, encode_presence
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError, Trust
+from vfguide.link.twin import TwinWatch
 
 logger = logging.getLogger(__name__)
 
@@ -25,16 +26,6 @@ ALARMS = {
     "a second leader": "%r hears two companions of the leader: stop one of them",
 }
 """Refusals that people have to know of, and what the log says the first time."""
-
-YOUNG_S = 10.0
-"""A member that has spoken for longer was here before another of its name that speaks up."""
-
-TWIN_QUIET_S, TWIN_SPREAD_S = 6.0, 4.0
-"""So long another of one's name has to be silent before one speaks again; and up to so much longer, by
-chance, since the other may have stepped back, too."""
-
-AFTER_START_S = 1.0
-"""What was said by so much later than one's own start is of no run of this companion before."""
 
 QUIET_S = 0.5
 """After this long without a message the next presence is looked at, whoever it is of."""
@@ -138,10 +129,7 @@ class Member:
             )
             if useful
         )
-        self._began_s = clock()
-        self._known_s = math.inf
-        self._twin_s = -math.inf
-        self._twin_quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
+        self._twins = TwinWatch(clock(), asks=trust.leads)
         self.heeds_orders = receive_order is not None or receive_reply is not None
         """Whether orders and what is said to them are wanted."""
 
@@ -153,27 +141,35 @@ class Member:
     @property
     def stands_back(self) -> bool:
         """Whether another companion of this name was here before: this one is not to steer then."""
-        return self.clock() - self._twin_s < self._twin_quiet_s
+        return self._twins.stands_back(self.clock())
 
     @property
     def is_young(self) -> bool:
         """Whether another of this name may have been here before: own states are worth listening for."""
-        return self.clock() - self._known_s < YOUNG_S
+        return self._twins.is_young(self.clock())
 
     def note_twin(self, said_s: float) -> None:
         """Note a true message in one's own name that somebody else has said, at a time of the formation, s.
 
-        Who has not been here for long steps back. A recording of this companion's own run before is older
-        than its start. A leader does not step back: followers tell two of them apart by asking. Nor does an
-        operator's program: it steers nothing.
+        An operator's program steers nothing: it may have as many of its name as it likes.
         """
-        if self.is_operator:
-            return
-        now = self.clock()
-        ago_s = self.formation_time() - said_s
-        live = ago_s < now - self._began_s - AFTER_START_S
-        if live and not self.trust.leads and (self.stands_back or self.is_young):
-            self._twin_s, self._known_s = now, math.inf
+        if not self.is_operator:
+            self._twins.hear(self.formation_time() - said_s, self.clock())
+            self.ask_twin()
+
+    def ask_twin(self) -> None:
+        """Ask another of the own name whether it lives, where that is how to tell."""
+        question = self._twins.question(self.clock())
+        if question is not None:
+            self._send(Kind.QUESTION, self.name, question)
+
+    def answers_twin(self, asker_spoken_s: float) -> bool:
+        """Whether to answer a question in the own name of one that has spoken for so long, s."""
+        return self._twins.may_answer(asker_spoken_s, self.clock())
+
+    def hear_twin(self, answer: bytes) -> None:
+        """Take an answer in the own name, of one who has its key."""
+        self._twins.hear_answer(answer, self.clock())
 
     @property
     def candidates(self) -> tuple[str, ...]:
@@ -201,16 +197,15 @@ class Member:
         if self.stands_back:
             self.counters["not said: another companion of this name"] += 1
             return self._seal(Kind.STATE, EVERYBODY, body)
-        if self._known_s == math.inf:
-            self._known_s = self.clock()
+        self._twins.note_speech(self.clock())
         return self._send(Kind.STATE, EVERYBODY, body)
 
     def say(self, kind: Kind, body: bytes) -> Parcel:
-        """Seal an order, what is said to one or a repeated one, and send it to all.
+        """Seal an order, what is said to one or a repeated one, or how a leader moves, and send it to all.
 
         Another companion of this name answers for the vehicle, if it was here before.
         """
-        if self.stands_back and kind in {Kind.REPLY, Kind.REPEAT}:
+        if self.stands_back and kind in {Kind.REPLY, Kind.REPEAT, Kind.LEADER}:
             self.counters["not said: another companion of this name"] += 1
             return self._seal(kind, EVERYBODY, body)
         return self._send(kind, EVERYBODY, body)
@@ -255,7 +250,7 @@ class Member:
             message = self.trust.believe(envelope, self.clock())
         except RefusedError as refusal:
             if str(refusal) == TWIN:
-                self.note_twin(envelope.time_s)
+                self._meet_twin(envelope)
                 if wanted and self.is_operator and envelope.kind is Kind.ORDER:
                     self._learn_order(data)
             raise
@@ -263,6 +258,17 @@ class Member:
         if wanted:
             self._use(message)
         return True
+
+    def _meet_twin(self, envelope: Envelope) -> None:
+        """React to a true message in the own name that somebody else has said."""
+        match envelope.kind:
+            case Kind.QUESTION:
+                if self.answers_twin(decode_ask(envelope.body).originate_s):
+                    self._answer(envelope.sender, envelope.body)
+            case Kind.ANSWER:
+                self.hear_twin(envelope.body)
+            case _:
+                self.note_twin(envelope.time_s)
 
     def _learn_order(self, sealed: bytes) -> None:
         """Take an order that another program of this operator gives, as one that a vehicle repeats.
@@ -324,7 +330,7 @@ class Member:
             case Kind.ANSWER:
                 # On a wire that all share, others' answers are no news: they are not worth a look at the
                 # signature.
-                clock = self.peer_clock
+                clock = self._twins if sender == self.name else self.peer_clock
                 return clock is not None and clock.awaits(body)
             case _:
                 return kind in self._useful
@@ -336,7 +342,8 @@ class Member:
             case Kind.STATE:
                 self._receive_neighbour(message.sender, message.body)
             case Kind.QUESTION:
-                self._answer(message)
+                if not self.stands_back:
+                    self._answer(message.sender, message.body)
             case Kind.ANSWER:
                 self._learn(message)
             case Kind.LEADER if self._receive_lead is not None:
@@ -349,16 +356,16 @@ class Member:
             case _:
                 self._note_presence(message)
 
-    def _answer(self, message: Message) -> None:
+    def _answer(self, asker: str, question: bytes) -> None:
         now = self.formation_time()
         if math.isnan(now):
             return
         try:
-            answer = PeerClock.answer(message.body, now, now)
+            answer = PeerClock.answer(question, now, now)
         except LinkDataError:
             self.counters["refused: no question"] += 1
             return
-        self._send(Kind.ANSWER, message.sender, answer)
+        self._send(Kind.ANSWER, asker, answer)
 
     def _learn(self, message: Message) -> None:
         now = self.clock()

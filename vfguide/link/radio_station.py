@@ -54,6 +54,7 @@ from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
 from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
+from vfguide.link.twin import YOUNG_S
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
@@ -74,7 +75,7 @@ LEAST_LATE_S = 0.002
 VEHICLES_MAY = frozenset(
     {PackedKind.STATE, PackedKind.PRESENCE, PackedKind.REPLY, PackedKind.REPEAT}
 )
-LEADER_MAY = VEHICLES_MAY | {PackedKind.BEAT, PackedKind.ANSWER}
+LEADER_MAY = VEHICLES_MAY | {PackedKind.BEAT, PackedKind.QUESTION, PackedKind.ANSWER}
 FOLLOWERS_MAY = VEHICLES_MAY | {PackedKind.QUESTION}
 OPERATOR_MAY = frozenset({PackedKind.QUESTION, PackedKind.ORDER, PackedKind.REPLY})
 """Kinds that a sender may say."""
@@ -91,6 +92,9 @@ UNKNOWN_SESSION = "another session or forged"
 LISTEN_CYCLES, TWIN_S = 2, 3.0
 """A member that starts listens for so many cycles whether its turns are taken, and is silent for so many s
 after another of its name was heard."""
+
+LONGEST_LISTEN_S = 5.0
+"""For so long a leader that starts is silent at most while it hears one whom nothing vouches for."""
 
 RECENT_S = 1.0
 """Another of one's own name is believed by what it said this short a time ago: what is older may be played
@@ -182,6 +186,7 @@ class Station:
         self._framer.clear()
         if self._timetable is not None and self._number == LEADER:
             self._beat.begin(self._timetable, now)
+            self._listens_since = now
 
     def post(self, parcel: Parcel, now: float) -> None:
         """Have a message of the member sent at its next turn; the one before it of its kind is forgotten."""
@@ -279,14 +284,14 @@ class Station:
         if packet.sender == self._number and not self._member.trust.proven:
             # What nothing vouches for yet is good enough to be silent by: speaking hits the other's turns.
             self._twin_s = now
-            self._take_unproven_beat(packet, began_s)
+            self._take_unproven(packet, began_s)
             raise RefusedError(TWIN)
         epoch = self._epoch_of(packet)
         if epoch is None:
-            self._take_unproven_beat(packet, began_s)
+            self._take_unproven(packet, began_s)
             raise RefusedError(UNKNOWN_SESSION)
         if packet.sender == self._number:
-            self._note_twin(packet.ticks * TICK_S)
+            self._meet_twin(packet)
             raise RefusedError(TWIN)
         self._check_newer(packet, epoch)
         if packet.kind is not PackedKind.QUESTION:
@@ -298,10 +303,20 @@ class Station:
             self._beat.hear_follower(packet.sender, began_s)
         self._use(packet, epoch)
 
-    def _note_twin(self, said_s: float) -> None:
-        """Note another of this name, if what it says (s of the formation's time) is of now."""
-        if abs(self._member.formation_time() - said_s) < RECENT_S:
-            self._member.note_twin(said_s)
+    def _meet_twin(self, packet: Packet) -> None:
+        """React to a packet in the own name, with a true tag, that somebody else has sent."""
+        match packet.kind:
+            case PackedKind.QUESTION if self._member.answers_twin(YOUNG_S):
+                # It does not say for how long its asker has spoken.
+                self._keep_question(packet)
+            case PackedKind.ANSWER if packet.to == self._number:
+                tell = self._told_to(packet)
+                if tell is not None:
+                    self._member.hear_twin(encode_tell(tell))
+            case PackedKind.QUESTION | PackedKind.ANSWER:
+                return
+            case _ if abs(self._member.formation_time() - packet.ticks * TICK_S) < RECENT_S:
+                self._member.note_twin(packet.ticks * TICK_S)
 
     def _epoch_of(self, packet: Packet) -> int | None:
         """The leader's session that a packet was said under; None where its tag is of none that counts."""
@@ -320,9 +335,14 @@ class Station:
                 return epoch
         return None
 
-    def _take_unproven_beat(self, packet: Packet, began_s: float) -> None:
-        """Take a beat that nothing vouches for, where no true one was heard for a while."""
-        if packet.sender != LEADER or packet.beat is None:
+    def _take_unproven(self, packet: Packet, began_s: float) -> None:
+        """Take a packet that nothing vouches for: a beat, where no true one was heard for a while."""
+        if packet.sender != LEADER:
+            return
+        if self._number == LEADER:
+            self._meet_unproven_twin(packet, began_s)
+            return
+        if packet.beat is None:
             return
         # The leader may have started anew: asking it tells.
         self._member.hurry.set()
@@ -330,6 +350,15 @@ class Station:
         cycle_s = packet.beat.period_ms * 1e-3 * packet.beat.beats
         if began_s - self._proven_s > HANDOVER_S and cycle_s <= LONGEST_CYCLE_S:
             self._count_from(packet, began_s)
+
+    def _meet_unproven_twin(self, packet: Packet, began_s: float) -> None:
+        """Ask a leader that nothing vouches for whether it lives: another run of this one, or nobody."""
+        if packet.beat is not None and self._is_silent_leader(began_s):
+            # In step with it, the answer's turn is one in which it listens.
+            if timetable_of(packet.beat) == self._timetable:
+                self._beat.hear_leader(packet.beat, began_s)
+            self._twin_s = began_s
+        self._member.ask_twin()
 
     def _count_from(self, packet: Packet, began_s: float) -> None:
         """Count from a beat.
@@ -380,12 +409,11 @@ class Station:
         """Hand on what is believed."""
         match packet.kind:
             case PackedKind.QUESTION if self._number == LEADER:
-                received_s = self._member.clock()
-                self._questions[packet.sender] = Question(
-                    number=packet.number, received_s=received_s
-                )
+                self._keep_question(packet)
             case PackedKind.ANSWER if packet.to == self._number:
-                self._hear_answer(packet)
+                tell = self._told_to(packet)
+                if tell is not None:
+                    self._accept(packet, Kind.ANSWER, packet.session, encode_tell(tell))
             case PackedKind.STATE if packet.state is not None:
                 self._accept(packet, Kind.STATE, epoch, encode(packet.state))
             case PackedKind.PRESENCE if packet.presence is not None:
@@ -421,29 +449,48 @@ class Station:
         sender = OPERATOR_NAME if operates else self._vehicles[packet.sender]
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
 
-    def _hear_answer(self, packet: Packet) -> None:
-        """Learn the leader's clock, as if the question had been heard when it was asked."""
+    def _keep_question(self, packet: Packet) -> None:
+        """Answer a question in a later turn."""
+        self._questions[packet.sender] = Question(
+            number=packet.number, received_s=self._member.clock()
+        )
+
+    def _told_to(self, packet: Packet) -> Tell | None:
+        """The answer to an own question, as if it had been heard when it was asked; None to none."""
         asked = self._open.pop(packet.number, None)
         if asked is None:
-            return
+            return None
         originate_s, waited_s = asked
-        tell = Tell(
+        return Tell(
             number=packet.number,
             originate_s=originate_s,
             receive_s=packet.received * TICK_S - waited_s,
             transmit_s=packet.ticks * TICK_S,
         )
-        self._accept(packet, Kind.ANSWER, packet.session, encode_tell(tell))
 
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
         """The leader's packet for a turn."""
         table = self._beat.timetable
+        if turn.beat is None and self._question is not None:
+            # To another of its name, which seldom has something to say in this turn.
+            return self._asked(self._question, now)
+        if self._is_silent_leader(now):
+            return b""
         if turn.beat is None or table is None:
             return self._answer(now) or self._said_of_itself(now, PRESENCE_S) or self._piece(now)
         beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
             return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
         return self._sealed_state(state, encode_beat(beat))
+
+    def _is_silent_leader(self, now: float) -> bool:
+        """Whether this one, a leader, lets another of its name speak."""
+        if self._member.stands_back:
+            return True
+        table, began_s = self._beat.timetable, self._listens_since
+        if table is None or not self._listens_first or now - began_s > LONGEST_LISTEN_S:
+            return False
+        return now - max(began_s, self._twin_s) < LISTEN_CYCLES * table.cycle_s
 
     def _said(self, now: float) -> bytes:
         """A follower's packet for its turn."""
@@ -507,6 +554,10 @@ class Station:
         cycles = cycles if self._member.trust.proven else 1
         if now - self._asked_s < (cycles - 0.5) * table.cycle_s:
             return b""
+        return self._asked(question, now)
+
+    def _asked(self, question: QueuedBody, now: float) -> bytes:
+        """The packet of a question that is asked now."""
         self._question, self._asked_s = None, now
         ask = decode_ask(question.body)
         self._open[ask.number] = ask.originate_s, self._member.clock() - ask.originate_s

@@ -77,6 +77,8 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
         wanted += [topics.answer_of(one) for one in member.candidates]
     if member.trust.leads:
         wanted.append(topics.every_ask(member.name))
+        # Of another companion of its name, which it asks whether it lives.
+        wanted.append(topics.answer_of(member.name))
     elif member.name in member.trust.deputies:
         # A deputy answers in the leader's place while it leads.
         wanted.append(topics.every_ask(leader))

@@ -32,7 +32,7 @@ learn of
 the new one one after the other."""
 
 VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
-LEADER_MAY = VEHICLES_MAY | {Kind.ANSWER}
+LEADER_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER}
 DEPUTY_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER, Kind.LEADER}
 FOLLOWER_MAY = VEHICLES_MAY | {Kind.QUESTION}
 OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER, Kind.REPLY})

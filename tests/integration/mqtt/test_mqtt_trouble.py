@@ -239,6 +239,29 @@ def test_two_vehicles_of_the_same_name_are_found_out(
     assert "a companion calls itself 'f1', too" in caplog.text
 
 
+def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and_steps_back(
+    mosquitto: Make, opened: Make
+) -> None:
+    async def scenario() -> None:
+        port = mosquitto().port
+        async with opened(port, "lead") as (first, _):
+            async with asyncio.timeout(60.0):
+                # It has spoken for longer, by whatever this computer takes its time.
+                for number in range(25):
+                    first.publish(b"first %d" % number)
+                    await asyncio.sleep(0.02)
+                async with opened(port, "lead") as (second, _):
+                    number = 0
+                    while not second.counters["not said: another companion of this name"]:
+                        number += 1
+                        first.publish(b"first, later %d" % number)
+                        second.publish(b"second %d" % number)
+                        await asyncio.sleep(0.02)
+            assert not first.counters["not said: another companion of this name"]
+
+    asyncio.run(scenario())
+
+
 def test_who_may_only_read_cannot_throw_the_leader_out(
     mosquitto: Make, password_file: Make, opened: Make, tmp_path: Path
 ) -> None:

@@ -53,6 +53,7 @@ class Craft:
         orders: bool = False,
         offset_s: float = 0.0,
         rate: float = 1.0,
+        listens_first: bool | None = None,
     ) -> None:
         leads = name == LEADER
         air = channel.air
@@ -118,6 +119,7 @@ class Craft:
             )
             if leads
             else None,
+            listens_first=not leads if listens_first is None else listens_first,
         )
         self.member.send = lambda parcel: self.station.post(parcel, self.member.clock())
         self.station.announce(Presence(status="online", mode="tracking", time_s=0.0, version="1"))
@@ -543,6 +545,57 @@ def test_the_younger_of_two_companions_of_one_name_is_silent_until_the_other_is_
     channel.fly(8.0)
     assert twin.member.trust.proven
     assert leader.neighbours[-1][1] > 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_younger_of_two_companions_of_the_leader_falls_silent_on_the_radio(seed: int) -> None:
+    channel, leader, one, _ = formation()
+    channel.fly(12.0 + 0.0371 * seed)
+    rival = channel.craft(LEADER, session=44 + seed, offset_s=9.0, listens_first=True)
+    channel.fly(6.0)
+    assert rival.member.stands_back
+    assert not leader.member.stands_back
+    assert not [time_s for time_s, _ in one.heard if time_s < 1000.0]
+    heard = len(one.heard)
+    channel.fly(20.0)
+    assert rival.member.stands_back
+    # What it still says are questions, one in 1.5 s, in the turn of the leader's answers and presences.
+    assert len(one.heard) > heard + 20.0 * 10.0 * 0.98
+    channel.gone(leader)
+    channel.fly(14.0)
+    assert not rival.member.stands_back
+    assert one.heard[-1][1] > channel.air.now - 1.0
+
+
+def test_a_leader_that_starts_listens_for_two_cycles_before_it_speaks() -> None:
+    """Of 0.4 s each."""
+    channel = Shared()
+    channel.craft(LEADER, session=1, listens_first=True)
+    one = channel.craft("f1", session=2)
+    channel.fly(0.75)
+    assert not one.refused
+    channel.fly(0.2)
+    assert "another session or forged" in one.refused
+
+
+def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most() -> None:
+    """Its beats are right but for the session, and none of them answers."""
+    yesterday, *_ = formation()
+    yesterday.fly(3.0)
+    frames = yesterday.record()
+    yesterday.fly(8.0)
+    channel = Shared()
+    leader = channel.craft(LEADER, session=31, offset_s=5.0, listens_first=True)
+    one = channel.craft("f1", session=32)
+    for frame in frames:
+        channel.air.transmit(frame)
+        channel.fly(0.05)
+        if channel.air.now > 9.0:
+            break
+    assert not leader.member.stands_back
+    # The follower, too, has heard its own name, and lets the other one speak for a while.
+    channel.fly(8.0)
+    assert one.member.trust.proven
 
 
 def test_own_packets_that_a_radio_sends_back_are_passed_over() -> None:

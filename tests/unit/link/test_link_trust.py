@@ -29,8 +29,9 @@ from vfguide.link.envelope import (
     formation_number,
 )
 from vfguide.link.keys import Roster
-from vfguide.link.member import TWIN_QUIET_S, TWIN_SPREAD_S, Member, Parcel
+from vfguide.link.member import Member, Parcel
 from vfguide.link.trust import RefusedError, Trust
+from vfguide.link.twin import TWIN_QUIET_S, TWIN_SPREAD_S
 
 ANSWERS = frozenset({Kind.ANSWER})
 
@@ -254,7 +255,95 @@ def test_a_second_leader_is_found_out_and_not_followed() -> None:
         wire.run(0.05)
     assert not [data for _, data in one.heard if data.startswith(b"rival")]
     assert one.counters["refused: a second leader"] >= 1
-    assert leader.counters["refused: another companion of this name"] == 40
+    assert rival.member.stands_back
+    assert leader.counters["refused: another companion of this name"] >= 1
+
+
+def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_is_silent() -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 12.0, one, other)
+    rival = wire.station(LEADER, session=70, skew_s=40.0)
+    for _ in range(3):
+        rival.member.publish(b"rival")
+        wire.fly(leader, 0.5, one, other)
+    assert rival.member.stands_back
+    assert not leader.member.stands_back
+    one.heard.clear()
+    for _ in range(40):
+        rival.member.publish(b"rival")
+        rival.member.say(Kind.LEADER, b"rival")
+        wire.fly(leader, 0.5, one, other)
+        assert rival.member.stands_back
+    assert not [data for _, data in one.heard if data == b"rival"]
+    assert rival.counters["not said: another companion of this name"] >= 80
+    # The older one goes: after its silence, and some chance, the younger leads.
+    wire.stations.remove(leader)
+    one.heard.clear()
+    wire.fly(rival, TWIN_QUIET_S + TWIN_SPREAD_S + 1.5, one, other)
+    assert not rival.member.stands_back
+    assert one.heard
+
+
+@pytest.mark.parametrize("apart_s", [0.05, 3.0])
+def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(
+    apart_s: float,
+) -> None:
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, apart_s, one, other)
+    rival = wire.station(LEADER, session=70)
+    for step in range(100):
+        leader.member.publish(b"lead %d" % step)
+        rival.member.publish(b"rival %d" % step)
+        if step % 10 == 0:
+            one.member.ask()
+        wire.run(0.05)
+    assert rival.member.stands_back
+    assert not leader.member.stands_back
+
+
+def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_parts_them() -> (
+    None
+):
+    wire = Wire()
+    pair = [wire.station(LEADER, session=session) for session in (70, 71)]
+    spoke = []
+    for _ in range(40 * 20):
+        for station in pair:
+            station.member.publish(b"lead")
+        wire.run(0.05)
+        spoke.append([not station.member.stands_back for station in pair])
+    assert [False, False] in spoke
+    assert sorted(spoke[-1]) == [False, True]
+
+
+def test_a_recording_of_its_own_run_before_makes_no_leader_step_back() -> None:
+    """Also where all is played that was said in its name to another of its name, the answers included."""
+    wire = Wire()
+    leader, one, other = formation(wire)
+    wire.fly(leader, 12.0, one, other)
+    rival = wire.station(LEADER, session=70)
+    for _ in range(3):
+        rival.member.publish(b"rival")
+        wire.fly(leader, 0.5, one, other)
+    assert rival.member.stands_back
+    old = [parcel.data for parcel in wire.sent if decode_envelope(parcel.data).sender == LEADER]
+    assert {Kind.QUESTION, Kind.ANSWER} <= {decode_envelope(data).kind for data in old}
+    wire.stations.clear()
+    again = wire.station(LEADER, session=71)
+    again.member.publish(b"lead")
+    for data in old:
+        wire.inject(data)
+        wire.run(0.01)
+        again.member.publish(b"lead")
+    assert again.counters["refused: another companion of this name"] > 100
+    assert not again.member.stands_back
+    # Nor does it answer more than now and then.
+    answers = [
+        p for p in wire.sent if p.kind is Kind.ANSWER and decode_envelope(p.data).session == 71
+    ]
+    assert len(answers) <= 0.01 * len(old) / 0.4 + 1
 
 
 def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is_silent() -> None:
@@ -343,7 +432,8 @@ def test_a_sender_may_only_say_what_its_part_may_say() -> None:
         data = sender.seal(kind, b"", time_s=1.0)
         assert refused(follower, data) == "not for its sender to say"
         assert refused(leader, data) == "not for its sender to say"
-    assert refused(follower, leader.seal(Kind.QUESTION, b"", time_s=1.0)) != ""
+    said = leader.seal(Kind.ORDER, b"", time_s=1.0)
+    assert refused(follower, said) == "not for its sender to say"
     order = trust_of("eye", 4)
     order.prove(1, 0.0)
     assert refused(follower, order.seal(Kind.ORDER, b"", time_s=1.0)) == ""
