@@ -26,15 +26,15 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import role_of
-from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.steering import Steering
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
 from vfguide.companion.target_sender import TargetSender
-from vfguide.companion.tracking_monitor import TrackingMonitor
+from vfguide.companion.wakefulness import Wakefulness
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Point
 from vfguide.mavlink.acknowledgements import Acknowledgements
-from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
+from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
@@ -54,37 +54,14 @@ from vfguide.mavlink.reports import (
     TrafficReport,
     VersionReport,
 )
-from vfguide.mavlink.setpoint_stream import SetpointStream
 from vfguide.mavlink.signing import Signing
-from vfguide.state import HeardState, Setpoint
+from vfguide.state import HeardState
 
 HEARTBEAT_S = 1.0
 """Between heartbeats, and between tries of what the autopilot has not answered to."""
 
-HANG_S = 2.0
-"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
-
-STALL_S = 0.5
-"""After longer than this between two calls modes are commanded only once a new question was answered: what is
-read first has waited."""
-
-AWAKE_S = 1.0
-"""For so long after a hang what waited in buffers arrives."""
-
 FAILURE_S = 10.0
 """Between two texts that guidance fails."""
-
-ALTITUDE_S = 5.0
-"""Between repetitions of the altitude."""
-
-ALTITUDE_STEP_M = 0.02
-"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
-
-ALTITUDE_DIGITS = 2
-"""Decimals of an altitude: autopilots keep centimetres."""
-
-CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
-"""In the place of a step in height."""
 
 FAIL_SAFE_S = 5.0
 """For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""
@@ -144,8 +121,7 @@ class Companion:
         )
         self._announcer = Announcer(plan.name)
         self._plotted = PlottedValues()
-        self._call_time: float | None = None
-        self._awake_time = -math.inf
+        self._wakefulness = Wakefulness()
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
         self.ground_orders = None if order_codes is None else GroundOrders(order_codes)
@@ -162,29 +138,24 @@ class Companion:
         self._role = role_of(plan, clock, self._arrangements)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
-        self._awake_since = self._idle_since = self._return_since = math.inf
-        self._stalled = -math.inf
+        self._idle_since = self._return_since = math.inf
         self._interval = math.inf
         self._asked_for_telemetry = False
         self._distance = math.inf
         self._housekeeping_time = -math.inf
         self._target_sender = TargetSender(plan) if sends_target else None
-        self._altitude_time = self._failure_time = -math.inf
-        self._altitude = plan.altitude_amsl
-        self._setpoint: Setpoint[float] | None = None
+        self._failure_time = -math.inf
         self._slot: Point | None = None
         self._lyapunov = math.nan
         self._ready = self._has_steered = self._stands_back = False
         self._stopped = self._leaving = False
-        self._guard = SetpointGuard(plan)
-        self._stream = SetpointStream(adapter)
+        self._steering = Steering(plan, adapter, self._own)
         self._commands = Acknowledgements()
         self._loiter_height = LoiterHeight(plan, adapter)
         self._own_altitude = math.nan
         self._parameter_check = (
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
         )
-        self._tracking = TrackingMonitor(plan.airframe)
         self._wind: tuple[float, float] | None = None
 
     @property
@@ -202,7 +173,7 @@ class Companion:
         """What it did last."""
         return Snapshot(
             mode=self._mode,
-            setpoint=self._setpoint,
+            setpoint=self._steering.setpoint,
             lyapunov=self._lyapunov,
             slot=self._slot,
             path=MAIN_PATH if self.arrangement is None else self.arrangement.path,
@@ -214,7 +185,7 @@ class Companion:
         """What arrived and was not used, by reason."""
         own = self._own.counters + Counter({"old when it was read": self._old_datagrams})
         own += self._arrangements.counters
-        return self._codec.counters + self._role.counters + self._guard.counters + own
+        return self._codec.counters + self._role.counters + self._steering.counters + own
 
     @property
     def arrangement(self) -> Arrangement | None:
@@ -331,21 +302,16 @@ class Companion:
 
     def _is_waking(self, now: float, out: Outgoing) -> bool:
         """Whether what arrives now has waited while this process was stopped: then nothing goes by it."""
-        before, self._call_time = self._call_time, now
-        if before is None or now - before > HANG_S:
-            self._awake_since = now
-        if before is not None and now - before > STALL_S:
-            self._stalled = now
-        if before is not None and now - before > HANG_S:
-            self._awake_time = now + AWAKE_S
+        hung_s = self._wakefulness.note_call(now)
+        if hung_s:
             self._authority.forget()
             self._telemetry_time = -math.inf
             out.warn(
-                f"this companion stood still for {now - before:.0f} s, and steers again by what it hears"
+                f"this companion stood still for {hung_s:.0f} s, and steers again by what it hears"
                 " from now on; check the load of its computer",
                 now,
             )
-        return now < self._awake_time
+        return self._wakefulness.is_waking(now)
 
     def _finish(self, messages: list[MAVLink_message], now: float, out: Outgoing) -> Outgoing:
         """What is due by time, and texts for the pilot; in one datagram with the rest."""
@@ -383,8 +349,7 @@ class Companion:
         self._own = OwnVehicle(plan)
         self._arrangements.adopt(plan)
         self._role = role_of(plan, self._clock, self._arrangements)
-        self._guard = SetpointGuard(plan)
-        self._tracking = TrackingMonitor(plan.airframe)
+        self._steering = Steering(plan, self._adapter, self._own)
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first.
@@ -524,34 +489,28 @@ class Companion:
         out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)
-        setpoint, complaint = self._guard.pass_on(step.setpoint, now)
-        out.warn(complaint, now)
+        messages = self._steer(step, navigated, now, out)
+        for words in self._steering.words():
+            out.warn(words, now)
+        return messages
+
+    def _steer(
+        self, step: RoleStep, navigated: NavigatedState, now: float, out: Outgoing
+    ) -> list[MAVLink_message]:
+        """What a step sends to the autopilot."""
+        setpoint = self._steering.check(step, now)
         self._own.note_setpoint(setpoint if self._mode.steers else None, now)
         if setpoint is None:
             return []
-        height, complaint = self._guard.height(step.height)
-        out.warn(complaint, now)
-        wanted = self._plan.frame.altitude_m + height
         self._ready = True
-        messages: list[MAVLink_message] = []
         if self._mode.steers and self._authority.is_current(now):
             self._authority.note_steering()
-            self._setpoint, self._lyapunov = setpoint, step.lyapunov
-            height, complaint = self._guard.height(height + step.climb_m)
-            out.warn(complaint, now)
-            altitude = self._plan.frame.altitude_m + height
-            if step.climb_m != 0.0 and not self._adapter.holds_altitude:
-                out.warn(CANNOT_CLIMB, now)
-            messages += self._steer(self._asked(setpoint, altitude, navigated), now)
+            self._lyapunov = step.lyapunov
             out.steered = self._has_steered = True
-            out.warn(self._tracking.watch(navigated.state, setpoint), now)
-            if not self._adapter.holds_altitude:
-                off = navigated.place.altitude_amsl - wanted
-                out.warn(self._tracking.watch_altitude(off), now)
-        elif self._mode is not Mode.LOST and self._authority.recognised:
-            ready = self._adapter.stay_ready(self._asked(setpoint, wanted, navigated))
-            messages += self._stream.due(ready, now)
-        return messages
+            return self._steering.fly(setpoint, step.climb_m, navigated, now)
+        if self._mode is not Mode.LOST and self._authority.recognised:
+            return self._steering.stay_ready(setpoint, navigated, now)
+        return []
 
     def _tell_of_failure(self, error: Exception, now: float, out: Outgoing) -> None:
         """Tell the pilot, now and then, that guidance has failed."""
@@ -562,36 +521,6 @@ class Companion:
                 now,
             )
         self._change_mode(now, out)
-
-    def _asked(
-        self, setpoint: Setpoint[float], altitude: float, navigated: NavigatedState
-    ) -> AutopilotSetpoint:
-        """A setpoint as it is sent to the autopilot, with an altitude (m)."""
-        return AutopilotSetpoint(
-            course=setpoint.course + self._own.course_offset,
-            speed=self._reported(setpoint.speed),
-            altitude_amsl=round(altitude, ALTITUDE_DIGITS),
-            latitude_deg=navigated.place.latitude_deg,
-            longitude_deg=navigated.place.longitude_deg,
-        )
-
-    def _steer(self, setpoint: AutopilotSetpoint, now: float) -> list[MAVLink_message]:
-        """Messages that carry a setpoint, and the altitude when it is new and now and then."""
-        messages = self._stream.due(self._adapter.fly(setpoint), now)
-        altitude = setpoint.altitude_amsl
-        moved = abs(altitude - self._altitude) >= ALTITUDE_STEP_M
-        if moved or now - self._altitude_time >= ALTITUDE_S:
-            self._altitude_time, self._altitude = now, altitude
-            messages += self._adapter.hold_altitude(altitude)
-        return messages
-
-    def _reported(self, speed: float) -> float:
-        """A speed (m/s) as the autopilot's own sensor would show it, within the vehicle's limits."""
-        airframe = self._plan.airframe
-        if airframe.hold == "course-hold":
-            return speed
-        shown = speed / self._own.calibration.scale
-        return min(max(shown, airframe.airspeed_min), airframe.airspeed_max)
 
     def _change_mode(self, now: float, out: Outgoing) -> None:
         """Follow the supervisor."""
@@ -614,10 +543,9 @@ class Companion:
             return
         out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
         if not before.steers:
-            self._altitude_time = -math.inf
+            self._steering.begin()
         if self._mode.steers is not before.steers:
-            self._stream.reset()
-            self._tracking.reset()
+            self._steering.reset()
 
     def _sentence(self, situation: Situation, now: float) -> str:
         """What this companion does, and what the pilot can do."""
@@ -630,7 +558,7 @@ class Companion:
     def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
         wish, age_s = self._wish(now), self._own.greatest_age(now)
-        if now - age_s < self._stalled:
+        if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
         told = self._stopped or self._arrangements.has_left
@@ -662,13 +590,13 @@ class Companion:
             # The other one may steer this very vehicle.
             return Wish.RETURN if self._has_steered else Wish.NONE
         lost_s = self._timeouts.telemetry_lost_s
-        deaf = now - max(self._telemetry_time, self._awake_since) > lost_s
+        deaf = now - max(self._telemetry_time, self._wakefulness.since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._role.leader_age(now) < math.inf
         gone = gone or self._arrangements.has_left
-        if gone or self._guard.closed(now) or deaf or idle:
+        if gone or self._steering.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
         ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)

@@ -1,0 +1,51 @@
+"""Whether this process ran all the time: what a stopped one reads when it goes on has waited, and is old."""
+
+import math
+
+HANG_S = 2.0
+"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
+
+STALL_S = 0.5
+"""After longer than this between two calls modes are commanded only once a new question was answered: what is
+read first has waited."""
+
+AWAKE_S = 1.0
+"""For so long after a hang what waited in buffers arrives."""
+
+
+class Wakefulness:
+    """When one companion was called last, and what that means for what it hears now; times in s."""
+
+    def __init__(self) -> None:
+        """Was never called."""
+        self._called = -math.inf
+        self._awake = -math.inf
+        self._stalled = -math.inf
+        self.since = math.inf
+        """Since when it is called without a hang."""
+
+    def note_call(self, now: float) -> float:
+        """Note a call.
+
+        Returns:
+            For how long it hung before, s; 0 if it did not.
+        """
+        before, self._called = self._called, now
+        away = now - before
+        if away > HANG_S:
+            self.since = now
+        if not STALL_S < away < math.inf:
+            return 0.0
+        self._stalled = now
+        if away <= HANG_S:
+            return 0.0
+        self._awake = now + AWAKE_S
+        return away
+
+    def is_waking(self, now: float) -> bool:
+        """Whether what arrives now has waited: then nothing goes by it."""
+        return now < self._awake
+
+    def is_stale(self, stamp: float) -> bool:
+        """Whether something was true at a time (s) before the last stall."""
+        return stamp < self._stalled
