@@ -24,7 +24,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import Tell, decode_ask, encode_tell
+from vfguide.link.clock_codec import encode_tell
 from vfguide.link.codec import LinkDataError, decode, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
@@ -48,19 +48,17 @@ from vfguide.link.packed import (
     tag_of,
     ticks_of,
 )
-from vfguide.link.peer_clock import HURRIED_S, OPEN
+from vfguide.link.peer_clock import HURRIED_S
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
 from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox
+from vfguide.link.radio_questions import Questions
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
 from vfguide.link.twin import YOUNG_S
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
-
-ANSWERABLE_S = 1.5
-"""A question that has waited for so long is not answered: its asker has asked again."""
 
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
 """From one question of a follower to its next: while its clock is not settled, and later. One that knows no
@@ -117,16 +115,6 @@ class QueuedBody:
     """Since when it waits, s on the clock of the turns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """A question that the leader has heard."""
-
-    number: int
-    """Of the exchange."""
-    received_s: float
-    """When, s on the member's clock."""
-
-
 class Station:
     """One member's part of what goes on a radio."""
 
@@ -171,11 +159,7 @@ class Station:
         self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
         self._true_leader_s = -math.inf
         self._state: QueuedBody | None = None
-        self._question: QueuedBody | None = None
-        self._asked_s = -math.inf
-        self._open: dict[int, tuple[float, float]] = {}
-        self._questions: dict[int, Question] = {}
-        self._answered_s: dict[int, float] = {}
+        self._questions = Questions()
         self._presence: Presence | None = None
         self._told_s = -math.inf
         self._to_order, self._ordered = OrderOutbox(), OrderInbox()
@@ -196,7 +180,7 @@ class Station:
                     self._member.counters["radio: replaced before its turn"] += 1
                 self._state = QueuedBody(body=parcel.body, since_s=now)
             case Kind.QUESTION:
-                self._question = QueuedBody(body=parcel.body, since_s=now)
+                self._questions.post(parcel.body)
             case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
                 self._post_about_order(parcel, now)
             case _:
@@ -308,9 +292,9 @@ class Station:
         match packet.kind:
             case PackedKind.QUESTION if self._member.answers_twin(YOUNG_S):
                 # It does not say for how long its asker has spoken.
-                self._keep_question(packet)
+                self._questions.hear(packet.sender, packet.number, self._member.clock())
             case PackedKind.ANSWER if packet.to == self._number:
-                tell = self._told_to(packet)
+                tell = self._questions.answer_to(packet)
                 if tell is not None:
                     self._member.hear_twin(encode_tell(tell))
             case PackedKind.QUESTION | PackedKind.ANSWER:
@@ -409,9 +393,9 @@ class Station:
         """Hand on what is believed."""
         match packet.kind:
             case PackedKind.QUESTION if self._number == LEADER:
-                self._keep_question(packet)
+                self._questions.hear(packet.sender, packet.number, self._member.clock())
             case PackedKind.ANSWER if packet.to == self._number:
-                tell = self._told_to(packet)
+                tell = self._questions.answer_to(packet)
                 if tell is not None:
                     self._accept(packet, Kind.ANSWER, packet.session, encode_tell(tell))
             case PackedKind.STATE if packet.state is not None:
@@ -449,31 +433,12 @@ class Station:
         sender = OPERATOR_NAME if operates else self._vehicles[packet.sender]
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
 
-    def _keep_question(self, packet: Packet) -> None:
-        """Answer a question in a later turn."""
-        self._questions[packet.sender] = Question(
-            number=packet.number, received_s=self._member.clock()
-        )
-
-    def _told_to(self, packet: Packet) -> Tell | None:
-        """The answer to an own question, as if it had been heard when it was asked; None to none."""
-        asked = self._open.pop(packet.number, None)
-        if asked is None:
-            return None
-        originate_s, waited_s = asked
-        return Tell(
-            number=packet.number,
-            originate_s=originate_s,
-            receive_s=packet.received * TICK_S - waited_s,
-            transmit_s=packet.ticks * TICK_S,
-        )
-
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
         """The leader's packet for a turn."""
         table = self._beat.timetable
-        if turn.beat is None and self._question is not None:
+        if turn.beat is None and self._questions.waits:
             # To another of its name, which seldom has something to say in this turn.
-            return self._asked(self._question, now)
+            return self._asked(now)
         if self._is_silent_leader(now):
             return b""
         if turn.beat is None or table is None:
@@ -546,38 +511,30 @@ class Station:
         """The question that waits, unless the last was asked a short time ago."""
         if not self._is_free(now):
             return b""
-        clock, table, question = self._member.peer_clock, self._beat.timetable, self._question
-        if clock is None or table is None or question is None:
+        clock, table = self._member.peer_clock, self._beat.timetable
+        if clock is None or table is None:
             return b""
         hurried = clock.pause_s <= HURRIED_S or self._member.hurry.is_set()
         cycles = HURRIED_CYCLES if hurried else max(CALM_CYCLES, table.members)
         cycles = cycles if self._member.trust.proven else 1
-        if now - self._asked_s < (cycles - 0.5) * table.cycle_s:
+        if self._questions.asked_ago_s(now) < (cycles - 0.5) * table.cycle_s:
             return b""
-        return self._asked(question, now)
+        return self._asked(now)
 
-    def _asked(self, question: QueuedBody, now: float) -> bytes:
-        """The packet of a question that is asked now."""
-        self._question, self._asked_s = None, now
-        ask = decode_ask(question.body)
-        self._open[ask.number] = ask.originate_s, self._member.clock() - ask.originate_s
-        while len(self._open) > OPEN:
-            del self._open[next(iter(self._open))]
-        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), 0.0)
+    def _asked(self, now: float) -> bytes:
+        """The packet of the question that waits; nothing where none does."""
+        number = self._questions.ask(self._member.clock(), now)
+        if number is None:
+            return b""
+        return self._sealed(PackedKind.QUESTION, encode_question(number), 0.0)
 
     def _answer(self, now: float) -> bytes:
         """The answer to one of the questions that wait."""
         clock_s = self._member.clock()
-        self._questions = {
-            asker: question
-            for asker, question in self._questions.items()
-            if clock_s - question.received_s < ANSWERABLE_S
-        }
-        if not self._questions:
+        found = self._questions.next_to_answer(clock_s, now)
+        if found is None:
             return b""
-        asker = min(self._questions, key=lambda one: self._answered_s.get(one, -math.inf))
-        question = self._questions.pop(asker)
-        self._answered_s[asker] = now
+        asker, question = found
         (session, *_) = self._member.trust.epochs(clock_s)
         body = encode_answer(asker, question.number, session, ticks_of(question.received_s))
         return self._sealed(PackedKind.ANSWER, body, clock_s)
