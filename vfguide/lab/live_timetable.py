@@ -87,10 +87,12 @@ class _Operator:
         while self.left:
             name, timed = self.left[0]
             tell = partial(self._tell_of, name)
+            begun = asyncio.Event()
             try:
-                await self._give(timed, tell)
+                await self._give(timed, tell, begun)
             except VfguideError as error:
-                tell(f"not given: {error}")
+                known = "given, and its end not heard" if begun.is_set() else "not given"
+                tell(f"{known}: {error}")
             except Exception as error:
                 # The flight and the orders after this one must not end by it.
                 logger.exception("%s: failed", name)
@@ -100,8 +102,8 @@ class _Operator:
     def _tell_of(self, name: str, text: str) -> None:
         self.tell(f"{name}: {text}")
 
-    async def _give(self, timed: TimedOrder, tell: Tell) -> None:
-        """Give one order, and try again while the formation is not heard.
+    async def _give(self, timed: TimedOrder, tell: Tell, begun: asyncio.Event) -> None:
+        """Give one order, and try again while the formation is not heard; arguments as of `_try`.
 
         Raises:
             RefusedOrderError: it cannot be carried out.
@@ -111,16 +113,23 @@ class _Operator:
         last_s = self.time_s() + OPENED_S
         while True:
             try:
-                return await self._try(timed, tell)
+                return await self._try(timed, tell, begun)
             except InputError:
                 raise
             except VfguideError:
-                if self.time_s() >= last_s:
+                # An order that was given once may be flown: a second one would be another.
+                if begun.is_set() or self.time_s() >= last_s:
                     raise
             await asyncio.sleep(RETRY_S)
 
-    async def _try(self, timed: TimedOrder, tell: Tell) -> None:
-        """Give one order so that it begins at its time, or as soon after it as it can."""
+    async def _try(self, timed: TimedOrder, tell: Tell, begun: asyncio.Event) -> None:
+        """Give one order so that it begins at its time, or as soon after it as it can.
+
+        Args:
+            timed: the order.
+            tell: takes a line for each thing that happens.
+            begun: set before the order is said for the first time.
+        """
         aborts = timed.action == "abort"
         async with at_desk(self.mission, self.watched, Random()) as (desk, link):
             given_s = timed.at_s - (0.0 if aborts else link.order_lead_s)
@@ -135,6 +144,7 @@ class _Operator:
                     tell(f"order {desk.newest_number} has been given meanwhile: rehearsing again")
                     found = await self._rehearse(timed, desk, link)
                     await await_rest(desk, link)
+            begun.set()
             outcome = await give_rehearsed(self.mission, found, desk, link, tell=tell)
         for line in conclusion(outcome):
             tell(line)

@@ -68,6 +68,8 @@ class Flight:
         self.silent: set[str] = set()
         self.down: Callable[[], bool] = lambda: False
         """Whether no link stands."""
+        self.fails_at_close = False
+        """Whether the link is lost when it is closed."""
         self.while_rehearsing: Callable[[int], None] = lambda _: None
         self.rehearsals: list[float] = []
         self.given: list[tuple[float, float]] = []
@@ -92,6 +94,8 @@ class Flight:
         self.desk.member = member
         self.speak()
         yield self.desk, self
+        if self.fails_at_close:
+            raise VfguideError("the link was lost")
 
     def speak(self) -> None:
         """Let everybody say where it is."""
@@ -216,6 +220,15 @@ def test_a_link_that_is_gone_for_a_while_costs_no_order_that_it_is_back_for(
     flight.fly()
     assert [begun_s for _, begun_s in flight.given] == [60, 120, 180, 300, 360]
     assert "orders[3], at 240 s: not given: no link" in flight.said
+
+
+def test_an_order_that_was_given_is_not_given_again_where_the_link_is_lost_after_it(
+    flight: Flight,
+) -> None:
+    flight.fails_at_close = True
+    flight.fly(until_s=110.0)
+    assert [begun_s for _, begun_s in flight.given] == [60]
+    assert "orders[0], at 60 s: given, and its end not heard: the link was lost" in flight.said
 
 
 def test_after_a_late_order_the_next_one_is_late_too_and_not_refused(flight: Flight) -> None:
