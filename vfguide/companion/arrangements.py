@@ -18,6 +18,7 @@ from vfguide.companion.order_limits import (
     LATEST_S,
     age_objection,
     circle_objection,
+    joining_objection,
     lead_objection,
     nearness_objection,
     path_objection,
@@ -155,6 +156,8 @@ class Arrangements:
 
         Behind a leader without a companion it is the first follower, whose clock counts.
         """
+        self.joining_m = 0.0
+        """How far this vehicle is from the slot that it is steered to from afar, m; 0 in its slot."""
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None
@@ -667,6 +670,9 @@ class Arrangements:
         place = order.place_of(self._plan.name)
         if place is None:
             return None
+        objection = joining_objection(order, place, self.joining_m, self._leader)
+        if objection is not None:
+            return objection
         # Slots may still be on their way now, and at rest at its time.
         begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
         return slot_objection(order, place, self._plan, begin)

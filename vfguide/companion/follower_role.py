@@ -141,6 +141,7 @@ class FollowerRole(Role):
         self._intended_path: Path | None = None
         self._deviation: HeightDeviation | None = None
         self._height = HeightKeeper(plan)
+        self._height_wanted = held_height(plan.height)
         self._asked_height = plan.height
         self._leader_height: float | None = None
         self._wind = (0.0, 0.0)
@@ -382,9 +383,15 @@ class FollowerRole(Role):
             setpoint = navigated.delay_compensator.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
+        self._arrangements.joining_m = self._distance if mode is Mode.JOINING else 0.0
         if breaks_away:
             setpoint = self._away(navigated, leader)
         away = setpoint if breaks_away else None
+        self._height_wanted = (
+            held_height(self._asked_height)
+            if breaks_away
+            else self._height_target(navigated, leader)
+        )
         avoidance = self._keep_clear.step(
             navigated,
             motion.turn_rate,
@@ -396,8 +403,9 @@ class FollowerRole(Role):
         self._avoiding = mode.steers and avoidance.setpoint is not None
         setpoint = avoidance.setpoint or setpoint
         if not breaks_away:
-            target = self._height_target(navigated, leader)
-            self._asked_height = self._height.step(navigated, target, setpoint, steered=mode.steers)
+            self._asked_height = self._height.step(
+                navigated, self._height_wanted, setpoint, steered=mode.steers
+            )
         return RoleStep(
             setpoint=setpoint,
             height=self._asked_height,
@@ -444,7 +452,10 @@ class FollowerRole(Role):
     ) -> Intent:
         """What it would fly if it were alone with its leader."""
         return Intent(
-            wanted=self._wanted(navigated, leader, away), leader=leader, astray=self._distance
+            wanted=self._wanted(navigated, leader, away),
+            leader=leader,
+            astray=self._distance,
+            height=self._height_wanted,
         )
 
     def _wanted(

@@ -23,6 +23,7 @@ class Sightings:
         "acceleration",
         "ahead",
         "altitude",
+        "climb_rate",
         "drift",
         "held",
         "offset",
@@ -53,6 +54,8 @@ class Sightings:
         """rad/s."""
         self.altitude = np.full(count, np.nan)
         """m above mean sea level."""
+        self.climb_rate = np.zeros(count)
+        """m/s, positive up."""
         self.steered = np.zeros(count, dtype=bool)
         """Whether their companions steered them."""
         self.offset = np.zeros(count, dtype=np.complex128)

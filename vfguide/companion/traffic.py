@@ -49,6 +49,9 @@ FORGET_S = 12.0
 ABOVE_M = 30.0
 """Vehicles farther above or below than this are not in the way."""
 
+STEPS_M = 60.0
+"""The same for a step in height: what it leads to and what others may do meanwhile, with a margin."""
+
 SAFE_M = 30.0
 """Vehicles farther away than this, and what both can fly within the horizon, are not looked at."""
 
@@ -161,6 +164,7 @@ class Traffic:
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
         known.turn_rate[row], known.altitude[row] = state.turn_rate, state.altitude_amsl
+        known.climb_rate[row] = state.climb_rate
         known.steered[row] = state.steered
         known.held[row] = cmath.rect(1.0, state.course_setpoint)
         if self._leads[row]:
@@ -170,9 +174,21 @@ class Traffic:
         """The vehicle of a row."""
         return self.vehicles[row % len(self.vehicles)]
 
-    def altitude_of(self, row: int) -> float:
-        """Altitude that a vehicle said last, m above mean sea level."""
-        return float(self._heard.altitude[row])
+    def height_of(self, row: int, now: float) -> tuple[float, float]:
+        """(altitude in m above mean sea level, climb rate in m/s) of a vehicle, carried on for a while."""
+        rate = float(self._heard.climb_rate[row])
+        carried_s = min(now - float(self._heard.time[row]), SILENT_S)
+        return float(self._heard.altitude[row]) + rate * carried_s, rate
+
+    def makes_room(self, row: int, now: float) -> bool:
+        """Whether a vehicle keeps clear of others itself: it is steered, and does not lead them."""
+        heard = self._heard
+        steered = heard.steered[row] and now - heard.time[row] <= SILENT_S
+        return bool(steered and not self._leads[row])
+
+    def slots_apart(self, row: int) -> float:
+        """How near a vehicle's slot and the own one come soon, level, m."""
+        return float(self._spacing[row])
 
     def places(self, here: Viewpoint) -> list[tuple[complex, complex]]:
         """(place in m, velocity in m/s) of those who were heard a short time ago, carried on until now."""
@@ -185,7 +201,7 @@ class Traffic:
         return [(complex(place[row]), complex(velocity[row])) for row in recent]
 
     def possibilities(
-        self, here: Viewpoint, leader: LeaderState[float] | None
+        self, here: Viewpoint, leader: LeaderState[float] | None, *, heights: bool = False
     ) -> tuple[Others, IntArray] | None:
         """What the others may do that could come near, and whose row each possibility is of.
 
@@ -193,11 +209,12 @@ class Traffic:
             here: the vehicle that looks around.
             leader: of the formation it flies in, at the same time; None for the leader itself, which leaves
                 it to the steered ones to keep clear unless it is astray.
+            heights: whether a step in height is looked for: then all count that it may lead to.
 
         Returns:
             None where no vehicle can come near.
         """
-        if self.is_clear(here, leader):
+        if not heights and self.is_clear(here, leader):
             return None
         age = here.time_s - self._heard.time
         known = age <= FORGET_S
@@ -205,13 +222,14 @@ class Traffic:
         quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
         linked = self._works_for(known & quiet)
         silent = (age > SILENT_S) | (quiet & linked)
-        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > self._above)
+        above = STEPS_M if heights else self._above
+        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > above)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
         if leader is None:
             # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.
             alone &= ~believed | linked
-            if here.astray > LEADER_ASTRAY_M:
+            if heights or here.astray > LEADER_ASTRAY_M:
                 alone |= known & believed & ~silent
         if not (alone if leader is None else known).any():
             return None
