@@ -55,9 +55,6 @@ STEPS_M = 60.0
 SAFE_M = 30.0
 """Vehicles farther away than this, and what both can fly within the horizon, are not looked at."""
 
-WIND_S = 0.6
-"""A vehicle that was heard this short a time ago flies in the wind of now."""
-
 CHORD_M = 0.5
 """How much shorter chords are than arcs, at most: 0.2 m after 2.4 s of a turn by 0.13 rad/s at 20 m/s."""
 
@@ -93,6 +90,7 @@ class Traffic:
             self._heard.rows(0, count),
             self._heard.rows(count, 2 * count),
         )
+        self._carried_s = math.inf
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
@@ -214,6 +212,7 @@ class Traffic:
         Returns:
             None where no vehicle can come near.
         """
+        self._carry(here)
         if not heights and self.is_clear(here, leader):
             return None
         age = here.time_s - self._heard.time
@@ -234,8 +233,6 @@ class Traffic:
         if not (alone if leader is None else known).any():
             return None
         age[~known] = 0.0
-        # That of then: in a wind that swings it is another one two seconds later.
-        self._heard.wind[age <= WIND_S] = here.wind
         place, velocity = self._heard.propagate(age, here.wind)
         keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
@@ -270,6 +267,7 @@ class Traffic:
             velocity=velocity[rows],
             held=self._heard.held[rows],
             wind=self._heard.wind[rows],
+            carried=self._heard.carried[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
             hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),
@@ -283,6 +281,14 @@ class Traffic:
             linked=linked[rows],
         )
         return possibilities_of(seen, here, leader)
+
+    def _carry(self, here: Viewpoint) -> None:
+        """Let the wind carry those who are silent until now."""
+        passed_s = here.time_s - self._carried_s
+        self._carried_s = here.time_s
+        self._heard.carry(
+            here.time_s - self._heard.time, here.wind, passed_s if passed_s > 0.0 else 0.0
+        )
 
     def _works_for(self, missing: BoolArray) -> BoolArray:
         """Whether the link has worked since those who are missing were heard: another was, all the time.
@@ -317,7 +323,6 @@ class Traffic:
         doubted_s = np.maximum.reduce(self._doubted.time, initial=-np.inf)
         if oldest_s > SILENT_S or doubted_s >= here.time_s - FORGET_S:
             return False
-        known.wind[age <= WIND_S] = here.wind
         if leader is None:
             return True
         half_turn = np.exp(0.5j * known.turn_rate * age)
