@@ -287,7 +287,7 @@ class Traffic:
         passed_s = here.time_s - self._carried_s
         self._carried_s = here.time_s
         self._heard.carry(
-            here.time_s - self._heard.time, here.wind, passed_s if passed_s > 0.0 else 0.0
+            here.time_s - self._heard.time, here.wind, max(0.0, passed_s)
         )
 
     def _works_for(self, missing: BoolArray) -> BoolArray:

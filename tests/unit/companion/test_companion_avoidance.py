@@ -1,5 +1,6 @@
 """What a pilot hears of a vehicle that keeps clear of another, and what the vehicle does."""
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -170,3 +171,34 @@ def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
     # 60 m above the origin, in a mission of 100 m: f3 keeps it from climbing.
     heights = heights_beside(lambda _: 12.0, height_m=60.0)
     assert min(heights.values()) == pytest.approx(-15.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("steered", "step_m"), [(True, 0.0), (False, 20.0)])
+def test_a_leader_uses_no_height_beside_a_follower_that_would_climb_and_descend_with_it(
+    flight: Make,
+    leader_bytes: Make,
+    mission: Callable[[str], Mission],
+    *,
+    steered: bool,
+    step_m: float,
+) -> None:
+    # 30 m off its path the leader keeps clear of all; f1 flies 3 m right of it wherever it goes.
+    frame = flight_plan(mission("line-calm"), "f1").frame
+    one, heights = flight("leader"), list[float]()
+
+    def link(now: float) -> Iterable[bytes]:
+        true = one.autopilot.truth()
+        north, east = frame.to_local(true.latitude_deg, true.longitude_deg)
+        latitude, longitude = frame.to_geodetic(north, east + 3.0)
+        velocity = {"course": math.remainder(true.course_rad, math.tau), "ground_speed": 20.0}
+        place = {"latitude_deg": latitude, "longitude_deg": longitude}
+        if now >= 3.0:
+            one.companion.receive_neighbour(
+                "f1", leader_bytes(now, **place, **velocity, steered=steered), now
+            )
+        heights.append(abs(true.altitude_amsl_m - 588.0))
+        return []
+
+    one.link = link
+    one.run(12.0)
+    assert max(heights) == pytest.approx(step_m, abs=5.0)
