@@ -162,6 +162,9 @@ class Arrangements:
         self._next: Order | None = None
         self._circle: Circle | None = None
         self._route: KnownPath | None = None
+        self.turn_radius = 0.0
+        """Radius of the last hold's circle, m; 0 before the first. Onto that circle, and from it back to the
+        path, a leader that is carried on turns no tighter."""
         self._appointed_s = -math.inf
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = False
@@ -551,6 +554,8 @@ class Arrangements:
         self._flown, self._next = order, None
         self._returned = had_left and not self.has_left
         self._circle = self._circle_of(order.arrangement)
+        if self._circle is not None:
+            self.turn_radius = self._circle.radius
         self._route = self._route_of(order.arrangement)
         self._older.clear()
         self._reply(order, Verdict.FLOWN)

@@ -342,13 +342,16 @@ class FollowerRole(Role):
         known, circle = self._routed_leader(), self._arrangements.circle
         if circle is None or isinstance(known, ForeignLeader):
             return known
-        return replace(known, path=circle, least_radius=0.0)
+        return replace(known, path=circle, least_radius=self._arrangements.turn_radius)
 
     def _routed_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader, whether it holds now or not."""
         known, route = self._task.leader, self._arrangements.route
-        if route is None or isinstance(known, ForeignLeader):
+        radius = self._arrangements.turn_radius
+        if isinstance(known, ForeignLeader) or (route is None and radius == 0.0):
             return known
+        if route is None:
+            return replace(known, least_radius=radius)
         return replace(
             known, path=route.path, path_gains=route.gains, least_radius=route.least_radius
         )

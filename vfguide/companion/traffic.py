@@ -286,9 +286,7 @@ class Traffic:
         """Let the wind carry those who are silent until now."""
         passed_s = here.time_s - self._carried_s
         self._carried_s = here.time_s
-        self._heard.carry(
-            here.time_s - self._heard.time, here.wind, max(0.0, passed_s)
-        )
+        self._heard.carry(here.time_s - self._heard.time, here.wind, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray) -> BoolArray:
         """Whether the link has worked since those who are missing were heard: another was, all the time.

@@ -263,6 +263,30 @@ def test_the_lead_goes_to_a_deputy_and_back_on_a_circle_and_nobody_leaves_its_sl
     assert max(float(one.max()) for one in errors) < 1.0
 
 
+def test_a_deputy_that_leads_goes_into_a_hold_and_out_of_it_in_turns_that_an_aircraft_can_fly(
+    mission_with: MissionWith,
+) -> None:
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    lost = {"vehicle": "leader", "at_s": 15.0, "what": "companion"}
+    content = mission_with("shapes", rehearsal={"start": start, "losses": [lost]}).model_dump(
+        exclude_unset=True
+    )
+    # A circle of 200 m: half way round it, after some 30 s, the path leads the other way.
+    orders = [{"at_s": 30.0, "action": "hold"}, {"at_s": 64.0, "action": "resume"}]
+    content |= {"deputies": ["f1", "f2"], "orders": orders}
+    flight = Flown(Mission.model_validate(content))
+    for until_s, number in ((45.0, 1), (78.0, 2)):
+        flight.until(until_s)
+        assert flight.numbers()[1:] == [number] * 3
+        assert leaders(flight) == ["f1"]
+    # Who hears a leader that turns at once takes it for one that cannot be.
+    assert not any("what cannot be" in flight.words(name) for name in ("f2", "f3"))
+    record = flight.record()
+    moved = record.time_s >= 40.0
+    errors = [slot_error(record.reference, one).distance_m[moved] for one in record.followers]
+    assert max(float(one.max()) for one in errors) < 10.0
+
+
 def leaders(flight: Flown) -> list[str]:
     """Who leads, as each says of itself."""
     return [name for name, one in flight.aircraft.items() if one.companion.snapshot.lead]
