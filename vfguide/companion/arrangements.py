@@ -157,7 +157,7 @@ class Arrangements:
         Behind a leader without a companion it is the first follower, whose clock counts.
         """
         self.joining_m = 0.0
-        """How far this vehicle is from the slot that it is steered to from afar, m; 0 in its slot."""
+        """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None

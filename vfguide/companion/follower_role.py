@@ -386,7 +386,8 @@ class FollowerRole(Role):
             setpoint = navigated.delay_compensator.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
-        self._arrangements.joining_m = self._distance if mode is Mode.JOINING else 0.0
+        comes = mode in {Mode.WAITING, Mode.JOINING}
+        self._arrangements.joining_m = self._distance if comes else 0.0
         if breaks_away:
             setpoint = self._away(navigated, leader)
         away = setpoint if breaks_away else None

@@ -164,7 +164,7 @@ def joining_objection(
         if nearest < min(JOIN_M, before) - SAME_M:
             return (
                 f"{place.vehicle} is still {joining_m:.0f} m from its slot, and {other.vehicle} would come"
-                f" within {nearest:.1f} m of that: give the order again once it is there"
+                f" within {nearest:.1f} m of that: wait until it is there, or order it to leave"
             )
     return None
 

@@ -194,6 +194,20 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     assert nearest(record, 15.0) >= 7.0
 
 
+def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered(
+        {"at_s": 20.0, "leave": ["f3"]},
+        {"at_s": 40.0, "join": ["f3"]},
+        {"at_s": 50.0, "spacing_m": 10.0},
+    )
+    flight.until(60.0)
+    assert flight.numbers() == [2, 2, 2, 2]
+    assert "m from its slot, and" in flight.words("f3")
+    assert "order 3 is void: f3: f3 is still" in flight.words("leader")
+
+
 def test_a_hold_circles_in_stacked_heights_and_an_abort_ends_everything(
     ordered: Callable[..., Flown],
 ) -> None:
