@@ -18,6 +18,7 @@ from vfguide.companion.order_limits import (
     LATEST_S,
     age_objection,
     circle_objection,
+    joining_objection,
     lead_objection,
     nearness_objection,
     path_objection,
@@ -155,10 +156,15 @@ class Arrangements:
 
         Behind a leader without a companion it is the first follower, whose clock counts.
         """
+        self.joining_m = 0.0
+        """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
         self._flown: Order | None = None
         self._next: Order | None = None
         self._circle: Circle | None = None
         self._route: KnownPath | None = None
+        self.turn_radius = 0.0
+        """Radius of the last hold's circle, m; 0 before the first. Onto that circle, and from it back to the
+        path, a leader that is carried on turns no tighter."""
         self._appointed_s = -math.inf
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = False
@@ -548,6 +554,8 @@ class Arrangements:
         self._flown, self._next = order, None
         self._returned = had_left and not self.has_left
         self._circle = self._circle_of(order.arrangement)
+        if self._circle is not None:
+            self.turn_radius = self._circle.radius
         self._route = self._route_of(order.arrangement)
         self._older.clear()
         self._reply(order, Verdict.FLOWN)
@@ -667,6 +675,9 @@ class Arrangements:
         place = order.place_of(self._plan.name)
         if place is None:
             return None
+        objection = joining_objection(order, place, self.joining_m, self._leader)
+        if objection is not None:
+            return objection
         # Slots may still be on their way now, and at rest at its time.
         begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
         return slot_objection(order, place, self._plan, begin)

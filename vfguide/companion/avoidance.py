@@ -16,26 +16,32 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.companion.traffic import Traffic, reaction_time
+from vfguide.guidance.height import HeightTarget
+from vfguide.guidance.height_step import (
+    CLEAR,
+    STEP_M,
+    Neighbour,
+    best_step,
+    clearance,
+    deepest,
+)
 from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
 from vfguide.guidance.response import course_error_for
-from vfguide.guidance.separation import Clearance, Others, keep_clear
+from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
 """Of the turn rate of a coordinated turn, what a vehicle without coordination reaches."""
-
-STEP_M = 20.0
-"""Height that is climbed or descended where the plane is not enough."""
-
-STEP_SHARE = 0.25
-"""At most this of the height above the origin is descended: of the mission's, or of the present one."""
 
 STAY_S = 5.0
 """A step in height is kept for this long after the last reason for it."""
 
 LEVEL_M = 3.0
 """Vehicles whose altitudes differ by less than this step apart by their ranks."""
+
+SOON_S = 3.0
+"""For so long a climb or descent of another vehicle is thought to go on."""
 
 LITTLE_ROOM_M = 1.0
 """Where no manoeuvre leaves this much beyond the floor, height is used as well, at once."""
@@ -79,6 +85,8 @@ class Intent:
     """Now; None for the leader itself."""
     astray: float
     """How far it is from its slot, or from flying along its path, m."""
+    height: HeightTarget
+    """Of its guidance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,12 +95,20 @@ class Obstacle:
 
     name: str
     """As people read it."""
-    altitude_amsl: float
-    """m; NaN where it is not known."""
     least_m: float
     """Where no manoeuvre in the plane keeps more than this, height is used."""
+    least_up_m: float
+    """The height that is worth as much, m."""
+    altitude_amsl: float
+    """m; NaN where it is not known."""
+    climb_rate: float
+    """m/s."""
     under: bool
     """Whether to climb where both are as high, or the height is not known."""
+    makes_room: bool
+    """Whether it keeps clear itself, by the same rules."""
+    slots_apart_m: float = math.inf
+    """How near its slot and the own one come soon, level, where it is on its way to its slot."""
 
 
 class KeepClear:
@@ -176,46 +192,67 @@ class KeepClear:
             astray=aim.astray,
             reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
         )
+        own = own_motion(state, turn_rate, airframe)
         found = self._obstacles(here, aim)
         if found is None:
-            self._climb_m = self._height_for(None, navigated)
+            self._climb_m = self._height_for(here, own, aim, navigated, None, tight=False)
             self._report(None, 0.0, state.time_s)
             return None
         others, those = found
-        own = own_motion(state, turn_rate, airframe)
         side = 0.0 if self._clear is None else self._clear.turn
         clear = keep_clear(own, aim.wanted, others, self._agility(navigated), side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
-        least = np.array([one.least_m for one in those])
-        room_m = float((clear.nearest - least).min()) if clear.changed else math.inf
+        room_m = math.inf
+        if clear.changed:
+            # Slots count from the leader's height: those who fly in them would climb and descend with it.
+            beside = np.array([aim.leader is None and one.makes_room for one in those])
+            least = np.array([one.least_m for one in those])
+            room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         tight = self._is_tight(room_m, state.time_s)
-        tightest = those[int(clear.nearest.argmin())] if tight else None
-        self._climb_m = self._height_for(tightest, navigated)
+        self._climb_m = self._height_for(here, own, aim, navigated, clear, tight=tight)
         nearest = those[int(clear.wanted_nearest.argmin())]
         step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
         return clear
 
-    def _obstacles(self, here: Viewpoint, aim: Intent) -> tuple[Others, list[Obstacle]] | None:
+    def _obstacles(
+        self, here: Viewpoint, aim: Intent, *, heights: bool = False
+    ) -> tuple[Others, list[Obstacle]] | None:
         """What all that may come near may do, and whose each possibility is; None where nothing may."""
-        found = self._traffic.possibilities(here, aim.leader)
+        found = self._traffic.possibilities(here, aim.leader, heights=heights)
         those = []
         if found is not None:
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
-                altitude = self._traffic.altitude_of(row)
-                above = self._plan.rank > vehicle.rank
+                altitude, climb_rate = self._traffic.height_of(row, here.time_s)
+                makes_room = self._traffic.makes_room(row, here.time_s)
                 those.append(
                     Obstacle(
-                        name=vehicle.name, altitude_amsl=altitude, least_m=float(floor), under=above
+                        name=vehicle.name,
+                        least_m=float(floor),
+                        least_up_m=float(floor),
+                        altitude_amsl=altitude,
+                        climb_rate=climb_rate,
+                        under=self._plan.rank > vehicle.rank,
+                        makes_room=makes_room,
+                        slots_apart_m=self._traffic.slots_apart(row) if makes_room else math.inf,
                     )
                 )
         near = self.aircraft.nearby(here, lambda: self._traffic.places(here))
         if near is None:
             return None if found is None else (found[0], those)
         for name, altitude in zip(near.names, near.altitudes, strict=True):
-            least_m = TIGHT_SHARE * self._plan.traffic_m
-            those.append(Obstacle(name=name, altitude_amsl=altitude, least_m=least_m, under=True))
+            those.append(
+                Obstacle(
+                    name=name,
+                    least_m=TIGHT_SHARE * self._plan.traffic_m,
+                    least_up_m=STEP_M,
+                    altitude_amsl=altitude,
+                    climb_rate=aim.height.climb_rate,
+                    under=True,
+                    makes_room=False,
+                )
+            )
         return joined(None if found is None else found[0], near.others), those
 
     def _report(self, obstacle: Obstacle | None, climb_m: float, now: float) -> None:
@@ -247,19 +284,86 @@ class KeepClear:
         self._tight_since = min(self._tight_since, now)
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
 
-    def _height_for(self, obstacle: Obstacle | None, navigated: NavigatedState) -> float:
-        """Step in height (m) beside a vehicle; it stays for a while once no vehicle is near."""
-        now = navigated.state.time_s
-        if obstacle is None:
-            return self._climb_m if now - self._stepped_s <= STAY_S else 0.0
-        self._stepped_s = now
-        if self._climb_m != 0.0:
-            return self._climb_m
-        plan = self._plan
-        above = navigated.altitude_amsl - obstacle.altitude_amsl
-        up = above > 0.0 if abs(above) > LEVEL_M else obstacle.under
-        height = min(plan.height, navigated.altitude_amsl - plan.frame.altitude_m)
-        return STEP_M if up else -min(STEP_M, STEP_SHARE * max(height, 0.0))
+    def _height_for(
+        self,
+        here: Viewpoint,
+        own: OwnMotion,
+        aim: Intent,
+        navigated: NavigatedState,
+        clear: Clearance | None,
+        *,
+        tight: bool,
+    ) -> float:
+        """Step in height (m) beside all others; it stays for a while once the plane is enough again.
+
+        Args:
+            here: the vehicle that looks around.
+            own: how it moves.
+            aim: what it would fly alone.
+            navigated: the vehicle.
+            clear: what it flies in the plane; None for what is wanted.
+            tight: whether the plane is not enough.
+        """
+        if tight:
+            self._stepped_s = here.time_s
+        elif self._climb_m == 0.0:
+            return 0.0
+        found = self._obstacles(here, aim, heights=True)
+        if found is None:
+            return self._climb_m if here.time_s - self._stepped_s <= STAY_S else 0.0
+        others, those = found
+        distance = distances(own, aim.wanted, clear, others, self._agility(navigated))
+        origin, wanted = self._plan.frame.altitude_m, aim.height
+        up = here.altitude_amsl - origin - wanted.height
+        if math.isnan(up):
+            up = self._climb_m
+        neighbours = [
+            neighbour_of(
+                one,
+                # A step lasts longer than tracks are predicted: two that change places come nearer.
+                distance=min(float(way), one.slots_apart_m),
+                height=one.altitude_amsl - origin - wanted.height,
+                climb_rate=one.climb_rate - wanted.climb_rate,
+                own_height=up,
+            )
+            for one, way in zip(those, distance, strict=True)
+        ]
+        past = here.time_s - self._stepped_s > STAY_S
+        if past and clearance(0.0, neighbours) >= CLEAR:
+            return 0.0
+        down = -deepest(min(self._plan.height, wanted.height + up))
+        under = those[int(distance.argmin())].under
+        steps = (0.0, STEP_M, down) if under else (0.0, down, STEP_M)
+        return best_step(self._climb_m, steps, neighbours)
+
+
+def neighbour_of(
+    one: Obstacle, *, distance: float, height: float, climb_rate: float, own_height: float
+) -> Neighbour:
+    """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
+
+    Args:
+        one: the vehicle.
+        distance: of the closest approach in the plane, m.
+        height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
+        climb_rate: relative to what the own guidance wants, m/s.
+        own_height: m.
+    """
+    known = math.isfinite(height)
+    above = own_height - height if known else 0.0
+    over = one.under if one.makes_room else None
+    if abs(above) > LEVEL_M:
+        over = above > 0.0
+    now = height if known else 0.0
+    soon = now + climb_rate * SOON_S
+    return Neighbour(
+        distance=distance,
+        least=one.least_m,
+        least_up=one.least_up_m,
+        lowest=min(now, soon),
+        highest=max(now, soon),
+        over=over,
+    )
 
 
 def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:

@@ -141,6 +141,7 @@ class FollowerRole(Role):
         self._intended_path: Path | None = None
         self._deviation: HeightDeviation | None = None
         self._height = HeightKeeper(plan)
+        self._height_wanted = held_height(plan.height)
         self._asked_height = plan.height
         self._leader_height: float | None = None
         self._wind = (0.0, 0.0)
@@ -341,13 +342,16 @@ class FollowerRole(Role):
         known, circle = self._routed_leader(), self._arrangements.circle
         if circle is None or isinstance(known, ForeignLeader):
             return known
-        return replace(known, path=circle, least_radius=0.0)
+        return replace(known, path=circle, least_radius=self._arrangements.turn_radius)
 
     def _routed_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader, whether it holds now or not."""
         known, route = self._task.leader, self._arrangements.route
-        if route is None or isinstance(known, ForeignLeader):
+        radius = self._arrangements.turn_radius
+        if isinstance(known, ForeignLeader) or (route is None and radius == 0.0):
             return known
+        if route is None:
+            return replace(known, least_radius=radius)
         return replace(
             known, path=route.path, path_gains=route.gains, least_radius=route.least_radius
         )
@@ -382,9 +386,16 @@ class FollowerRole(Role):
             setpoint = navigated.delay_compensator.setpoint(course_law, speed_law)
         error = guidance.error
         self._distance = math.hypot(error.along_track, error.cross_track)
+        comes = mode in {Mode.WAITING, Mode.JOINING}
+        self._arrangements.joining_m = self._distance if comes else 0.0
         if breaks_away:
             setpoint = self._away(navigated, leader)
         away = setpoint if breaks_away else None
+        self._height_wanted = (
+            held_height(self._asked_height)
+            if breaks_away
+            else self._height_target(navigated, leader)
+        )
         avoidance = self._keep_clear.step(
             navigated,
             motion.turn_rate,
@@ -396,8 +407,9 @@ class FollowerRole(Role):
         self._avoiding = mode.steers and avoidance.setpoint is not None
         setpoint = avoidance.setpoint or setpoint
         if not breaks_away:
-            target = self._height_target(navigated, leader)
-            self._asked_height = self._height.step(navigated, target, setpoint, steered=mode.steers)
+            self._asked_height = self._height.step(
+                navigated, self._height_wanted, setpoint, steered=mode.steers
+            )
         return RoleStep(
             setpoint=setpoint,
             height=self._asked_height,
@@ -444,7 +456,10 @@ class FollowerRole(Role):
     ) -> Intent:
         """What it would fly if it were alone with its leader."""
         return Intent(
-            wanted=self._wanted(navigated, leader, away), leader=leader, astray=self._distance
+            wanted=self._wanted(navigated, leader, away),
+            leader=leader,
+            astray=self._distance,
+            height=self._height_wanted,
         )
 
     def _wanted(

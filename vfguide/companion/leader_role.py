@@ -16,7 +16,7 @@ from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.height import held_height, path_height
+from vfguide.guidance.height import HeightTarget, held_height, path_height
 from vfguide.guidance.path_field import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -82,13 +82,6 @@ class LeaderRole(Role):
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
-        avoidance = self._keep_clear.step(
-            navigated,
-            motion.turn_rate,
-            lambda: self._intent(navigated.state, distance),
-            steered=mode.steers,
-        )
-        setpoint = avoidance.setpoint or setpoint
         if self._arrangements.circle is None:
             target = path_height(
                 self._task.path,
@@ -103,6 +96,13 @@ class LeaderRole(Role):
             if self._planned_height is None:
                 self._planned_height = navigated.state.height
             target = held_height(self._planned_height)
+        avoidance = self._keep_clear.step(
+            navigated,
+            motion.turn_rate,
+            lambda: self._intent(navigated.state, distance, target),
+            steered=mode.steers,
+        )
+        setpoint = avoidance.setpoint or setpoint
         return RoleStep(
             setpoint=setpoint,
             height=self._height.step(navigated, target, setpoint, steered=mode.steers),
@@ -148,7 +148,7 @@ class LeaderRole(Role):
             ),
         )
 
-    def _intent(self, state: VehicleState[float], distance: float) -> Intent:
+    def _intent(self, state: VehicleState[float], distance: float, height: HeightTarget) -> Intent:
         """Along the path. On it the steered followers keep clear of the leader: their places depend on it."""
         wanted = self._wanted(state)
         velocity = cmath.rect(state.ground_speed, state.course)
@@ -156,6 +156,7 @@ class LeaderRole(Role):
             wanted=wanted,
             leader=None,
             astray=distance + ASTRAY_S * abs(velocity - wanted.velocity),
+            height=height,
         )
 
     def _wanted(self, state: VehicleState[float]) -> WantedMotion:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Place, Point
-from vfguide.formation.transition import approaches
+from vfguide.formation.transition import JOIN_M, LEADER, approach_of, approaches
 from vfguide.guidance.limits import GRAVITY
 from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
@@ -139,6 +139,33 @@ def slot_objection(
     height = plan.height - plan.up + lowest
     if height < LOWEST_M and lowest < plan.up:
         return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
+    return None
+
+
+def joining_objection(
+    order: Arrangement, place: Place, joining_m: float, leader: str
+) -> str | None:
+    """Why slots may not come near one whose vehicle is still on its way to it, in words; None if none do.
+
+    Args:
+        order: by which the slots move.
+        place: the vehicle's part of it.
+        joining_m: how far the vehicle is from its slot, m; 0 for one that is there.
+        leader: name of the mission's leader.
+    """
+    if joining_m <= 0.0:
+        return None
+    still = Place(vehicle=leader, begin=LEADER, end=LEADER)
+    for other in (still, *order.places):
+        if other is place:
+            continue
+        before = place.begin.minus(other.begin).size
+        nearest = approach_of(place, other, order.climb_s, order.across_s).distance
+        if nearest < min(JOIN_M, before) - SAME_M:
+            return (
+                f"{place.vehicle} is still {joining_m:.0f} m from its slot, and {other.vehicle} would come"
+                f" within {nearest:.1f} m of that: wait until it is there, or order it to leave"
+            )
     return None
 
 

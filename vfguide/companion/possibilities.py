@@ -98,6 +98,8 @@ class VehiclesInSight:
     """Unit vector along the course that their autopilots were told to hold; NaN where that is not known."""
     wind: ComplexArray
     """When they were last heard, toward, m/s."""
+    carried: ComplexArray
+    """How far the wind has carried them since then beyond where that wind would have, m."""
     offset: ComplexArray
     """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
     turn_rate: FloatArray
@@ -236,7 +238,8 @@ def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Com
     speed, faster = np.abs(heard), (change * np.conj(seen.held)).real
     # They turn as a hold of first order does, and the wind along the course carries them.
     turned = LAST_TURN_S * -np.expm1(-seen.age / LAST_TURN_S)
-    place = seen.heard_at + seen.held * (speed + 0.5 * faster) * seen.age
+    along = (seen.carried * np.conj(seen.held)).real
+    place = seen.heard_at + seen.held * (speed * seen.age + along)
     place = place + (heard - speed * seen.held) * turned
     velocity = seen.held * (speed + faster)
     # Back along the arc to where they were heard, on for the last turn, and straight from there.
@@ -265,5 +268,5 @@ def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Co
     turn_rate = np.imag(np.conj(air) * rate_of_air) / np.maximum(np.abs(air), 1.0) ** 2
     turned = arc(seen.heard_at, air, turn_rate, np.asarray(LAST_TURN_S))
     held = air * np.exp(1j * turn_rate * LAST_TURN_S)
-    carried = (seen.wind + 0.5 * change) * seen.age
+    carried = seen.wind * seen.age + seen.carried
     return turned + held * (seen.age - LAST_TURN_S) + carried, held + wind

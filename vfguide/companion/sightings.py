@@ -16,6 +16,10 @@ LAST_TURN_S = 1.0
 """A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
 
 
+WIND_S = 0.6
+"""A vehicle that was heard this short a time ago flies in the wind of now."""
+
+
 class Sightings:
     """What was heard last of some vehicles, one row for each."""
 
@@ -23,6 +27,8 @@ class Sightings:
         "acceleration",
         "ahead",
         "altitude",
+        "carried",
+        "climb_rate",
         "drift",
         "held",
         "offset",
@@ -53,6 +59,8 @@ class Sightings:
         """rad/s."""
         self.altitude = np.full(count, np.nan)
         """m above mean sea level."""
+        self.climb_rate = np.zeros(count)
+        """m/s, positive up."""
         self.steered = np.zeros(count, dtype=bool)
         """Whether their companions steered them."""
         self.offset = np.zeros(count, dtype=np.complex128)
@@ -63,6 +71,24 @@ class Sightings:
         """Unit vector along the course that their autopilots were told to hold; NaN where not known."""
         self.wind = np.zeros(count, dtype=np.complex128)
         """Of then, as the own vehicle knew it, toward, m/s."""
+        self.carried = np.zeros(count, dtype=np.complex128)
+        """How far the wind has carried each since then beyond where that wind would have, m."""
+
+    def carry(self, age: FloatArray, wind: complex, passed_s: float) -> None:
+        """Let the wind (m/s) carry those who are silent for some time (s).
+
+        A wind that swings comes back to where it was: what it is now says little of what it has been.
+
+        Args:
+            age: how long each has not been heard, s.
+            wind: now.
+            passed_s: since this was done last.
+        """
+        fresh = age <= WIND_S
+        self.carried += (wind - self.wind) * np.minimum(age, passed_s)
+        self.carried[fresh] = 0.0
+        # That of then: in a wind that swings it is another one two seconds later.
+        self.wind[fresh] = wind
 
     def rows(self, begin: int, end: int) -> "Sightings":
         """The rows from one to before another: the same memory."""
@@ -74,12 +100,11 @@ class Sightings:
     def propagate(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
         """(places, velocities) of all, these times (s) after they were heard: along their arcs.
 
-        A wind (m/s) that is not the one of when they fell silent carries them with it.
+        A wind (m/s) that is not the one of when they fell silent carries them with it (`carry`).
         """
         first = np.minimum(age, LAST_TURN_S)
         last = self.speed + self.acceleration * first
         mean = np.where(age > LAST_TURN_S, last, self.speed + 0.5 * self.acceleration * first)
         place = arc(self.place, mean * self.ahead, self.turn_rate, age)
         velocity: ComplexArray = last * self.ahead * np.exp(1j * self.turn_rate * age)
-        change = wind - self.wind
-        return place + 0.5 * change * age, velocity + change
+        return place + self.carried, velocity + (wind - self.wind)

@@ -49,11 +49,11 @@ FORGET_S = 12.0
 ABOVE_M = 30.0
 """Vehicles farther above or below than this are not in the way."""
 
+STEPS_M = 60.0
+"""The same for a step in height: what it leads to and what others may do meanwhile, with a margin."""
+
 SAFE_M = 30.0
 """Vehicles farther away than this, and what both can fly within the horizon, are not looked at."""
-
-WIND_S = 0.6
-"""A vehicle that was heard this short a time ago flies in the wind of now."""
 
 CHORD_M = 0.5
 """How much shorter chords are than arcs, at most: 0.2 m after 2.4 s of a turn by 0.13 rad/s at 20 m/s."""
@@ -90,6 +90,7 @@ class Traffic:
             self._heard.rows(0, count),
             self._heard.rows(count, 2 * count),
         )
+        self._carried_s = math.inf
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
@@ -161,6 +162,7 @@ class Traffic:
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
         known.turn_rate[row], known.altitude[row] = state.turn_rate, state.altitude_amsl
+        known.climb_rate[row] = state.climb_rate
         known.steered[row] = state.steered
         known.held[row] = cmath.rect(1.0, state.course_setpoint)
         if self._leads[row]:
@@ -170,9 +172,21 @@ class Traffic:
         """The vehicle of a row."""
         return self.vehicles[row % len(self.vehicles)]
 
-    def altitude_of(self, row: int) -> float:
-        """Altitude that a vehicle said last, m above mean sea level."""
-        return float(self._heard.altitude[row])
+    def height_of(self, row: int, now: float) -> tuple[float, float]:
+        """(altitude in m above mean sea level, climb rate in m/s) of a vehicle, carried on for a while."""
+        rate = float(self._heard.climb_rate[row])
+        carried_s = min(now - float(self._heard.time[row]), SILENT_S)
+        return float(self._heard.altitude[row]) + rate * carried_s, rate
+
+    def makes_room(self, row: int, now: float) -> bool:
+        """Whether a vehicle keeps clear of others itself: it is steered, and does not lead them."""
+        heard = self._heard
+        steered = heard.steered[row] and now - heard.time[row] <= SILENT_S
+        return bool(steered and not self._leads[row])
+
+    def slots_apart(self, row: int) -> float:
+        """How near a vehicle's slot and the own one come soon, level, m."""
+        return float(self._spacing[row])
 
     def places(self, here: Viewpoint) -> list[tuple[complex, complex]]:
         """(place in m, velocity in m/s) of those who were heard a short time ago, carried on until now."""
@@ -185,7 +199,7 @@ class Traffic:
         return [(complex(place[row]), complex(velocity[row])) for row in recent]
 
     def possibilities(
-        self, here: Viewpoint, leader: LeaderState[float] | None
+        self, here: Viewpoint, leader: LeaderState[float] | None, *, heights: bool = False
     ) -> tuple[Others, IntArray] | None:
         """What the others may do that could come near, and whose row each possibility is of.
 
@@ -193,11 +207,13 @@ class Traffic:
             here: the vehicle that looks around.
             leader: of the formation it flies in, at the same time; None for the leader itself, which leaves
                 it to the steered ones to keep clear unless it is astray.
+            heights: whether a step in height is looked for: then all count that it may lead to.
 
         Returns:
             None where no vehicle can come near.
         """
-        if self.is_clear(here, leader):
+        self._carry(here)
+        if not heights and self.is_clear(here, leader):
             return None
         age = here.time_s - self._heard.time
         known = age <= FORGET_S
@@ -205,19 +221,18 @@ class Traffic:
         quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
         linked = self._works_for(known & quiet)
         silent = (age > SILENT_S) | (quiet & linked)
-        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > self._above)
+        above = STEPS_M if heights else self._above
+        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > above)
         believed = self._heard.steered
         alone = known & ~(believed & ~silent)
         if leader is None:
             # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.
             alone &= ~believed | linked
-            if here.astray > LEADER_ASTRAY_M:
+            if heights or here.astray > LEADER_ASTRAY_M:
                 alone |= known & believed & ~silent
         if not (alone if leader is None else known).any():
             return None
         age[~known] = 0.0
-        # That of then: in a wind that swings it is another one two seconds later.
-        self._heard.wind[age <= WIND_S] = here.wind
         place, velocity = self._heard.propagate(age, here.wind)
         keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
@@ -252,6 +267,7 @@ class Traffic:
             velocity=velocity[rows],
             held=self._heard.held[rows],
             wind=self._heard.wind[rows],
+            carried=self._heard.carried[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
             hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),
@@ -265,6 +281,12 @@ class Traffic:
             linked=linked[rows],
         )
         return possibilities_of(seen, here, leader)
+
+    def _carry(self, here: Viewpoint) -> None:
+        """Let the wind carry those who are silent until now."""
+        passed_s = here.time_s - self._carried_s
+        self._carried_s = here.time_s
+        self._heard.carry(here.time_s - self._heard.time, here.wind, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray) -> BoolArray:
         """Whether the link has worked since those who are missing were heard: another was, all the time.
@@ -299,7 +321,6 @@ class Traffic:
         doubted_s = np.maximum.reduce(self._doubted.time, initial=-np.inf)
         if oldest_s > SILENT_S or doubted_s >= here.time_s - FORGET_S:
             return False
-        known.wind[age <= WIND_S] = here.wind
         if leader is None:
             return True
         half_turn = np.exp(0.5j * known.turn_rate * age)

@@ -21,6 +21,7 @@ from vfguide.formation.arrangement import (
 from vfguide.formation.assignment import assigned
 from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import (
+    JOIN_M,
     LEADER,
     LEAST_M,
     MotionLimits,
@@ -36,9 +37,6 @@ STACK_M = 15.0
 
 FAR_BEHIND = (-300.0, 0.0)
 """From about there a vehicle comes that joins: the others have the first choice of slots."""
-
-JOIN_M = 15.0
-"""From the slot of a vehicle that joins to any other: coming in from the side it may pass its slot by 5 m."""
 
 STEP_M = 0.1
 """Slots are ordered to this: orders carry no more."""

@@ -17,6 +17,9 @@ from vfguide.formation.arrangement import PEAK, RAMP, Place, Point, time_of
 LEAST_M = 7.5
 """Slots come no nearer than this: the 5 m that aircraft keep, and what they lie about their slots."""
 
+JOIN_M = 15.0
+"""From the slot of a vehicle that joins to any other: coming in from the side it may pass its slot by 5 m."""
+
 LAYER_M = 12.0
 """Between two layers: heights are held to a metre or two."""
 

@@ -198,6 +198,22 @@ def keep_clear(
     )
 
 
+def distances(
+    own: OwnMotion,
+    wanted: WantedMotion,
+    clear: Clearance | None,
+    others: Others,
+    agility: Agility,
+) -> FloatArray:
+    """Closest approach to each possibility, m, of what is flown; None: of what is wanted."""
+    flown = WANTED
+    if clear is not None:
+        flown = Manoeuvres(turn=np.array([clear.turn]), airspeed=np.array([clear.airspeed]))
+    found = closest_approaches(own_tracks(own, wanted, flown, agility), others)
+    nearest: FloatArray = found[0].min(axis=1)
+    return nearest
+
+
 def escape_tracks(own: OwnMotion, agility: Agility) -> ComplexArray:
     """Tracks of every full manoeuvre: on, left and right at the bank limit, at three airspeeds."""
     straight = WantedMotion(

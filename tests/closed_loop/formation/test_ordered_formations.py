@@ -194,6 +194,20 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     assert nearest(record, 15.0) >= 7.0
 
 
+def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered(
+        {"at_s": 20.0, "leave": ["f3"]},
+        {"at_s": 40.0, "join": ["f3"]},
+        {"at_s": 50.0, "spacing_m": 10.0},
+    )
+    flight.until(60.0)
+    assert flight.numbers() == [2, 2, 2, 2]
+    assert "m from its slot, and" in flight.words("f3")
+    assert "order 3 is void: f3: f3 is still" in flight.words("leader")
+
+
 def test_a_hold_circles_in_stacked_heights_and_an_abort_ends_everything(
     ordered: Callable[..., Flown],
 ) -> None:
@@ -261,6 +275,30 @@ def test_the_lead_goes_to_a_deputy_and_back_on_a_circle_and_nobody_leaves_its_sl
     moved = record.time_s >= 10.0
     errors = [slot_error(record.reference, one).distance_m[moved] for one in record.followers]
     assert max(float(one.max()) for one in errors) < 1.0
+
+
+def test_a_deputy_that_leads_goes_into_a_hold_and_out_of_it_in_turns_that_an_aircraft_can_fly(
+    mission_with: MissionWith,
+) -> None:
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    lost = {"vehicle": "leader", "at_s": 15.0, "what": "companion"}
+    content = mission_with("shapes", rehearsal={"start": start, "losses": [lost]}).model_dump(
+        exclude_unset=True
+    )
+    # A circle of 200 m: half way round it, after some 30 s, the path leads the other way.
+    orders = [{"at_s": 30.0, "action": "hold"}, {"at_s": 64.0, "action": "resume"}]
+    content |= {"deputies": ["f1", "f2"], "orders": orders}
+    flight = Flown(Mission.model_validate(content))
+    for until_s, number in ((45.0, 1), (78.0, 2)):
+        flight.until(until_s)
+        assert flight.numbers()[1:] == [number] * 3
+        assert leaders(flight) == ["f1"]
+    # Who hears a leader that turns at once takes it for one that cannot be.
+    assert not any("what cannot be" in flight.words(name) for name in ("f2", "f3"))
+    record = flight.record()
+    moved = record.time_s >= 40.0
+    errors = [slot_error(record.reference, one).distance_m[moved] for one in record.followers]
+    assert max(float(one.max()) for one in errors) < 10.0
 
 
 def leaders(flight: Flown) -> list[str]:

@@ -253,6 +253,29 @@ def test_a_wrong_order_is_refused_with_its_reason(
     assert sentence in reply.text
 
 
+@pytest.mark.parametrize(
+    ("joining_m", "spacing", "sentence"),
+    [
+        # Slots 20 and 20 m behind and aside: 28.3 m from the leader, to be 0.4 times as far.
+        (60.0, 0.4, "f1 is still 60 m from its slot, and leader would come within 11.3 m"),
+        (60.0, 0.6, None),
+        (0.0, 0.4, None),
+    ],
+)
+def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
+    plan: MakePlan, joining_m: float, spacing: float, sentence: str | None
+) -> None:
+    begin = slots_of(plan)["f1"]
+    place = Place(
+        vehicle="f1", begin=begin, end=Point(spacing * begin.forward, spacing * begin.right)
+    )
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member.joining_m = joining_m
+    assert_refused(
+        member, Arrangement(number=1, time_s=10.0, across_s=10.0, places=(place,)), sentence
+    )
+
+
 def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
     formation = Formation(plan)
     formation.run(5.0)

@@ -1,12 +1,11 @@
 """What a pilot hears of a vehicle that keeps clear of another, and what the vehicle does."""
 
+import math
 from collections.abc import Callable, Iterable
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
-from vfguide.companion.avoidance import KeepClear, Obstacle
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -85,15 +84,121 @@ def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_onc
     assert altitude.max() - altitude.min() < 1.0
 
 
-@pytest.mark.parametrize(("height_m", "step_m"), [(100.0, -20.0), (40.0, -10.0), (-3.0, 0.0)])
-def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
-    mission: Callable[[str], Mission], height_m: float, step_m: float
+def never(_since_s: float) -> float | None:
+    """Of a vehicle that is not there."""
+    return None
+
+
+@pytest.fixture
+def heights_beside(
+    flight: Make, leader_bytes: Make, place: Place
+) -> Callable[..., dict[float, float]]:
+    """Flies f1 in its slot, with f2, flown by hand, 3 m right of it until it climbs away, and f3 behind."""
+
+    def make(
+        f3_up_m: Callable[[float], float | None] = never,
+        *,
+        height_m: float = 100.0,
+        last_s: float = 8.0,
+    ) -> dict[float, float]:
+        """How many metres f1 is higher than the slot, by the seconds since f2 is near.
+
+        Args:
+            f3_up_m: the same of f3, whose companion steers it; None where it is not near.
+            height_m: of the slot above the origin.
+            last_s: how long to fly.
+        """
+        one, heights, altitude = flight(), dict[float, float](), 488.0 + height_m
+
+        def link(now: float) -> Iterable[bytes]:
+            since_s = round(now - JOINED_S, 1)
+            north = 20.0 * now - 20.0
+            if since_s >= 0.0:
+                away_m = max(5.0 * (since_s - 3.0), 0.0)
+                near = leader_bytes(
+                    now,
+                    **place(north, -17.0),
+                    altitude_amsl=altitude + away_m,
+                    climb_rate=5.0 if away_m else 0.0,
+                    steered=False,
+                )
+                one.companion.receive_neighbour("f2", near, now)
+                heights[since_s] = one.autopilot.truth().altitude_amsl_m - altitude
+            f3_up = f3_up_m(since_s) if since_s >= 0.0 else None
+            if f3_up is not None:
+                at = place(north - 6.0, -20.0)
+                third = leader_bytes(now, **at, altitude_amsl=altitude + f3_up)
+                one.companion.receive_neighbour("f3", third, now)
+            return [leader_bytes(now, altitude_amsl=altitude)]
+
+        one.link = link
+        one.run(JOINED_S + last_s)
+        return heights
+
+    return make
+
+
+def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(
+    heights_beside: Callable[..., dict[float, float]],
 ) -> None:
-    # The mission flies at 100 m; f1 is below another one, which is near.
-    plan = flight_plan(mission("line-calm"), "f1")
-    altitude = plan.frame.altitude_m + height_m
-    above = Obstacle(name="f2", altitude_amsl=altitude + 5.0, least_m=7.0, under=True)
-    navigated = SimpleNamespace(state=SimpleNamespace(time_s=10.0), altitude_amsl=altitude)
-    keep_clear = KeepClear(plan, cast("Any", None))
-    step = keep_clear._height_for(above, cast("Any", navigated))  # noqa: SLF001
-    assert step == pytest.approx(step_m)
+    heights = heights_beside(last_s=25.0)
+    assert max(heights.values()) < 1.0
+    assert min(heights.values()) == pytest.approx(-20.0, abs=1.0)
+    assert heights[25.0] == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize("f3_up_m", [-12.0, -20.0, -24.0])
+def test_no_vehicle_steps_into_the_layer_of_a_third_one(
+    heights_beside: Callable[..., dict[float, float]], f3_up_m: float
+) -> None:
+    heights = heights_beside(lambda _: f3_up_m)
+    assert min(heights.values()) > -1.0
+    assert max(heights.values()) > 10.0
+
+
+def test_a_vehicle_does_not_come_back_through_the_height_of_another(
+    heights_beside: Callable[..., dict[float, float]],
+) -> None:
+    # f1 is 20 m lower when f3 comes along 12 m under the slot, and stays until 25 s.
+    heights = heights_beside(lambda since_s: -12.0 if 7.0 <= since_s < 25.0 else 300.0, last_s=45.0)
+    assert max(height for since_s, height in heights.items() if 10.0 < since_s < 25.0) < -17.0
+    assert heights[45.0] == pytest.approx(0.0, abs=1.0)
+
+
+def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
+    heights_beside: Callable[..., dict[float, float]],
+) -> None:
+    # 60 m above the origin, in a mission of 100 m: f3 keeps it from climbing.
+    heights = heights_beside(lambda _: 12.0, height_m=60.0)
+    assert min(heights.values()) == pytest.approx(-15.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("steered", "step_m"), [(True, 0.0), (False, 20.0)])
+def test_a_leader_uses_no_height_beside_a_follower_that_would_climb_and_descend_with_it(
+    flight: Make,
+    leader_bytes: Make,
+    mission: Callable[[str], Mission],
+    *,
+    steered: bool,
+    step_m: float,
+) -> None:
+    # 30 m off its path the leader keeps clear of all; f1 flies 3 m right of it wherever it goes.
+    frame = flight_plan(mission("line-calm"), "f1").frame
+    one, heights = flight("leader"), list[float]()
+
+    def link(now: float) -> Iterable[bytes]:
+        true = one.autopilot.truth()
+        north, east = frame.to_local(true.latitude_deg, true.longitude_deg)
+        latitude, longitude = frame.to_geodetic(north, east + 3.0)
+        velocity = {"course": math.remainder(true.course_rad, math.tau), "ground_speed": 20.0}
+        place = {"latitude_deg": latitude, "longitude_deg": longitude}
+        if now >= 3.0:
+            one.companion.receive_neighbour(
+                "f1", leader_bytes(now, **place, **velocity, steered=steered), now
+            )
+        heights.append(abs(true.altitude_amsl_m - 588.0))
+        return []
+
+    one.link = link
+    one.run(12.0)
+    assert max(heights) == pytest.approx(step_m, abs=5.0)

@@ -327,6 +327,34 @@ def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed(
     assert {round(float(place)) for place in seen[0].tracks[:, 0].real} == {260}
 
 
+@pytest.mark.parametrize("told", [{"course_setpoint": 0.0}, {}])
+def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is(
+    leader_bytes: LeaderBytes, told: dict[str, float]
+) -> None:
+    # 6 m/s of head wind from 11 to 15 s, and as much from behind since then.
+    def here(now: float) -> Viewpoint:
+        wind = 0.0 if now <= 11.0 else -6.0 if now <= 15.0 else 6.0
+        return replace(beside(now, east=7.0), wind=complex(wind))
+
+    heard = Traffic(
+        [F2, replace(F2, name="f3")], LocalFrame(47.397742, 8.545594, 488.0), SAME_CLOCK
+    )
+    heard.receive("f2", leader_bytes(10.0, **told), 10.0)
+    seen = None
+    for step in range(121):
+        now = 10.0 + 0.05 * step
+        if step % 10 == 0:
+            heard.receive("f3", leader_bytes(now, latitude_deg=48.0, ground_speed=0.0), now)
+        seen = heard.possibilities(here(now), None)
+    assert seen is not None
+    # 200 m north at 10 s and 20 m/s, 24 m back and 6 m on: 302 m at 16 s.
+    assert seen[0].tracks[:, 0].real == pytest.approx(302.0, abs=1.0)
+    # Over the ground it flies as fast as the wind of now makes it.
+    assert (seen[0].tracks[:, 1] - seen[0].tracks[:, 0]).real == pytest.approx(
+        26.0 * STEP_S, abs=0.1
+    )
+
+
 def test_a_leader_without_followers_has_nobody_to_keep_clear_of(plan: MakePlan) -> None:
     alone = Traffic([], plan().frame, SAME_CLOCK)
     assert alone.possibilities(beside(10.0), None) is None
