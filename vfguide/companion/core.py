@@ -32,7 +32,7 @@ from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, ob
 from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.errors import described_error
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Point
+from vfguide.formation.arrangement import Arrangement, Point
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
@@ -205,7 +205,8 @@ class Companion:
             setpoint=self._setpoint,
             lyapunov=self._lyapunov,
             slot=self._slot,
-            path=MAIN_PATH if self.arrangement is None else self.arrangement.path,
+            left=self._arrangements.has_left,
+            path=self._arrangements.path,
             lead=self._role.lead if self._mode.steers else None,
         )
 
@@ -520,7 +521,9 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
-        self._plotted.note(step, now)
+        # Who has left the formation has no slot to be away from.
+        if not self._arrangements.has_left:
+            self._plotted.note(step, now)
         out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)

@@ -15,6 +15,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.regular_file import open_regular
 
 SUFFIX = ".guidance.csv"
@@ -37,10 +38,15 @@ COLUMNS = (
     "lead_east_m",
     "lead_course_rad",
     "lead_height_m",
+    "left",
+    "path",
 )
 
-LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") :]
-"""Most often unknown, and then empty; files of earlier versions have none of them."""
+LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") : COLUMNS.index("left")]
+"""Numbers that are most often unknown, and then empty; files of earlier versions have none of them."""
+
+NO_PATH = "-"
+"""In the last column where no path is followed, which is no path's name; empty stands for the main one."""
 
 HEADER = (",".join(COLUMNS) + "\n").encode()
 """First line of the file."""
@@ -88,6 +94,10 @@ class GuidanceStep:
     """The course of the same."""
     lead_height_m: float = math.nan
     """The height of the same above the mission's origin."""
+    left: bool = False
+    """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
+    path: str | None = MAIN_PATH
+    """Name of the path that the leader follows; None in a hold, and once all was called off."""
 
 
 def encode_step(step: GuidanceStep) -> bytes:
@@ -97,6 +107,8 @@ def encode_step(step: GuidanceStep) -> bytes:
     fields = (
         *(f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}"),
         *("" if math.isnan(value) else f"{value:.6f}" for value in later),
+        "1" if step.left else "",
+        NO_PATH if step.path is None else "" if step.path == MAIN_PATH else step.path,
     )
     return (",".join(str(field) for field in fields) + "\n").encode()
 
@@ -160,5 +172,7 @@ def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
         limited=bool(int(row["limited"])),
         lyapunov_m2=float(row["lyapunov_m2"]),
         formation_time_s=float(row.get("formation_time_s") or "nan"),
+        left=row.get("left") == "1",
+        path=None if row.get("path") == NO_PATH else row.get("path") or MAIN_PATH,
         **later,
     )

@@ -89,6 +89,43 @@ def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:
     assert slot_series(GuidanceTrack(steps[:1]), moments, (-20.0, 5.0, 0.0)) == {}
 
 
+def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path: Path) -> None:
+    steps = [
+        step(1.0),
+        replace(step(2.0), path="survey"),
+        replace(step(3.0), path=None),
+        replace(step(4.0), left=True, path=None),
+    ]
+    assert read_guidance(written(tmp_path / "f1.csv", *steps)).steps == steps
+
+
+def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(
+    tmp_path: Path,
+) -> None:
+    path = written(tmp_path / "f1.csv", step(1.0))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("".join(f"{one.rsplit(',', 2)[0]}\n" for one in lines), encoding="utf-8")
+    assert read_guidance(path).steps == [step(1.0)]
+
+
+def test_who_has_left_has_no_slot_until_it_is_given_one_again() -> None:
+    def slotted(time_s: float) -> GuidanceStep:
+        return replace(step(time_s), slot_forward_m=-20.0, slot_right_m=10.0, slot_up_m=0.0)
+
+    left = [replace(step(time_s), left=True) for time_s in (2.0, 2.5)]
+    moments = np.array([0.0, 1.5, 2.0, 3.0, 4.0, 5.0])
+    fixed = (-20.0, 5.0, 0.0)
+    joined = slot_series(GuidanceTrack([slotted(1.0), *left, slotted(4.0)]), moments, fixed)
+    nan = math.nan
+    assert np.array_equal(
+        joined["slot_right_series_m"], [5.0, 10.0, nan, nan, 10.0, 10.0], equal_nan=True
+    )
+    never = slot_series(GuidanceTrack([step(1.0), *left]), moments, fixed)
+    assert np.array_equal(
+        never["slot_right_series_m"], [5.0, 5.0, nan, nan, nan, nan], equal_nan=True
+    )
+
+
 def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time() -> None:
     steps = [step(0.1)] + [
         replace(

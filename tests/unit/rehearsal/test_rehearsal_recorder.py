@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import sitl_stub
@@ -38,3 +39,24 @@ def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of
     assert record.course_setpoint_rad[1] == 0.5
     assert record.airspeed_setpoint_m_s[1] == 21.0
     assert record.lyapunov[1] == 2.5
+
+
+def test_who_has_left_the_formation_has_no_slot_meanwhile() -> None:
+    recorder = VehicleRecorder(MISSION, "f1")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=0.0)
+    for left in (False, True, False):
+        recorder.sample(truth(), replace(flying, left=left))
+    record = recorder.record()
+    assert record.in_formation.tolist() == [True, False, True]
+    assert record.slot_forward_series_m is not None
+    assert record.slot_forward_series_m[2] == record.slot_forward_m
+
+
+def test_a_leader_that_holds_is_beside_no_path() -> None:
+    recorder = VehicleRecorder(MISSION, "leader")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
+    recorder.sample(truth(course_rad=0.0), flying)
+    recorder.sample(truth(course_rad=0.0), replace(flying, path=None))
+    error = recorder.record().path_cross_track_error_m
+    assert math.isfinite(error[0])
+    assert math.isnan(error[1])

@@ -127,7 +127,9 @@ def snapshot_of(step: GuidanceStep | None) -> Snapshot:
     setpoint = None
     if math.isfinite(step.course_rad):
         setpoint = Setpoint(course=step.course_rad, speed=step.speed_m_s, limited=step.limited)
-    return Snapshot(mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2)
+    return Snapshot(
+        mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2, path=step.path
+    )
 
 
 def decode_truth(data: bytes) -> tuple[int, sitl_stub.Truth] | None:

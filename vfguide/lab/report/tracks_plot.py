@@ -43,7 +43,11 @@ def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
     slots: list[Point] = [(0.0, 0.0)]
     drawn: list[tuple[FloatArray, FloatArray]] = []
     for follower in record.followers:
-        forward, right = seen_from_leader(record.reference, follower)
+        # Who was ordered out of the formation flies far from it.
+        forward, right = (
+            np.where(follower.in_formation, way, np.nan)
+            for way in seen_from_leader(record.reference, follower)
+        )
         drawn.append((forward, right))
         colour = colours[follower.name]
         axes.plot(right, forward, color=colour, linewidth=1.0, alpha=0.6)
