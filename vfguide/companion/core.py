@@ -358,7 +358,8 @@ class Companion:
             out.warn(text, now)
         for event in out.events:
             if event.tell:
-                self._announcer.warn(event.text, now)
+                tell = self._announcer.warn if event.warning else self._announcer.inform
+                tell(event.text, now)
         messages += self._announcer.due(now)
         if self._authority.connected and not self._stopped:
             messages += self._plotted.due(self._mode, now)
