@@ -197,6 +197,10 @@ class Companion:
         """(north, east) of the wind that it flies by, m/s; None while not known."""
         return self._wind
 
+    def sensors(self, now: float) -> SensorsReport | None:
+        """What the autopilot said last of its sensors and its battery; None if that is long ago."""
+        return self._own.sensors(now)
+
     @property
     def snapshot(self) -> Snapshot:
         """What it did last."""

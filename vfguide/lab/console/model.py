@@ -24,7 +24,7 @@ from vfguide.lab.console.wording import flown_in_words
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
 from vfguide.lab.report.replay.data import FORMAT, Kind, encode
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
-from vfguide.link.presence import LEADER_FIGURES, Presence
+from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission
 
 GRAVITY = 9.80665
@@ -325,6 +325,7 @@ class Formation:
         said, leads = self._said.get(name), name == self._leads
         if said is None:
             unknown = {"autopilot": "", "warning": "", "hears_s": None, "signed": None}
+            unknown |= {"battery_percent": None, "battery_v": None}
             return {"level": level, "leads": leads, **unknown}
         presence = said.presence
         hears_ms = presence.figures.get("leader_age_ms_last")
@@ -336,6 +337,8 @@ class Formation:
             "warned_s": None if math.isnan(said.warned_s) else round(now - said.warned_s),
             "hears_s": None if hears_ms is None or leads else round(hears_ms * 1e-3, 2),
             "signed": presence.signed,
+            BATTERY: presence.figures.get(BATTERY),
+            BATTERY_VOLTAGE: presence.figures.get(BATTERY_VOLTAGE),
         }
 
     def alarms(self, now: float) -> list[Alarm]:
@@ -405,6 +408,7 @@ class Formation:
                     "leads": row == 0,
                     "slot": [float(one) for one in self._slots[row]],
                     "colours": [day[name], night[name]],
+                    "limits": limits_of(self._mission.vehicles[name]).describe(),
                     "series": {
                         series: encode(self.history.series(row, number), CONSOLE_KINDS[series])
                         for number, series in enumerate(SERIES)
