@@ -40,6 +40,7 @@ from vfguide.lab.console.orders import (
     use_number,
 )
 from vfguide.lab.console.source import Source
+from vfguide.lab.console.tiles import FindTile
 from vfguide.lab.report.replay.page_part import read as read_replay
 
 POLICY = (
@@ -49,17 +50,16 @@ POLICY = (
 """The page's own program, style and stream, and nothing else."""
 
 HEADERS = {
-    "content-security-policy": POLICY,
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cache-control": "no-store",
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-"""Of every answer."""
+"""Of every answer, beside the policy."""
 
 SHARED_SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
-OWN_SCRIPTS = ("live.js", "cards.js", "orders.js", "console.js")
+OWN_SCRIPTS = ("live.js", "tiles.js", "cards.js", "orders.js", "console.js")
 
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
@@ -195,9 +195,17 @@ class Access:
 class Guard:
     """Lets in who has a token, in the address or in a cookie, and puts the headers on every answer."""
 
-    def __init__(self, app: ASGIApp, doors: Access) -> None:
-        """Stand before an application."""
+    def __init__(self, app: ASGIApp, doors: Access, *, pictures: str = "") -> None:
+        """Stand before an application.
+
+        Args:
+            app: the application.
+            doors: who is let in.
+            pictures: where the page may take pictures from, as its policy names it; nowhere if empty.
+        """
         self._app, self._doors = app, doors
+        policy = f"{POLICY}; img-src {pictures}" if pictures else POLICY
+        self._headers = {"content-security-policy": policy, **HEADERS}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -206,7 +214,7 @@ class Guard:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                given = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+                given = [(name.encode(), value.encode()) for name, value in self._headers.items()]
                 own = {name for name, _ in given}
                 kept = [(name, value) for name, value in message["headers"] if name not in own]
                 message = {**message, "headers": [*kept, *given]}
@@ -289,7 +297,23 @@ def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
     ]
     if source.panel is not None and doors.order is not None:
         routes += order_routes(source.panel)
-    return Guard(Starlette(routes=routes), doors)
+    tiles = source.tiles
+    if tiles is not None and tiles.find is not None:
+        routes.append(tile_route(tiles.find))
+    return Guard(Starlette(routes=routes), doors, pictures="" if tiles is None else tiles.origin)
+
+
+def tile_route(find: FindTile) -> Route:
+    """Where pages get tiles of the map by their numbers."""
+
+    async def show_tile(request: Request) -> Response:
+        numbers = request.path_params
+        tile = find(numbers["z"], numbers["x"], numbers["y"])
+        if tile is None:
+            return PlainTextResponse("There is no such tile.\n", status_code=404)
+        return Response(tile.data, media_type=tile.kind)
+
+    return Route("/tiles/{z:int}/{x:int}/{y:int}", show_tile)
 
 
 def order_routes(panel: OrderPanel) -> list[Route]:
