@@ -5,7 +5,7 @@ from pathlib import Path
 import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
-from vfguide.lab.rehearsal.recorder import VehicleRecorder
+from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
 from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 
@@ -60,3 +60,15 @@ def test_a_leader_that_holds_is_beside_no_path() -> None:
     error = recorder.record().path_cross_track_error_m
     assert math.isfinite(error[0])
     assert math.isnan(error[1])
+
+
+def test_rally_points_of_a_plan_are_drawn() -> None:
+    mission = load_mission(Path(__file__).parents[3] / "missions" / "survey-plan.yaml")
+    recorder = VehicleRecorder(mission, mission.leader.vehicle)
+    recorder.sample(truth(), Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan))
+    drawn = [one for one in drawn_outlines(mission, recorder.record()) if one.kind == "rally"]
+    (points,) = drawn
+    north, east = rally_points(mission)
+    assert points.north_m.tolist() == north.tolist()
+    assert points.east_m.tolist() == east.tolist()
+    assert north.size > 0

@@ -276,14 +276,24 @@ def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, Flo
 
 
 def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ...]:
-    """The other paths, as far as `drawn_path` draws the first, and the edges of all fences."""
+    """The other paths, as far as `drawn_path` draws the first, the edges of all fences, and rally points."""
     lines: list[tuple[OutlineKind, tuple[FloatArray, FloatArray]]] = [
         ("path", drawn_points(path_of(shape), leader)) for shape in mission.paths.values()
     ]
     fences = fences_of(mission)
     frame = frame_of(mission.model_dump()) if fences else None
     lines += [("fence", area.edge(frame)) for fence in fences for area in fence.areas]
+    rally = rally_points(mission)
+    lines += [("rally", rally)] if rally[0].size else []
     return tuple(Outline(kind=kind, north_m=north, east_m=east) for kind, (north, east) in lines)
+
+
+def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of the rally points of all paths, m."""
+    points = [point for shape in mission.paths_by_name.values() for point in shape.rally_points]
+    frame = frame_of(mission.model_dump()) if points else None
+    places = np.array([point.local(frame) for point in points]).reshape(-1, 2)
+    return places[:, 0], places[:, 1]
 
 
 def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
