@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from io import TextIOWrapper
+from io import SEEK_END, TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
@@ -53,6 +53,9 @@ HEADER = (",".join(COLUMNS) + "\n").encode()
 
 GREATEST_SIZE = 256 * 1024**2
 """Characters; ten hours at 20 Hz are 60 to 120 MB. Nothing is read beyond."""
+
+NEWEST_BYTES = 8192
+"""Of a file that grows: some 40 steps, 2 s at 20 Hz."""
 
 LONGEST_LINE = 1000
 """Characters; a step takes a tenth of it."""
@@ -146,6 +149,25 @@ def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
             TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
         ):
             steps.extend(_step(row, zero_s) for row in csv.DictReader(_whole_lines(file)))
+    return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+
+
+def read_newest(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
+    """What a companion did in the last second or two, of files that grow and may be long.
+
+    Args:
+        paths: as of `read_guidance`.
+        zero_s: the companion's clock at time 0 of the flight.
+    """
+    steps: list[GuidanceStep] = []
+    for path in paths:
+        with suppress(OSError, csv.Error), open_regular(path) as file:
+            file.seek(max(file.seek(0, SEEK_END) - NEWEST_BYTES, 0))
+            # The first and the last line may not be whole.
+            lines = file.read(NEWEST_BYTES).decode("utf-8", "replace").split("\n")[1:-1]
+            for row in csv.DictReader(lines, fieldnames=COLUMNS):
+                with suppress(ValueError, TypeError, LookupError, csv.Error):
+                    steps.append(_step(row, zero_s))
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
 
 

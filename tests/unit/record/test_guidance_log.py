@@ -3,6 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from vfguide.record.guidance_log import (
     GuidanceTrack,
     encode_step,
     read_guidance,
+    read_newest,
 )
 from vfguide.record.guidance_series import lead_series, slot_series
 
@@ -106,6 +108,26 @@ def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("".join(f"{one.rsplit(',', 2)[0]}\n" for one in lines), encoding="utf-8")
     assert read_guidance(path).steps == [step(1.0)]
+
+
+def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_path: Path) -> None:
+    steps = [step(float(time_s)) for time_s in range(1000)]
+    path = written(tmp_path / "f1.csv", *steps)
+    path.write_bytes(path.read_bytes() + encode_step(step(1000.0))[:-5])
+    newest = read_newest(path, tmp_path / "absent.csv", zero_s=900.0).steps
+    assert newest[-1] == step(99.0)
+    assert 20 < len(newest) < 200
+    # A file of one step, whose first line names its columns.
+    assert read_newest(written(tmp_path / "f2.csv", step(1.0))).steps == [step(1.0)]
+
+
+@given(content=st.binary(max_size=300))
+def test_whatever_a_growing_file_holds_nothing_breaks(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    path = tmp_path_factory.mktemp("log") / "f1.csv"
+    path.write_bytes(HEADER + content + b"\n")
+    assert all(math.isfinite(one.time_s) for one in read_newest(path).steps)
 
 
 def test_who_has_left_has_no_slot_until_it_is_given_one_again() -> None:
