@@ -261,7 +261,8 @@ def export(
     out: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", help="Where to; .mcap, .kml, .kmz, .csv or .parquet is the format."
+            metavar="FILE",
+            help="Where to; .mcap, .kml, .kmz, .csv, .parquet or .plan is the format.",
         ),
     ],
     mission: Annotated[
