@@ -2,15 +2,12 @@
 
 import asyncio
 import hmac
-import re
 import secrets
 import ssl
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from html import escape
-from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
 from socket import AF_INET, AF_INET6, SO_REUSEADDR, SOCK_STREAM, SOL_SOCKET, socket
@@ -39,9 +36,9 @@ from vfguide.lab.console.orders import (
     order_from,
     use_number,
 )
+from vfguide.lab.console.page_files import join_program, join_style, render_page
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import FindTile
-from vfguide.lab.report.replay.page_part import read as read_replay
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; base-uri 'none';"
@@ -57,9 +54,6 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
 }
 """Of every answer, beside the policy."""
-
-SHARED_SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
-OWN_SCRIPTS = ("live.js", "tiles.js", "cards.js", "orders.js", "console.js")
 
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
@@ -375,36 +369,6 @@ async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator
             if text is None:
                 return
             yield f"data: {text}\n\n"
-
-
-def render_page(title: str) -> str:
-    """The page; the name of a mission stays text in it."""
-    parts = {
-        "{title}": escape(title),
-        "{orders}": read_page("orders.html"),
-        "{replay}": read_replay("replay.html").replace("<!-- below -->", read_page("cards.html")),
-    }
-    # In one pass: a title is not looked at again.
-    names = re.compile("|".join(map(re.escape, parts)))
-    return names.sub(lambda found: parts[found[0]], read_page("console.html"))
-
-
-def join_program() -> str:
-    """All scripts as one, which leaves no names behind in the page."""
-    shared = [read_replay(name) for name in SHARED_SCRIPTS]
-    whole = "\n".join([*shared, *map(read_page, OWN_SCRIPTS)])
-    return f'"use strict";\n(() => {{\n{whole}\nstartConsole();\n}})();\n'
-
-
-def join_style() -> str:
-    """All styles as one."""
-    report = files("vfguide.lab.report").joinpath("page.css").read_text(encoding="utf-8")
-    return "\n".join([report, read_replay("replay.css"), read_page("console.css")])
-
-
-def read_page(name: str) -> str:
-    """A file of the page."""
-    return files("vfguide.lab.console").joinpath("page", name).read_text(encoding="utf-8")
 
 
 class QuietServer(uvicorn.Server):
