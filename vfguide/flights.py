@@ -73,7 +73,7 @@ class Flight:
     @cached_property
     def errors(self) -> Mapping[str, SlotError]:
         """Where each follower's slot was, by name: `errors["f1"].distance_m` has N entries, m."""
-        return {one.name: slot_error(self.record.leader, one) for one in self.record.followers}
+        return {one.name: slot_error(self.record.reference, one) for one in self.record.followers}
 
     def to_dataframe(self) -> Any:  # noqa: ANN401 - pandas has no types of its own
         """All samples of all vehicles as a `pandas.DataFrame`: the columns of the CSV export, in degrees.

@@ -197,6 +197,7 @@ def flight_record(
     for name in names:
         track, follower = tracks[name], mission.followers_by_name.get(name)
         course = np.arctan2(track.east_m_s, track.north_m_s)
+        nearest = path.nearest(track.north_m, track.east_m, course)
         vehicles.append(
             VehicleRecord(
                 name=name,
@@ -215,10 +216,8 @@ def flight_record(
                 bank_rad=track.bank_rad,
                 wind_north_m_s=unknown,
                 wind_east_m_s=unknown,
-                path_cross_track_error_m=unknown,
-                path_course_rad=unknown
-                if follower
-                else path.nearest(track.north_m, track.east_m, course).course,
+                path_cross_track_error_m=unknown if follower else nearest.cross_track_error,
+                path_course_rad=unknown if follower else nearest.course,
                 course_setpoint_rad=unknown,
                 airspeed_setpoint_m_s=unknown,
                 ground_speed_setpoint_m_s=unknown,
@@ -278,6 +277,7 @@ def judge(
     window = time_s >= last / 2.0
     leader = record.reference
     intended = intended_leader(leader)
+    on_path = window & np.isfinite(intended.course_rad)
     gone = {name for one in faults for name in one.fault.without}
     kept = [one for one in record.followers if one.name not in gone]
     true = np.array([slot_error(leader, one).distance_m for one in kept])
@@ -289,8 +289,8 @@ def judge(
     return Verdict(
         window_s=(float(time_s[window][0]), float(last)),
         as_it_is=spread(true[:, window]),
-        intended=spread(meant[:, window]),
-        in_space=spread(in_space[:, window]),
+        intended=spread(meant[:, on_path]),
+        in_space=spread(in_space[:, on_path]),
         height=spread(heights[:, window]),
         followers={
             one.name: float(row[window].mean()) for one, row in zip(kept, true, strict=True)

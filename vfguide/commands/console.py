@@ -15,6 +15,7 @@ from vfguide.errors import InputError
 from vfguide.lab.console.live import live_flight_of
 from vfguide.lab.console.server import Address, served
 from vfguide.lab.console.source import RecordedFlight, Source
+from vfguide.lab.console.tiles import TileSource
 from vfguide.link.address import parse_links
 from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission
@@ -35,6 +36,7 @@ def show_formation(
     address: Address,
     token_file: Path | None,
     operator: bool = False,
+    tiles: TileSource | None = None,
 ) -> None:
     """Serve the console of a formation until told to stop.
 
@@ -45,6 +47,7 @@ def show_formation(
         address: where it is served.
         token_file: keeps the token of the address; that of operators is kept beside it.
         operator: whether orders can be given, with that key.
+        tiles: the map below the formation, if there is one.
 
     Raises:
         InputError: an address, key, certificate or token cannot be used.
@@ -66,7 +69,7 @@ def show_formation(
 
     async def run() -> None:
         async with live_console(
-            mission, watched, address=address, token=token, operator_token=second
+            mission, watched, address=address, token=token, operator_token=second, tiles=tiles
         ) as url:
             await tell_and_wait(*addresses_of(url, second))
 
@@ -74,7 +77,11 @@ def show_formation(
 
 
 def show_recorded(
-    directories: Sequence[Path], *, address: Address, token_file: Path | None
+    directories: Sequence[Path],
+    *,
+    address: Address,
+    token_file: Path | None,
+    tiles: TileSource | None = None,
 ) -> None:
     """Serve the console of a recorded flight until told to stop.
 
@@ -83,7 +90,7 @@ def show_recorded(
     """
     address.check()
     record = read_flight(directories)
-    source: Source = RecordedFlight(record)
+    source: Source = RecordedFlight(record, tiles=tiles)
     token = None if token_file is None else kept_token(token_file)
 
     async def run() -> None:
@@ -101,6 +108,7 @@ async def live_console(
     address: Address,
     token: str | None = None,
     operator_token: str | None = None,
+    tiles: TileSource | None = None,
 ) -> AsyncIterator[str]:
     """The console of a formation for as long as the context lasts; yields the address to open.
 
@@ -110,10 +118,13 @@ async def live_console(
         address: where it is served.
         token: that lets in; one of chance if absent.
         operator_token: that lets operators in, who give orders; nobody does if absent.
+        tiles: the map below the formation, if there is one.
     """
     orders = operator_token is not None
     async with AsyncExitStack() as stack:
-        source = await stack.enter_async_context(live_flight_of(mission, watched, orders=orders))
+        source = await stack.enter_async_context(
+            live_flight_of(mission, watched, orders=orders, tiles=tiles)
+        )
         yield await stack.enter_async_context(
             served(source, address, title=mission.name, token=token, operator_token=operator_token)
         )

@@ -13,7 +13,7 @@ from vfguide.extras import missing_library
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord, Origin
 
-ENDINGS = (".mcap", ".kml", ".kmz", ".csv", ".parquet")
+ENDINGS = (".mcap", ".kml", ".kmz", ".csv", ".parquet", ".plan")
 
 Write = Callable[[FlightRecord, Path], None]
 
@@ -70,6 +70,10 @@ def writer_for(out: Path) -> Write:
                 from vfguide.lab.export.parquet import write_parquet
 
                 return write_parquet
+            case ".plan":
+                from vfguide.lab.export.plan import write_plan
+
+                return write_plan
             case ".kml" | ".kmz" as ending:
                 from vfguide.lab.export.earth import write_earth
 

@@ -4,6 +4,7 @@ How a live flight goes while it is flown: a table redrawn in place on a terminal
 """
 
 import asyncio
+import math
 import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
@@ -47,7 +48,7 @@ class Row:
     mode: str
     """Of its companion, as that says; empty before it has said anything."""
     error_m: float | None
-    """Distance from slot or path, by true states."""
+    """Distance from slot or path, by true states; None where there is none."""
     ground_speed_m_s: float | None
     """True."""
     leader_age_s: float | None
@@ -76,9 +77,11 @@ def row_of(name: str, record: FlightRecord | None, presence: Presence | None) ->
         off = (
             abs(vehicle.path_cross_track_error_m)
             if leads
-            else slot_error(record.leader, vehicle).distance_m
+            else slot_error(record.reference, vehicle).distance_m
         )
-        error_m, speed_m_s = float(off[-1]), float(vehicle.ground_speed_m_s[-1])
+        # Who has left the formation has no slot, and in a hold the leader follows no path.
+        error_m = float(off[-1]) if math.isfinite(off[-1]) else None
+        speed_m_s = float(vehicle.ground_speed_m_s[-1])
         if presence is not None and not leads:
             age_ms = presence.figures.get("leader_age_ms_last")
     mode = ""
@@ -293,7 +296,7 @@ async def flown_live(
                 if now_s >= 0.0 and not flies:
                     # What starting took is not what flying takes.
                     before, flies = flight.accounts(), True
-                seen = flight.truth_collector.record(wall_s=0.0, only_now=True) if flies else None
+                seen = flight.record_now() if flies else None
                 show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
                 await asyncio.sleep(LOOK_S)
                 interrupted = stop()

@@ -110,6 +110,13 @@ def console(
             help="Have orders given, too, from a second address: signed with the operator's private key.",
         ),
     ] = False,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL",
+            help="A map below the formation: an MBTiles file of pictures, or https://host/{z}/{x}/{y}.png.",
+        ),
+    ] = None,
 ) -> None:
     """Show a formation on a page of a browser: who is where, how well, and what to do.
 
@@ -121,7 +128,9 @@ def console(
     from vfguide.commands.console import show_formation, show_recorded
     from vfguide.commands.credentials import KeyFiles
     from vfguide.lab.console.server import Address
+    from vfguide.lab.console.tiles import open_tiles
 
+    below = None if tiles is None else open_tiles(tiles)
     address = Address(
         host=host,
         port=port,
@@ -134,7 +143,7 @@ def console(
             raise InputError("--replay: shows a recorded flight; leave MISSION and --link out")
         if operator:
             raise InputError("--operator: a recorded flight takes no orders; leave it out")
-        show_recorded(replay, address=address, token_file=token)
+        show_recorded(replay, address=address, token_file=token, tiles=below)
         return
     if mission is None or not link:
         raise InputError(
@@ -148,6 +157,7 @@ def console(
         address=address,
         token_file=token,
         operator=operator,
+        tiles=below,
     )
 
 
@@ -251,7 +261,8 @@ def export(
     out: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", help="Where to; .mcap, .kml, .kmz, .csv or .parquet is the format."
+            metavar="FILE",
+            help="Where to; .mcap, .kml, .kmz, .csv, .parquet or .plan is the format.",
         ),
     ],
     mission: Annotated[

@@ -7,19 +7,16 @@ from collections.abc import Callable
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.supervisor import Control, Mode
-from vfguide.mavlink.announcements import NOTICE, WARNING, status_texts
+from vfguide.mavlink.announcements import INFO, NOTICE, WARNING, status_texts
 
 QUIET_S = 30.0
 """Until the same warning is sent again."""
 
-PAUSE_S = 1.0
-"""Between texts on average."""
-
-BURST = 4
-"""Texts that may follow each other at once."""
+PAUSE_S = 2.0
+"""From one text to the next: ground stations show them for some seconds, and a radio has little room."""
 
 MOST_WAITING = 16
-"""Texts that wait for their turn: what comes when so many wait is left to the log."""
+"""Texts that wait for their turn: when so many wait, the least severe is left to the log."""
 
 MOST_REMEMBERED = 64
 
@@ -38,9 +35,8 @@ class Announcer:
         """
         self._name = name
         self._waiting: list[tuple[int, str]] = []
-        self._warned: OrderedDict[str, float] = OrderedDict()
-        self._credit = float(BURST)
-        self._time = -math.inf
+        self._told: OrderedDict[str, float] = OrderedDict()
+        self._sent_s = -math.inf
         self._number = 0
         self._mode = Mode.WAITING
         self._control = self._announced = Control.UNKNOWN
@@ -48,15 +44,32 @@ class Announcer:
 
     def warn(self, text: str, now: float) -> None:
         """Send a warning, unless it was sent a short while ago."""
-        if now - self._warned.get(text, -math.inf) < QUIET_S:
+        self._tell(WARNING, text, now)
+
+    def inform(self, text: str, now: float) -> None:
+        """Send something that is nothing to worry about, unless it was sent a short while ago."""
+        self._tell(INFO, text, now)
+
+    def _tell(self, severity: int, text: str, now: float) -> None:
+        if now - self._told.get(text, -math.inf) < QUIET_S or not self._makes_room(severity):
             return
-        if len(self._waiting) >= MOST_WAITING:
-            return
-        self._warned[text] = now
-        self._warned.move_to_end(text)
-        if len(self._warned) > MOST_REMEMBERED:
-            self._warned.popitem(last=False)
-        self._waiting.append((WARNING, text))
+        self._told[text] = now
+        self._told.move_to_end(text)
+        if len(self._told) > MOST_REMEMBERED:
+            self._told.popitem(last=False)
+        self._waiting.append((severity, text))
+
+    def _makes_room(self, severity: int) -> bool:
+        """Whether another text can wait, after the newest of the least severe ones has made way for it."""
+        if len(self._waiting) < MOST_WAITING:
+            return True
+        least = max(waiting for waiting, _ in self._waiting)
+        if least <= severity:
+            return False
+        newest = max(place for place, (waiting, _) in enumerate(self._waiting) if waiting == least)
+        _, text = self._waiting.pop(newest)
+        self._told.pop(text, None)
+        return True
 
     def watch(self, mode: Mode, control: Control, sentence: Callable[[], str], now: float) -> None:
         """Announce a change of mode at once, and another reason for not steering once it lasts.
@@ -82,17 +95,15 @@ class Announcer:
         self._waiting.append((NOTICE, text))
 
     def due(self, now: float) -> list[MAVLink_message]:
-        """Messages for the texts that may be sent now."""
-        passed = now - self._time
-        self._time = now
-        self._credit = min(float(BURST), self._credit + max(passed, 0.0) / PAUSE_S)
-        messages: list[MAVLink_message] = []
-        while self._waiting and self._credit >= 1.0:
-            severity, text = self._waiting.pop(0)
-            self._credit -= 1.0
-            self._number = self._number % 65_535 + 1
-            messages += status_texts(f"vfguide {self._name}: {text}", severity, self._number)
-        return messages
+        """Messages for the text that may be sent now: the most severe, of several the one that came first."""
+        if not self._waiting or now - self._sent_s < PAUSE_S:
+            return []
+        # Severities of MAVLink fall as matters get worse.
+        first = min(range(len(self._waiting)), key=lambda place: self._waiting[place][0])
+        severity, text = self._waiting.pop(first)
+        self._sent_s = now
+        self._number = self._number % 65_535 + 1
+        return status_texts(f"vfguide {self._name}: {text}", severity, self._number)
 
 
 def mode_sentence(

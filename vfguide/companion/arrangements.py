@@ -29,6 +29,7 @@ from vfguide.companion.plan import FlightPlan, KnownPath
 from vfguide.companion.route_end import RouteEnd
 from vfguide.companion.shared_clock import SharedClock
 from vfguide.formation.arrangement import (
+    MAIN_PATH,
     Arrangement,
     Manoeuvre,
     Point,
@@ -242,6 +243,13 @@ class Arrangements:
     def route(self) -> KnownPath | None:
         """The path that an order has chosen, also during a hold; None before the first of them."""
         return self._route
+
+    @property
+    def path(self) -> str | None:
+        """Name of the path that the leader follows; None in a hold, and once all was called off."""
+        if self._circle is not None or self.called_off is not None:
+            return None
+        return MAIN_PATH if self.flown is None else self.flown.path
 
     def leads_by_order(self, now: float) -> bool:
         """Whether this vehicle is to lead by an order that has just begun."""

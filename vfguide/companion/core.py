@@ -32,7 +32,7 @@ from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, ob
 from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.wakefulness import Wakefulness
 from vfguide.errors import described_error
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Point
+from vfguide.formation.arrangement import Arrangement, Point
 from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
@@ -168,6 +168,10 @@ class Companion:
         """(north, east) of the wind that it flies by, m/s; None while not known."""
         return self._wind
 
+    def sensors(self, now: float) -> SensorsReport | None:
+        """What the autopilot said last of its sensors and its battery; None if that is long ago."""
+        return self._own.sensors(now)
+
     @property
     def snapshot(self) -> Snapshot:
         """What it did last."""
@@ -176,7 +180,8 @@ class Companion:
             setpoint=self._steering.setpoint,
             lyapunov=self._lyapunov,
             slot=self._slot,
-            path=MAIN_PATH if self.arrangement is None else self.arrangement.path,
+            left=self._arrangements.has_left,
+            path=self._arrangements.path,
             lead=self._role.lead if self._mode.steers else None,
         )
 
@@ -323,7 +328,8 @@ class Companion:
             out.warn(text, now)
         for event in out.events:
             if event.tell:
-                self._announcer.warn(event.text, now)
+                tell = self._announcer.warn if event.warning else self._announcer.inform
+                tell(event.text, now)
         messages += self._announcer.due(now)
         if self._authority.connected and not self._stopped:
             messages += self._plotted.due(self._mode, now)
@@ -485,7 +491,9 @@ class Companion:
         self._telemetry_time = now
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
-        self._plotted.note(step, now)
+        # Who has left the formation has no slot to be away from.
+        if not self._arrangements.has_left:
+            self._plotted.note(step, now)
         out.share(step)
         self._tell_followers(step, navigated, out)
         self._change_mode(now, out)

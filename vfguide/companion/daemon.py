@@ -21,6 +21,7 @@ from vfguide.companion.outgoing import Event, Outgoing
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
     Quantiles,
+    figures_of_battery,
     figures_of_leader,
     latency_figures,
     refused_messages,
@@ -387,6 +388,7 @@ class Daemon:
             wind_north, wind_east = self._companion.wind
             figures["wind_north_m_s"] = round(wind_north, 2)
             figures["wind_east_m_s"] = round(wind_east, 2)
+        figures |= figures_of_battery(self._companion.sensors(self._clock.now()))
         if self._companion.leadership is not None:
             figures[TERM] = float(self._companion.leadership[1])
         if self._companion.order_number:

@@ -79,8 +79,10 @@ class Snapshot:
     """W, m²; NaN for the leader."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
-    path: str = MAIN_PATH
-    """Name of the path that is followed."""
+    left: bool = False
+    """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
+    path: str | None = MAIN_PATH
+    """Name of the path that the leader follows; None in a hold, and once all was called off."""
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""
 
@@ -117,6 +119,8 @@ class Snapshot:
             speed_m_s=math.nan if setpoint is None else setpoint.speed,
             limited=setpoint is not None and bool(setpoint.limited),
             lyapunov_m2=self.lyapunov,
+            left=self.left,
+            path=self.path,
             **slot,
             **lead,
         )

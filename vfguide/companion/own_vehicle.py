@@ -64,6 +64,9 @@ again: the vehicle would be steered for a moment, not steered, and steered again
 AIRSPEED_FRESH_S = 2.0
 """An airspeed older than this is not used."""
 
+SENSORS_S = 10.0
+"""After so long the word of the sensors and the battery counts as old."""
+
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
@@ -133,6 +136,7 @@ class OwnVehicle:
         self._counters: Counter[str] = Counter()
         self._frozen = FrozenPosition()
         self._health = NavigationHealth()
+        self._sensors: tuple[SensorsReport, float] | None = None
         self._airspeed_gate = AirspeedGate(plan.airframe)
         self._airspeed = 0.0
         self._airspeed_time = -math.inf
@@ -310,7 +314,15 @@ class OwnVehicle:
             case TimeReport():
                 self._clock.answer(report.stamp, report.autopilot_ns, now)
             case _:
+                if isinstance(report, SensorsReport):
+                    self._sensors = report, now
                 self._health.take(report, now)
+
+    def sensors(self, now: float) -> SensorsReport | None:
+        """What the autopilot said last of its sensors and its battery; None if that is long ago."""
+        if self._sensors is None or now - self._sensors[1] > SENSORS_S:
+            return None
+        return self._sensors[0]
 
     def words(self) -> list[str]:
         """What a pilot should know of the reports, each once: one sentence each."""

@@ -5,7 +5,8 @@ Each series is kept as a few numbers, so that memory stays the same however long
 
 from collections import Counter
 
-from vfguide.link.presence import LEADER_FIGURES
+from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES
+from vfguide.mavlink.reports import SensorsReport
 from vfguide.state import HeardState
 
 
@@ -73,6 +74,18 @@ def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
         leader.turn_rate,
     )
     return {name: round(one, 3) for name, one in zip(LEADER_FIGURES, values, strict=True)}
+
+
+def figures_of_battery(sensors: SensorsReport | None) -> dict[str, float]:
+    """What is left of the battery, %, and its voltage, V; nothing of what the autopilot does not tell."""
+    if sensors is None:
+        return {}
+    figures = {}
+    if sensors.battery is not None:
+        figures[BATTERY] = round(100.0 * sensors.battery, 1)
+    if sensors.battery_voltage is not None:
+        figures[BATTERY_VOLTAGE] = round(sensors.battery_voltage, 2)
+    return figures
 
 
 def refused_messages(counters: Counter[str]) -> dict[str, float]:

@@ -26,6 +26,9 @@ LINKS_LOST = "links_lost"
 TERM, ORDER = "term", "order"
 """Figures: the term of its leader, where the mission names deputies, and the order that it flies by."""
 
+BATTERY, BATTERY_VOLTAGE = "battery_percent", "battery_v"
+"""Figures: what is left of the battery, %, and its voltage, V, as the autopilot tells them."""
+
 LEADER_FIGURES = (
     "led_by_age_s",
     "led_by_north_m",
@@ -40,7 +43,7 @@ LEADER_FIGURES = (
 LEAST_FIGURES = frozenset(
     {
         *(LINKS_LOST, "links", "leader_age_ms_last", "refused", "wind_north_m_s", "wind_east_m_s"),
-        *(TERM, ORDER),
+        *(TERM, ORDER, BATTERY, BATTERY_VOLTAGE),
     }
 )
 """Figures by which people decide; the others are statistics."""

@@ -3,6 +3,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+INFO: int = mavlink.MAV_SEVERITY_INFO
 NOTICE: int = mavlink.MAV_SEVERITY_NOTICE
 WARNING: int = mavlink.MAV_SEVERITY_WARNING
 

@@ -31,6 +31,9 @@ from vfguide.mavlink.traffic_messages import traffic_report
 UNKNOWN_HEADING = 65535
 """hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
 
+NO_MILLIVOLTS = 65535
+"""voltage_battery of an autopilot that does not measure it (UINT16_MAX)."""
+
 GREATEST_AIRSPEED = 500.0
 """m/s: what is faster is no aircraft that is guided here."""
 
@@ -161,12 +164,15 @@ def estimator_report(message: MAVLink_message) -> EstimatorReport:
 
 
 def sensors_report(message: MAVLink_message) -> SensorsReport:
-    """SYS_STATUS."""
+    """SYS_STATUS; a voltage of 0 is one that nothing measures."""
     expected = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     failing = expected & ~message.onboard_control_sensors_health
+    percent, millivolts = message.battery_remaining, message.voltage_battery
     return SensorsReport(
         gps=not failing & mavlink.MAV_SYS_STATUS_SENSOR_GPS,
         attitude=not failing & mavlink.MAV_SYS_STATUS_AHRS,
+        battery=percent * 1e-2 if 0 <= percent <= 100 else None,
+        battery_voltage=millivolts * 1e-3 if 0 < millivolts < NO_MILLIVOLTS else None,
     )
 
 

@@ -165,12 +165,16 @@ class EstimatorReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorsReport:
-    """SYS_STATUS: whether what is present and enabled is healthy."""
+    """SYS_STATUS: whether what is present and enabled is healthy, and the battery."""
 
     gps: bool
     """The receiver."""
     attitude: bool
     """Attitude and heading reference."""
+    battery: float | None = None
+    """What is left of the battery, 0 to 1; None where the autopilot does not know."""
+    battery_voltage: float | None = None
+    """V; None where the autopilot does not know."""
 
 
 Report = (

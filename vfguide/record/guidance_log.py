@@ -11,10 +11,11 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from io import TextIOWrapper
+from io import SEEK_END, TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.regular_file import open_regular
 
 SUFFIX = ".guidance.csv"
@@ -37,16 +38,24 @@ COLUMNS = (
     "lead_east_m",
     "lead_course_rad",
     "lead_height_m",
+    "left",
+    "path",
 )
 
-LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") :]
-"""Most often unknown, and then empty; files of earlier versions have none of them."""
+LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") : COLUMNS.index("left")]
+"""Numbers that are most often unknown, and then empty; files of earlier versions have none of them."""
+
+NO_PATH = "-"
+"""In the last column where no path is followed, which is no path's name; empty stands for the main one."""
 
 HEADER = (",".join(COLUMNS) + "\n").encode()
 """First line of the file."""
 
 GREATEST_SIZE = 256 * 1024**2
 """Characters; ten hours at 20 Hz are 60 to 120 MB. Nothing is read beyond."""
+
+NEWEST_BYTES = 8192
+"""Of a file that grows: some 40 steps, 2 s at 20 Hz."""
 
 LONGEST_LINE = 1000
 """Characters; a step takes a tenth of it."""
@@ -88,6 +97,10 @@ class GuidanceStep:
     """The course of the same."""
     lead_height_m: float = math.nan
     """The height of the same above the mission's origin."""
+    left: bool = False
+    """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
+    path: str | None = MAIN_PATH
+    """Name of the path that the leader follows; None in a hold, and once all was called off."""
 
 
 def encode_step(step: GuidanceStep) -> bytes:
@@ -97,6 +110,8 @@ def encode_step(step: GuidanceStep) -> bytes:
     fields = (
         *(f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}"),
         *("" if math.isnan(value) else f"{value:.6f}" for value in later),
+        "1" if step.left else "",
+        NO_PATH if step.path is None else "" if step.path == MAIN_PATH else step.path,
     )
     return (",".join(str(field) for field in fields) + "\n").encode()
 
@@ -137,6 +152,25 @@ def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
 
 
+def read_newest(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
+    """What a companion did in the last second or two, of files that grow and may be long.
+
+    Args:
+        paths: as of `read_guidance`.
+        zero_s: the companion's clock at time 0 of the flight.
+    """
+    steps: list[GuidanceStep] = []
+    for path in paths:
+        with suppress(OSError, csv.Error), open_regular(path) as file:
+            file.seek(max(file.seek(0, SEEK_END) - NEWEST_BYTES, 0))
+            # The first and the last line may not be whole.
+            lines = file.read(NEWEST_BYTES).decode("utf-8", "replace").split("\n")[1:-1]
+            for row in csv.DictReader(lines, fieldnames=COLUMNS):
+                with suppress(ValueError, TypeError, LookupError, csv.Error):
+                    steps.append(_step(row, zero_s))
+    return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+
+
 def _whole_lines(file: TextIO) -> Iterator[str]:
     """Lines with their line feed, of as much as a companion could have written."""
     left = GREATEST_SIZE
@@ -160,5 +194,7 @@ def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
         limited=bool(int(row["limited"])),
         lyapunov_m2=float(row["lyapunov_m2"]),
         formation_time_s=float(row.get("formation_time_s") or "nan"),
+        left=row.get("left") == "1",
+        path=None if row.get("path") == NO_PATH else row.get("path") or MAIN_PATH,
         **later,
     )

@@ -32,16 +32,25 @@ def slot_series(
         track: what the companion did.
         moments: samples, s on the same clock.
         mission: slot forward, right of and above the leader in the mission, m. It counts until the first
-            order; what was ordered last counts while nothing is known.
+            order; what was ordered last counts while nothing is known. Who has left the formation has no
+            slot (NaN) until it is given one again.
     """
-    steps = [step for step in track.steps if np.isfinite(step.slot_forward_m)]
+    steps = [step for step in track.steps if step.left or np.isfinite(step.slot_forward_m)]
     if not steps:
         return {}
     times = np.array([step.time_s for step in steps])
-    return {
-        series: np.interp(moments, times, [getattr(step, name) for step in steps], left=fixed)
-        for series, name, fixed in zip(SLOT_SERIES, ORDERED, mission, strict=True)
-    }
+    newest = np.searchsorted(times, moments, side="right") - 1
+    left = np.array([step.left for step in steps])
+    gone = (newest >= 0) & left[np.maximum(newest, 0)]
+    given = [step for step in steps if not step.left]
+    found = {}
+    for series, name, fixed in zip(SLOT_SERIES, ORDERED, mission, strict=True):
+        slots = np.full_like(moments, fixed)
+        if given:
+            values = [getattr(step, name) for step in given]
+            slots = np.interp(moments, [step.time_s for step in given], values, left=fixed)
+        found[series] = np.where(gone, np.nan, slots)
+    return found
 
 
 def lead_series(

@@ -48,6 +48,7 @@ def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> Veh
     }
     # It is carried on along its path.
     found["path_course_rad"] = np.where(own, leader.path_course_rad, found["course_rad"])
+    found["path_cross_track_error_m"] = np.where(own, leader.path_cross_track_error_m, 0.0)
     for first, last in _gaps(led):
         if time_s[last] - time_s[first] <= LONGEST_GAP_S:
             _bridge(time_s, found, first, last)

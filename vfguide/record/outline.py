@@ -1,4 +1,4 @@
-"""Lines on the ground that a flight is drawn with: edges of its fence, and paths that may be ordered."""
+"""What a flight is drawn with on the ground: edges of its fence, paths that may be ordered, rally points."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -7,7 +7,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.record.archive import AnyArray
 from vfguide.record.vehicle import floats
 
-OutlineKind = Literal["fence", "path"]
+OutlineKind = Literal["fence", "path", "rally"]
 
 MOST_OUTLINES = 1000
 """In one record: more than a mission can name."""
@@ -15,14 +15,15 @@ MOST_OUTLINES = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outline:
-    """One line on the ground.
+    """One line on the ground, or some points.
 
     Raises:
         ValueError: it has not as many norths as easts.
     """
 
     kind: OutlineKind
-    """`fence`: the edge of an area that has to be stayed in or out of; `path`: not the mission's first."""
+    """`fence`: the edge of an area that has to be stayed in or out of; `path`: not the mission's first;
+    `rally`: points to which an aircraft may go back, no line."""
     north_m: FloatArray
     """M points from its beginning to its end, m; of a closed line the last is the first."""
     east_m: FloatArray

@@ -4,7 +4,8 @@ Frame: local, metres north and east of the mission's origin; angles in radians c
 the vector the air moves toward.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -46,6 +47,22 @@ LEAD_SERIES = (
     "lead_altitude_amsl_m",
 )
 """More of them, of a mission with deputies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLimits:
+    """What a vehicle's mission allows it."""
+
+    least_airspeed_m_s: float
+    """Airspeed that it must not fall below."""
+    greatest_airspeed_m_s: float
+    """Airspeed that it must not exceed."""
+    greatest_bank_deg: float
+    """To either side."""
+
+    def describe(self) -> dict[str, float]:
+        """By name, ready for JSON."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,8 +117,12 @@ class VehicleRecord:
     """The follower's Lyapunov function W, m²; NaN for the leader."""
     slot_up_m: float = 0.0
     """Slot above the leader, m; 0 for the leader."""
+    limits: FlightLimits | None = None
+    """Of its airspeed and bank; None where the record does not tell."""
     slot_forward_series_m: FloatArray | None = None
-    """Where the slot was at each sample, where it was changed in flight; None of one that was not."""
+    """Where the slot was at each sample, where it was changed in flight; None of one that was not.
+
+    NaN while the vehicle was ordered out of the formation and had none."""
     slot_right_series_m: FloatArray | None = None
     """The same, m right of the leader."""
     slot_up_series_m: FloatArray | None = None
@@ -126,6 +147,14 @@ class VehicleRecord:
         return forward, right
 
     @property
+    def in_formation(self) -> BoolArray:
+        """Whether the vehicle belonged to the formation at each sample: not while an order had it leave."""
+        forward = self.slot_forward_series_m
+        if forward is None:
+            return np.ones(self.north_m.shape, dtype=np.bool_)
+        return np.isfinite(forward)
+
+    @property
     def slot_height_m(self) -> float | FloatArray:
         """Height of the slot above the leader, over time where it was changed in flight."""
         return self.slot_up_m if self.slot_up_series_m is None else self.slot_up_series_m
@@ -140,6 +169,7 @@ def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
         "slot_forward_m": vehicle.slot_forward_m,
         "slot_right_m": vehicle.slot_right_m,
         "slot_up_m": vehicle.slot_up_m,
+        "limits": None if vehicle.limits is None else vehicle.limits.describe(),
     }
 
 
@@ -162,6 +192,7 @@ def compose_vehicle(
         slot_right_m=float(entry["slot_right_m"]),
         # Records of earlier versions do not tell.
         slot_up_m=float(entry.get("slot_up_m", 0.0)),
+        limits=compose_limits(entry.get("limits")),
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},
@@ -171,6 +202,16 @@ def compose_vehicle(
             if prefix + name in arrays
         },
     )
+
+
+def compose_limits(entry: Any) -> FlightLimits | None:  # noqa: ANN401
+    """Limits from their description; LookupError, TypeError or ValueError where it is none."""
+    if entry is None:
+        return None
+    found = FlightLimits(**{one.name: float(entry[one.name]) for one in fields(FlightLimits)})
+    if not all(math.isfinite(value) for value in found.describe().values()):
+        raise ValueError("a limit is not finite")
+    return found
 
 
 def floats(arrays: dict[str, AnyArray], name: str) -> FloatArray:

@@ -16,6 +16,7 @@ from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error
+from vfguide.lab.report.metrics import summarise
 from vfguide.link.memory import Mail
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
@@ -187,6 +188,14 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     flight = ordered({"at_s": AT_S, "leave": ["f3"]}, {"at_s": 40, "join": ["f3"]})
     flight.until(38.0)
     assert flight.aircraft["f3"].companion.flight_mode == "LOITER"
+    left = flight.record()
+    f3 = left.followers[-1]
+    gone = left.time_s[~f3.in_formation]
+    assert (gone[0], gone[-1]) == pytest.approx((AT_S, 38.0), abs=0.1)
+    # It is hundreds of metres away; the others keep their slots.
+    mean = summarise(left).formation.mean_error_m
+    assert mean is not None
+    assert mean < 0.2
     flight.until(140.0)
     assert flight.aircraft["f3"].companion.flight_mode == "GUIDED"
     record = flight.record()

@@ -1,18 +1,27 @@
 """The console's page when its server goes, comes back or is another one, and on a recorded flight."""
 
 import asyncio
+import json
+import math
 import socket
+import sqlite3
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, closing
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.async_api import Page, expect
 
 from vfguide.commands.console import live_console
+from vfguide.companion.plan import local_frame
+from vfguide.formation.arrangement import Arrangement
+from vfguide.lab.console.model import Formation
 from vfguide.lab.console.server import Address, served
-from vfguide.lab.console.source import RecordedFlight
+from vfguide.lab.console.source import RecordedFlight, Source
+from vfguide.lab.console.tiles import open_tiles
 from vfguide.lab.rehearsal.live import watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.processes import free_port
@@ -88,6 +97,97 @@ def test_a_recorded_flight_plays_and_its_names_stay_text(
                 arg=before,
             )
             await expect(page.locator("#freshness")).to_contain_text("recorded flight")
+
+    asyncio.run(look())
+
+
+def map_of(path: Path, mission: Mission) -> Path:
+    """One green picture at zoom 10, where the mission is."""
+    origin, count = mission.origin, 2**10
+    column = int((origin.longitude_deg + 180.0) / 360.0 * count)
+    mercator = math.asinh(math.tan(math.radians(origin.latitude_deg))) / math.pi
+    row = int(0.5 * (1.0 - mercator) * count)
+    picture = BytesIO()
+    Image.new("RGB", (256, 256), (0, 255, 0)).save(picture, "PNG")
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        file.execute("INSERT INTO metadata VALUES ('attribution', ?)", (HOSTILE + "Survey",))
+        file.execute(
+            "CREATE TABLE tiles (zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER, tile_data)"
+        )
+        numbers = (10, column, count - 1 - row)
+        file.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (*numbers, picture.getvalue()))
+        file.commit()
+    return path
+
+
+GREEN = """() => {
+    const canvas = document.querySelector('[data-part=scene]');
+    const { data } = canvas.getContext("2d").getImageData(5, canvas.height - 5, 1, 1);
+    return data[1] > data[0] + 100 && data[1] > data[2] + 100;
+}"""
+
+
+def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
+    record: FlightRecord, open_page: OpenPage, tmp_path: Path
+) -> None:
+    mission = load_mission(MISSION)
+    tiles = open_tiles(str(map_of(tmp_path / "a.mbtiles", mission)))
+    source = RecordedFlight(record, tiles=tiles)
+
+    async def look() -> None:
+        async with (
+            served(source, Address(port=0), title="a") as url,
+            open_page(url) as page,
+        ):
+            await page.wait_for_function(GREEN)
+            await expect(page.get_by_text("Survey", exact=True)).to_be_visible()
+            # 5 km north and 6 km west, as the companions reckon it.
+            place = mission.origin.latitude_deg + 0.05, mission.origin.longitude_deg - 0.08
+            found = await page.evaluate(
+                "place => document.getElementById('replay').player.scene.underlay.toLocal(...place)",
+                list(place),
+            )
+            north, east = local_frame(mission).to_local(*place)
+            assert (found["north"], found["east"]) == pytest.approx((north, east), abs=0.1)
+            await page.get_by_role("button", name="Map").click()
+            await page.wait_for_function(f"() => !({GREEN})()")
+            await expect(page.locator(".margins").first).to_contain_text("to its limit")
+
+    asyncio.run(look())
+
+
+def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_page: OpenPage) -> None:
+    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    content["paths"] = {"other": {"type": "line", "course_deg": 90.0}}
+    mission = Mission.model_validate(content)
+    formation = Formation(mission)
+    for tenths in range(100):
+        if tenths == 50:
+            order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=(), path="other")
+            formation.take_order(7, order, leads="leader")
+        formation.sample(0.1 * tenths)
+    source = Source()
+    words = {"cards": formation.cards(9.9), "alarms": [], "flies": formation.flies()}
+    opening = json.dumps({**formation.describe(), **words})
+    source.opening = lambda: opening  # type: ignore[method-assign]
+
+    async def look() -> None:
+        async with (
+            served(source, Address(port=0), title="a") as url,
+            open_page(url) as page,
+        ):
+            flies = page.locator("#flies")
+            path = "document.getElementById('replay').player.flight.pathName"
+            await expect(flies).to_contain_text("order 7")
+            assert await page.evaluate(path) == "other"
+            await page.evaluate("document.getElementById('replay').player.pause()")
+            await page.evaluate("document.getElementById('replay').player.seek(2)")
+            await expect(flies).to_have_text("leader leads · the mission's formation")
+            assert await page.evaluate(path) == "main"
+            await page.get_by_role("button", name="Back to now").click()
+            await expect(flies).to_contain_text("order 7")
+            assert await page.evaluate(path) == "other"
 
     asyncio.run(look())
 

@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import socket
+import sqlite3
 import ssl
 import subprocess
 from collections.abc import Awaitable, Callable
@@ -15,6 +16,7 @@ from vfguide.commands.console import kept_token
 from vfguide.errors import InputError
 from vfguide.lab.console.server import Address, served
 from vfguide.lab.console.source import MOST_PAGES, Source
+from vfguide.lab.console.tiles import open_tiles
 
 ANYWHERE = Address(port=0)
 
@@ -43,7 +45,7 @@ def ask(
         connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=20)
     connection.request(method, path, headers={"Cookie": cookie} if cookie else {})
     answer = connection.getresponse()
-    found = answer.status, dict(answer.getheaders()), answer.read1(2000).decode()
+    found = answer.status, dict(answer.getheaders()), answer.read1(2000).decode(errors="replace")
     connection.close()
     return found
 
@@ -276,3 +278,38 @@ def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certi
 def test_only_this_computer_s_own_address_counts_as_published(published: str) -> None:
     with pytest.raises(InputError, match="--published"):
         Address(host="0.0.0.0", published=published).check()  # noqa: S104
+
+
+def picture_file(path: Path) -> Path:
+    """A map of one picture: the whole world at zoom 0."""
+    file = sqlite3.connect(path)
+    file.executescript(
+        "CREATE TABLE metadata (name TEXT, value TEXT);"
+        "CREATE TABLE tiles (zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER, tile_data BLOB)"
+    )
+    file.execute("INSERT INTO tiles VALUES (0, 0, 0, ?)", (b"\xff\xd8\xffpicture",))
+    file.commit()
+    file.close()
+    return path
+
+
+def test_tiles_are_for_who_has_the_token_and_the_page_may_show_pictures_only_with_a_map(
+    tmp_path: Path,
+) -> None:
+    source = Nothing()
+    source.tiles = open_tiles(str(picture_file(tmp_path / "a.mbtiles")))
+
+    async def run() -> None:
+        async with served(source, ANYWHERE, title="a", token="t" * 24) as url:
+            parts = urlsplit(url)
+            status, headers, _ = await asyncio.to_thread(ask, url, "/tiles/0/0/0")
+            assert status == 403
+            cookie = f"vfguide-console-{parts.port}={'t' * 24}"
+            status, headers, text = await asyncio.to_thread(ask, url, "/tiles/0/0/0", cookie=cookie)
+            assert (status, headers["content-type"]) == (200, "image/jpeg")
+            assert headers["content-security-policy"].endswith("; img-src 'self'")
+            for path in ("/tiles/1/0/0", "/tiles/0/0/9", "/tiles/-1/0/0", "/tiles/0/0/../../x"):
+                status, _, text = await asyncio.to_thread(ask, url, path, cookie=cookie)
+                assert status == 404, text
+
+    asyncio.run(run())

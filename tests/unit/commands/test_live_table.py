@@ -1,16 +1,20 @@
 import io
+import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vfguide.commands.fly_live import Row, find_slowness, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.geometry import seen_from_leader
 from vfguide.link.presence import Presence
 from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import latency_of
+from vfguide.record.vehicle import SLOT_SERIES
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
 
@@ -45,6 +49,22 @@ def test_a_row_tells_true_distance_and_speed_and_what_the_companion_says() -> No
     assert f1.error_m > 10.0
     assert f1.ground_speed_m_s is not None
     assert 15.0 < f1.ground_speed_m_s < 25.0
+
+
+def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left() -> None:
+    record = flown()
+    leader, f1, f2, f3 = record.vehicles
+    ordered = {
+        name: np.full_like(f1.north_m, value)
+        for name, value in zip(SLOT_SERIES, (0.0, 30.0, 0.0), strict=True)
+    }
+    left = {name: np.full_like(f2.north_m, np.nan) for name in SLOT_SERIES}
+    changed = replace(record, vehicles=(leader, replace(f1, **ordered), replace(f2, **left), f3))
+    _, first, second, _ = rows_of(NAMES, changed, {})
+    forward, right = seen_from_leader(leader, f1)
+    assert first.error_m == pytest.approx(math.hypot(forward[-1], right[-1] - 30.0))
+    assert second.error_m is None
+    assert line_of([second]) == "f2 - - m off"
 
 
 def test_a_companion_that_is_gone_is_offline_whatever_it_did_last() -> None:

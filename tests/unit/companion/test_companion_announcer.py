@@ -1,5 +1,7 @@
 """What is sent to ground stations, and what is left out, when there is much to say."""
 
+import pytest
+
 from vfguide.companion.announcer import MOST_WAITING, Announcer
 from vfguide.companion.supervisor import Control, Mode
 
@@ -15,7 +17,42 @@ def test_the_first_of_many_warnings_is_not_lost() -> None:
     warnings = [f"warning {number}" for number in range(12)]
     for warning in warnings:
         announcer.warn(warning, 0.0)
-    assert said(announcer, 0.0, 20.0) == [f"vfguide f1: {warning}" for warning in warnings]
+    assert said(announcer, 0.0, 24.0) == [f"vfguide f1: {warning}" for warning in warnings]
+
+
+def test_there_are_two_seconds_between_any_two_texts() -> None:
+    announcer = Announcer("f1")
+    for number in range(3):
+        announcer.warn(f"warning {number}", 0.0)
+    times = [0.1 * step for step in range(100) if announcer.due(0.1 * step)]
+    assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
+
+
+def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
+    announcer = Announcer("f1")
+    announcer.inform("all have agreed", 0.0)
+    announcer.change("in its place")
+    announcer.warn("too near", 0.0)
+    announcer.warn("much too near", 0.0)
+    sent = [message for now in (0.0, 2.0, 4.0, 6.0) for message in announcer.due(now)]
+    assert [(message.severity, message.text) for message in sent] == [
+        (4, "vfguide f1: too near"),
+        (4, "vfguide f1: much too near"),
+        (5, "vfguide f1: in its place"),
+        (6, "vfguide f1: all have agreed"),
+    ]
+
+
+def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again() -> None:
+    announcer = Announcer("f1")
+    for number in range(MOST_WAITING):
+        announcer.inform(f"word {number}", 0.0)
+    announcer.warn("too near", 0.0)
+    texts = said(announcer, 0.0, 40.0)
+    assert texts[0] == "vfguide f1: too near"
+    assert texts[1:] == [f"vfguide f1: word {number}" for number in range(MOST_WAITING - 1)]
+    announcer.inform(f"word {MOST_WAITING - 1}", 40.0)
+    assert said(announcer, 40.0, 41.0) == [f"vfguide f1: word {MOST_WAITING - 1}"]
 
 
 def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again() -> None:
@@ -23,9 +60,9 @@ def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again() -> N
     for number in range(MOST_WAITING):
         announcer.warn(f"warning {number}", 0.0)
     announcer.warn("the last straw", 0.0)
-    assert "vfguide f1: the last straw" not in said(announcer, 0.0, 25.0)
-    announcer.warn("the last straw", 25.0)
-    assert said(announcer, 25.0, 26.0) == ["vfguide f1: the last straw"]
+    assert "vfguide f1: the last straw" not in said(announcer, 0.0, 35.0)
+    announcer.warn("the last straw", 35.0)
+    assert said(announcer, 35.0, 36.0) == ["vfguide f1: the last straw"]
 
 
 def test_why_nothing_is_steered_is_told_once_it_has_lasted_for_two_seconds() -> None:

@@ -2,7 +2,13 @@ from collections import Counter
 
 import pytest
 
-from vfguide.companion.presence_figures import Quantiles, latency_figures, refused_messages
+from vfguide.companion.presence_figures import (
+    Quantiles,
+    figures_of_battery,
+    latency_figures,
+    refused_messages,
+)
+from vfguide.mavlink.reports import SensorsReport
 
 
 def test_quantiles_are_of_the_newest_values_and_the_greatest_of_all() -> None:
@@ -31,3 +37,12 @@ def test_refused_messages_are_counted_in_all_and_by_reason() -> None:
         "refused_not_signed": 2.0,
         "refused_f1s_clock": 3.0,
     }
+
+
+def test_of_the_battery_is_told_what_the_autopilot_knows_and_no_more() -> None:
+    assert figures_of_battery(None) == {}
+    assert figures_of_battery(SensorsReport(gps=True, attitude=True)) == {}
+    known = SensorsReport(gps=True, attitude=True, battery=0.87, battery_voltage=11.804)
+    assert figures_of_battery(known) == {"battery_percent": 87.0, "battery_v": 11.8}
+    volts = SensorsReport(gps=True, attitude=True, battery_voltage=11.8)
+    assert figures_of_battery(volts) == {"battery_v": 11.8}

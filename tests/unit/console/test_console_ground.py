@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from vfguide.formation.arrangement import Arrangement
-from vfguide.lab.console.ground import describe_ground, rally_points
+from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.model import Formation
+from vfguide.lab.rehearsal.recorder import rally_points
 from vfguide.mission import Mission, load_mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -49,6 +50,18 @@ def test_rally_points_of_a_plan_are_drawn() -> None:
     assert north.size == len(mission.path.rally_points) > 0
     assert kinds.count("rally") == 1
     assert "fence" in kinds
+
+
+def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission: Mission) -> None:
+    formation = Formation(mission)
+    for tenths in range(30):
+        if tenths >= 10:
+            formation.take_order(3, order("near"), leads=formation.names[0])
+        formation.sample(0.1 * tenths)
+    flown = formation.describe()["flown"]
+    assert isinstance(flown, list)
+    kept = [(one["t"], one["number"], one["path"]) for one in flown]
+    assert kept == [(0.0, 0, "main"), (pytest.approx(0.9), 3, "near")]
 
 
 def test_the_path_of_the_order_that_is_flown_is_drawn(mission: Mission) -> None:

@@ -377,3 +377,24 @@ def test_whatever_comes_the_picture_stays_json(data: bytes, name: str) -> None:
     formation.sample(0.1)
     json.dumps(formation.describe(), allow_nan=False)
     assert not formation.heard_anything
+
+
+def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission: Mission) -> None:
+    formation = Formation(mission)
+    formation.take_presence("f1", online(battery_percent=62.0, battery_v=11.4), 1.0)
+    formation.take_presence("f2", online(), 1.0)
+    told = {
+        name: (card["battery_percent"], card["battery_v"])
+        for name, card in zip(formation.names, formation.cards(1.0), strict=True)
+    }
+    assert told == dict.fromkeys(formation.names, (None, None)) | {"f1": (62.0, 11.4)}
+
+
+def test_pages_are_told_the_limits_of_each_vehicle(mission: Mission) -> None:
+    described = json.loads(json.dumps(Formation(mission).describe()))
+    lowest, highest = mission.vehicles["f1"].airspeed_range_m_s
+    assert described["vehicles"][1]["limits"] == {
+        "least_airspeed_m_s": lowest,
+        "greatest_airspeed_m_s": highest,
+        "greatest_bank_deg": mission.vehicles["f1"].max_bank_deg,
+    }

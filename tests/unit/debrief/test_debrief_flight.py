@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
-from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step
+from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
 from vfguide.record.recording import Start, files_of
 from vfguide.record.tlog import stamped
 
@@ -139,6 +139,19 @@ def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordin
     assert "not the truth" in record.notes[0]
     assert "formation's clock" in record.notes[1]
     assert record.notes[2] == "Not recorded: f2, f3."
+
+
+def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings: Path) -> None:
+    path = files_of(recordings / "f1-1", "f1")[1]
+    steps = read_guidance(path).steps
+    half = len(steps) // 2
+    written = [replace(step, left=number >= half) for number, step in enumerate(steps)]
+    path.write_bytes(HEADER + b"".join(encode_step(step) for step in written))
+    record = flight_of(collect([recordings]))
+    share = float(np.mean(record.followers[0].in_formation))
+    assert share == pytest.approx(0.5, abs=0.05)
+    # The window is the last half of the flight, of which it has no slot.
+    assert np.isnan(slot_error(record.leader, record.followers[0]).distance_m[-1])
 
 
 def test_without_a_common_clock_the_page_says_what_that_costs(recordings: Path) -> None:

@@ -11,6 +11,7 @@ from vfguide.mavlink.reports import (
     CommandReport,
     HeartbeatReport,
     PositionReport,
+    SensorsReport,
     TextReport,
 )
 
@@ -170,3 +171,25 @@ def test_a_status_text_of_any_bytes_is_printable(codec: Codec, frame: Make) -> N
         (report,) = codec.decode(frame(mavlink.MAVLink_statustext_message(4, text)))
         assert isinstance(report, TextReport)
         assert report.text.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("sent", "told"),
+    [
+        ((87, 11_800), (0.87, 11.8)),
+        ((0, 9_600), (0.0, 9.6)),
+        # Unknown by the message set, not measured, and out of range.
+        ((-1, 65_535), (None, None)),
+        ((101, 0), (None, None)),
+    ],
+)
+def test_the_battery_is_told_as_far_as_the_autopilot_knows_it(
+    codec: Codec, frame: Make, sent: tuple[int, int], told: tuple[float | None, float | None]
+) -> None:
+    percent, millivolts = sent
+    message = mavlink.MAVLink_sys_status_message(
+        0, 0, 0, 0, millivolts, -1, percent, 0, 0, 0, 0, 0, 0
+    )
+    (report,) = codec.decode(frame(message))
+    assert isinstance(report, SensorsReport)
+    assert (report.battery, report.battery_voltage) == pytest.approx(told)

@@ -3,6 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from vfguide.record.guidance_log import (
     GuidanceTrack,
     encode_step,
     read_guidance,
+    read_newest,
 )
 from vfguide.record.guidance_series import lead_series, slot_series
 
@@ -87,6 +89,63 @@ def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:
     series = slot_series(GuidanceTrack(steps), moments, (-20.0, 5.0, 0.0))
     assert series["slot_right_series_m"].tolist() == [5.0, 10.0, 15.0, 20.0]
     assert slot_series(GuidanceTrack(steps[:1]), moments, (-20.0, 5.0, 0.0)) == {}
+
+
+def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path: Path) -> None:
+    steps = [
+        step(1.0),
+        replace(step(2.0), path="survey"),
+        replace(step(3.0), path=None),
+        replace(step(4.0), left=True, path=None),
+    ]
+    assert read_guidance(written(tmp_path / "f1.csv", *steps)).steps == steps
+
+
+def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(
+    tmp_path: Path,
+) -> None:
+    path = written(tmp_path / "f1.csv", step(1.0))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("".join(f"{one.rsplit(',', 2)[0]}\n" for one in lines), encoding="utf-8")
+    assert read_guidance(path).steps == [step(1.0)]
+
+
+def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_path: Path) -> None:
+    steps = [step(float(time_s)) for time_s in range(1000)]
+    path = written(tmp_path / "f1.csv", *steps)
+    path.write_bytes(path.read_bytes() + encode_step(step(1000.0))[:-5])
+    newest = read_newest(path, tmp_path / "absent.csv", zero_s=900.0).steps
+    assert newest[-1] == step(99.0)
+    assert 20 < len(newest) < 200
+    # A file of one step, whose first line names its columns.
+    assert read_newest(written(tmp_path / "f2.csv", step(1.0))).steps == [step(1.0)]
+
+
+@given(content=st.binary(max_size=300))
+def test_whatever_a_growing_file_holds_nothing_breaks(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    path = tmp_path_factory.mktemp("log") / "f1.csv"
+    path.write_bytes(HEADER + content + b"\n")
+    assert all(math.isfinite(one.time_s) for one in read_newest(path).steps)
+
+
+def test_who_has_left_has_no_slot_until_it_is_given_one_again() -> None:
+    def slotted(time_s: float) -> GuidanceStep:
+        return replace(step(time_s), slot_forward_m=-20.0, slot_right_m=10.0, slot_up_m=0.0)
+
+    left = [replace(step(time_s), left=True) for time_s in (2.0, 2.5)]
+    moments = np.array([0.0, 1.5, 2.0, 3.0, 4.0, 5.0])
+    fixed = (-20.0, 5.0, 0.0)
+    joined = slot_series(GuidanceTrack([slotted(1.0), *left, slotted(4.0)]), moments, fixed)
+    nan = math.nan
+    assert np.array_equal(
+        joined["slot_right_series_m"], [5.0, 10.0, nan, nan, 10.0, 10.0], equal_nan=True
+    )
+    never = slot_series(GuidanceTrack([step(1.0), *left]), moments, fixed)
+    assert np.array_equal(
+        never["slot_right_series_m"], [5.0, 5.0, nan, nan, nan, nan], equal_nan=True
+    )
 
 
 def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time() -> None:

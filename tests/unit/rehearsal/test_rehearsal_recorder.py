@@ -1,10 +1,11 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import sitl_stub
 from vfguide.companion.outgoing import Snapshot
 from vfguide.companion.supervisor import Mode
-from vfguide.lab.rehearsal.recorder import VehicleRecorder
+from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
 from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 
@@ -38,3 +39,36 @@ def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of
     assert record.course_setpoint_rad[1] == 0.5
     assert record.airspeed_setpoint_m_s[1] == 21.0
     assert record.lyapunov[1] == 2.5
+
+
+def test_who_has_left_the_formation_has_no_slot_meanwhile() -> None:
+    recorder = VehicleRecorder(MISSION, "f1")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=0.0)
+    for left in (False, True, False):
+        recorder.sample(truth(), replace(flying, left=left))
+    record = recorder.record()
+    assert record.in_formation.tolist() == [True, False, True]
+    assert record.slot_forward_series_m is not None
+    assert record.slot_forward_series_m[2] == record.slot_forward_m
+
+
+def test_a_leader_that_holds_is_beside_no_path() -> None:
+    recorder = VehicleRecorder(MISSION, "leader")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
+    recorder.sample(truth(course_rad=0.0), flying)
+    recorder.sample(truth(course_rad=0.0), replace(flying, path=None))
+    error = recorder.record().path_cross_track_error_m
+    assert math.isfinite(error[0])
+    assert math.isnan(error[1])
+
+
+def test_rally_points_of_a_plan_are_drawn() -> None:
+    mission = load_mission(Path(__file__).parents[3] / "missions" / "survey-plan.yaml")
+    recorder = VehicleRecorder(mission, mission.leader.vehicle)
+    recorder.sample(truth(), Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan))
+    drawn = [one for one in drawn_outlines(mission, recorder.record()) if one.kind == "rally"]
+    (points,) = drawn
+    north, east = rally_points(mission)
+    assert points.north_m.tolist() == north.tolist()
+    assert points.east_m.tolist() == east.tolist()
+    assert north.size > 0

@@ -20,8 +20,10 @@ from vfguide.lab.report.figures import (
 )
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
 from vfguide.lab.report.metrics import summarise, summary_json
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.lab.report.summary import FollowerSummary
+from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, VehicleRecord
 from vfguide.record.latency import Latency, Percentiles, Promptness
+from vfguide.record.vehicle import SLOT_SERIES
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -193,6 +195,61 @@ def test_figures_of_a_stepped_approach(stepped_flight: FlightRecord) -> None:
     assert formation.max_error_m == pytest.approx(0.5)
     assert (formation.settle_10m_s, formation.settle_1m_s) == (1.0, 3.0)
     assert formation.min_separation_m == pytest.approx(20.2)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "recorded"])
+def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(
+    stepped_flight: FlightRecord, mode: FlightMode
+) -> None:
+    """It is 300 m away from 8 s on: of the window 0.5, 0.4 and 0.3 m are left, of mean 0.4."""
+    leader, follower = stepped_flight.vehicles
+    gone = TIME >= 8.0
+    slots = {
+        name: np.where(gone, math.nan, value)
+        for name, value in zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
+    }
+    away = replace(follower, north_m=np.where(gone, -300.0, follower.north_m), **slots)
+    summary = summarise(replace(stepped_flight, vehicles=(leader, away), mode=mode))
+    formation, own = summary.formation, summary.vehicles["f1"]
+    assert isinstance(own, FollowerSummary)
+    assert own.formation_error_m is not None
+    assert formation.mean_error_m == pytest.approx(0.4)
+    assert formation.mean_error_3d_m == pytest.approx(0.4)
+    assert formation.intended_error_m == pytest.approx(0.4)
+    assert (formation.settle_10m_s, formation.settle_1m_s) == (1.0, 3.0)
+    assert own.formation_error_m.max == pytest.approx(0.5)
+
+
+def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(
+    stepped_flight: FlightRecord,
+) -> None:
+    leader, follower = stepped_flight.vehicles
+    slots = {name: np.where(TIME > 3.0, math.nan, 0.0) for name in SLOT_SERIES}
+    formation = summarise(
+        replace(stepped_flight, vehicles=(leader, replace(follower, **slots)))
+    ).formation
+    assert formation.mean_error_m is None
+    assert formation.intended_error_m is None
+
+
+def test_a_leader_on_the_way_onto_another_path_swings_no_slot_as_it_is_meant(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight
+) -> None:
+    """From 8 s on the path is 100 m away and leads east: the slots behind it are where they were."""
+    ordered = TIME >= 8.0
+    leader = make_vehicle(
+        "leader",
+        "leader",
+        TIME,
+        path_course_rad=np.where(ordered, math.pi / 2, 0.0),
+        path_cross_track_error_m=np.where(ordered, 100.0, 0.0),
+    )
+    follower = make_vehicle(
+        "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -51.0)
+    )
+    formation = summarise(make_flight(TIME, leader, follower)).formation
+    assert formation.mean_error_m == pytest.approx(1.0)
+    assert formation.intended_error_m == pytest.approx(1.0)
 
 
 def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight: FlightRecord) -> None:

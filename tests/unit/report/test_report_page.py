@@ -15,6 +15,7 @@ from vfguide.lab.report.page import reproduction_command, write_report
 from vfguide.lab.report.table import summary_table
 from vfguide.lab.report.wording import in_digits
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.vehicle import SLOT_SERIES
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -114,6 +115,19 @@ def test_names_cannot_break_out_of_the_page(rejected_page: str) -> None:
     assert outline.tags.count("script") == 2, "the replay's numbers and its program"
     assert "b" not in outline.tags
     assert HOSTILE in outline.text
+
+
+def test_the_page_names_who_was_ordered_out_of_the_formation_and_is_in_no_figure_meanwhile(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight, page: str, tmp_path: Path
+) -> None:
+    time_s = np.arange(11.0)
+    slots = {name: np.where(time_s > 5.0, np.nan, 0.0) for name in SLOT_SERIES}
+    left = make_vehicle("<b>f1", "follower", time_s, **slots)
+    flight = make_flight(time_s, make_vehicle("leader", "leader", time_s), left)
+    found = write_report(flight, tmp_path).read_text(encoding="utf-8")
+    sentence = "without <b>f1 while ordered out of the formation."
+    assert sentence in read(found).text
+    assert "while ordered out" not in read(page).text
 
 
 def test_a_flight_that_broke_at_once_still_has_a_page(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from vfguide.elementwise import FloatArray
+from vfguide.lab.rehearsal.recorder import rally_points
 from vfguide.lab.report.replay.data import ground_line
 from vfguide.mission import Mission
 from vfguide.mission.fence_check import fences_of
@@ -49,11 +50,3 @@ def fence_edges(mission: Mission) -> list[tuple[FloatArray, FloatArray]]:
         return []
     frame = frame_of(mission.model_dump())
     return [area.edge(frame) for fence in fences for area in fence.areas]
-
-
-def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of the rally points of all paths, m."""
-    points = [point for shape in mission.paths_by_name.values() for point in shape.rally_points]
-    frame = frame_of(mission.model_dump()) if points else None
-    places = np.array([point.local(frame) for point in points]).reshape(-1, 2)
-    return places[:, 0], places[:, 1]

@@ -14,6 +14,7 @@ from vfguide.lab.console.alarms import Alarm
 from vfguide.lab.console.model import Formation
 from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.source import Source
+from vfguide.lab.console.tiles import TileSource
 from vfguide.lab.ordering import OrderDesk, ask_for_order
 from vfguide.link.opening import Link, open_link
 from vfguide.link.presence import Presence
@@ -33,14 +34,21 @@ ASK_EVERY = 10
 class LiveFlight(Source):
     """What is heard of a formation, for all pages that show it."""
 
-    def __init__(self, mission: Mission, *, orders: bool = False) -> None:
+    def __init__(
+        self, mission: Mission, *, orders: bool = False, tiles: TileSource | None = None
+    ) -> None:
         """Make one that has heard nothing.
 
         Args:
             mission: of the formation.
             orders: whether pages may give orders.
+            tiles: the map below the formation, if there is one.
         """
         super().__init__()
+        self.tiles = tiles
+        origin = mission.origin
+        place = origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m
+        self._map = {} if tiles is None else {"map": tiles.describe(*place)}
         self._formation = Formation(mission)
         self._began_s = time.monotonic()
         self._link: Link | None = None
@@ -60,7 +68,12 @@ class LiveFlight(Source):
 
     def opening(self) -> str:
         """The flight so far, with what is said of it now."""
-        content = {**self._formation.describe(), **self._words(self.now), **self._order()}
+        content = {
+            **self._formation.describe(),
+            **self._map,
+            **self._words(self.now),
+            **self._order(),
+        }
         return json.dumps(content, allow_nan=False)
 
     async def run(self, watched: WatchedFormation, *, random: Random) -> None:
@@ -186,10 +199,14 @@ def rows_of(values: FloatArray) -> list[list[float | None]]:
 
 @asynccontextmanager
 async def live_flight_of(
-    mission: Mission, watched: WatchedFormation, *, orders: bool = False
+    mission: Mission,
+    watched: WatchedFormation,
+    *,
+    orders: bool = False,
+    tiles: TileSource | None = None,
 ) -> AsyncIterator[LiveFlight]:
     """A formation that is listened to, and may be given orders, for as long as the context lasts."""
-    flight = LiveFlight(mission, orders=orders)
+    flight = LiveFlight(mission, orders=orders, tiles=tiles)
     try:
         # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
         async with asyncio.TaskGroup() as tasks:

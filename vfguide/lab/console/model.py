@@ -6,7 +6,7 @@ its origin, altitudes above mean sea level.
 
 import cmath
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,10 +21,11 @@ from vfguide.lab.console.history import History
 from vfguide.lab.console.motion import CARRIED_S, StateReport, carry, climb_between
 from vfguide.lab.console.series import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES
 from vfguide.lab.console.wording import flown_in_words
+from vfguide.lab.rehearsal.recorder import limits_of
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
 from vfguide.lab.report.replay.data import FORMAT, Kind, encode
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
-from vfguide.link.presence import LEADER_FIGURES, Presence
+from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission
 
 GRAVITY = 9.80665
@@ -32,6 +33,9 @@ GRAVITY = 9.80665
 
 KEPT_S = 15.0
 """For so long the place where a vehicle was heard last is shown."""
+
+MOST_CHANGES = 1000
+"""Of what is flown, that are kept to look back at."""
 
 OLDEST_S = 300.0
 """Greatest age that is told."""
@@ -75,10 +79,12 @@ class Formation:
         self._number = 0
         self._order: Arrangement | None = None
         self._path = MAIN_PATH
+        self._flown: deque[dict[str, object]] = deque(maxlen=MOST_CHANGES)
         self._heard: dict[str, StateReport] = {}
         self._said: dict[str, PresenceReport] = {}
         self._offset_s: float | None = None
         self._near: tuple[Nearness, ...] = ()
+        self._note_flown()
 
     @property
     def heard_anything(self) -> bool:
@@ -140,6 +146,13 @@ class Formation:
         # While an order was not heard the path that was flown before is the best guess.
         if order is not None:
             self._path = order.path
+        self._note_flown()
+
+    def _note_flown(self) -> None:
+        """Keep what is flown from the newest sample on, where that is something else than before."""
+        flies, times = self.flies(), self.history.time_s
+        if not self._flown or {**self._flown[-1], **flies} != self._flown[-1]:
+            self._flown.append({"t": float(times[-1]) if times.size else 0.0, **flies})
 
     def _take_foreign_leader(self, presence: Presence, now: float) -> None:
         """Take how a follower has heard a leader without a companion; the newest word of all counts."""
@@ -325,6 +338,7 @@ class Formation:
         said, leads = self._said.get(name), name == self._leads
         if said is None:
             unknown = {"autopilot": "", "warning": "", "hears_s": None, "signed": None}
+            unknown |= {"battery_percent": None, "battery_v": None}
             return {"level": level, "leads": leads, **unknown}
         presence = said.presence
         hears_ms = presence.figures.get("leader_age_ms_last")
@@ -336,6 +350,8 @@ class Formation:
             "warned_s": None if math.isnan(said.warned_s) else round(now - said.warned_s),
             "hears_s": None if hears_ms is None or leads else round(hears_ms * 1e-3, 2),
             "signed": presence.signed,
+            BATTERY: presence.figures.get(BATTERY),
+            BATTERY_VOLTAGE: presence.figures.get(BATTERY_VOLTAGE),
         }
 
     def alarms(self, now: float) -> list[Alarm]:
@@ -398,6 +414,7 @@ class Formation:
             "window_s": [0.0, 0.0],
             "modes": list(MODES),
             "ground": describe_ground(self._mission),
+            "flown": list(self._flown),
             "names": list(SERIES),
             "vehicles": [
                 {
@@ -405,6 +422,7 @@ class Formation:
                     "leads": row == 0,
                     "slot": [float(one) for one in self._slots[row]],
                     "colours": [day[name], night[name]],
+                    "limits": limits_of(self._mission.vehicles[name]).describe(),
                     "series": {
                         series: encode(self.history.series(row, number), CONSOLE_KINDS[series])
                         for number, series in enumerate(SERIES)

@@ -2,15 +2,12 @@
 
 import asyncio
 import hmac
-import re
 import secrets
 import ssl
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from html import escape
-from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
 from socket import AF_INET, AF_INET6, SO_REUSEADDR, SOCK_STREAM, SOL_SOCKET, socket
@@ -39,8 +36,9 @@ from vfguide.lab.console.orders import (
     order_from,
     use_number,
 )
+from vfguide.lab.console.page_files import join_program, join_style, render_page
 from vfguide.lab.console.source import Source
-from vfguide.lab.report.replay.page_part import read as read_replay
+from vfguide.lab.console.tiles import FindTile
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; base-uri 'none';"
@@ -49,17 +47,13 @@ POLICY = (
 """The page's own program, style and stream, and nothing else."""
 
 HEADERS = {
-    "content-security-policy": POLICY,
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cache-control": "no-store",
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-"""Of every answer."""
-
-SHARED_SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
-OWN_SCRIPTS = ("live.js", "cards.js", "orders.js", "console.js")
+"""Of every answer, beside the policy."""
 
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
@@ -195,9 +189,17 @@ class Access:
 class Guard:
     """Lets in who has a token, in the address or in a cookie, and puts the headers on every answer."""
 
-    def __init__(self, app: ASGIApp, doors: Access) -> None:
-        """Stand before an application."""
+    def __init__(self, app: ASGIApp, doors: Access, *, pictures: str = "") -> None:
+        """Stand before an application.
+
+        Args:
+            app: the application.
+            doors: who is let in.
+            pictures: where the page may take pictures from, as its policy names it; nowhere if empty.
+        """
         self._app, self._doors = app, doors
+        policy = f"{POLICY}; img-src {pictures}" if pictures else POLICY
+        self._headers = {"content-security-policy": policy, **HEADERS}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -206,7 +208,7 @@ class Guard:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                given = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+                given = [(name.encode(), value.encode()) for name, value in self._headers.items()]
                 own = {name for name, _ in given}
                 kept = [(name, value) for name, value in message["headers"] if name not in own]
                 message = {**message, "headers": [*kept, *given]}
@@ -289,7 +291,23 @@ def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
     ]
     if source.panel is not None and doors.order is not None:
         routes += order_routes(source.panel)
-    return Guard(Starlette(routes=routes), doors)
+    tiles = source.tiles
+    if tiles is not None and tiles.find is not None:
+        routes.append(tile_route(tiles.find))
+    return Guard(Starlette(routes=routes), doors, pictures="" if tiles is None else tiles.origin)
+
+
+def tile_route(find: FindTile) -> Route:
+    """Where pages get tiles of the map by their numbers."""
+
+    async def show_tile(request: Request) -> Response:
+        numbers = request.path_params
+        tile = find(numbers["z"], numbers["x"], numbers["y"])
+        if tile is None:
+            return PlainTextResponse("There is no such tile.\n", status_code=404)
+        return Response(tile.data, media_type=tile.kind)
+
+    return Route("/tiles/{z:int}/{x:int}/{y:int}", show_tile)
 
 
 def order_routes(panel: OrderPanel) -> list[Route]:
@@ -351,36 +369,6 @@ async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator
             if text is None:
                 return
             yield f"data: {text}\n\n"
-
-
-def render_page(title: str) -> str:
-    """The page; the name of a mission stays text in it."""
-    parts = {
-        "{title}": escape(title),
-        "{orders}": read_page("orders.html"),
-        "{replay}": read_replay("replay.html").replace("<!-- below -->", read_page("cards.html")),
-    }
-    # In one pass: a title is not looked at again.
-    names = re.compile("|".join(map(re.escape, parts)))
-    return names.sub(lambda found: parts[found[0]], read_page("console.html"))
-
-
-def join_program() -> str:
-    """All scripts as one, which leaves no names behind in the page."""
-    shared = [read_replay(name) for name in SHARED_SCRIPTS]
-    whole = "\n".join([*shared, *map(read_page, OWN_SCRIPTS)])
-    return f'"use strict";\n(() => {{\n{whole}\nstartConsole();\n}})();\n'
-
-
-def join_style() -> str:
-    """All styles as one."""
-    report = files("vfguide.lab.report").joinpath("page.css").read_text(encoding="utf-8")
-    return "\n".join([report, read_replay("replay.css"), read_page("console.css")])
-
-
-def read_page(name: str) -> str:
-    """A file of the page."""
-    return files("vfguide.lab.console").joinpath("page", name).read_text(encoding="utf-8")
 
 
 class QuietServer(uvicorn.Server):

@@ -4,8 +4,11 @@ import asyncio
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import astuple
 
+from vfguide.errors import InputError
 from vfguide.lab.console.orders import OrderPanel
+from vfguide.lab.console.tiles import TileSource
 from vfguide.lab.report.replay.data import describe_flight
 from vfguide.record.flight import FlightRecord
 
@@ -21,6 +24,8 @@ class Source:
 
     panel: OrderPanel | None = None
     """By which pages give orders; None where nobody may."""
+    tiles: TileSource | None = None
+    """The map below the formation; None without one."""
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[str | None]] = set()
@@ -72,10 +77,26 @@ class Source:
 class RecordedFlight(Source):
     """A flight that has ended."""
 
-    def __init__(self, record: FlightRecord) -> None:
-        """Show a record."""
+    def __init__(self, record: FlightRecord, *, tiles: TileSource | None = None) -> None:
+        """Show a record.
+
+        Args:
+            record: of the flight.
+            tiles: the map below it, if there is one.
+
+        Raises:
+            InputError: there is a map, and the record does not say where on the earth it was flown.
+        """
         super().__init__()
-        self._opening = json.dumps({**describe_flight(record), "live": False}, allow_nan=False)
+        self.tiles = tiles
+        content = {**describe_flight(record), "live": False}
+        if tiles is not None:
+            if record.origin is None:
+                raise InputError(
+                    "--tiles: this record does not say where on the earth it was flown; leave the map out"
+                )
+            content["map"] = tiles.describe(*astuple(record.origin))
+        self._opening = json.dumps(content, allow_nan=False)
 
     def opening(self) -> str:
         """JSON of the whole flight."""

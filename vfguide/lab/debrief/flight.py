@@ -1,6 +1,7 @@
 """A flight record made of recordings: positions are the autopilots' own estimates, for there is no truth."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,15 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
-from vfguide.lab.rehearsal.recorder import MODES, drawn_outlines, drawn_path, local_positions
-from vfguide.mission.flight_path import path_of
+from vfguide.lab.rehearsal.recorder import (
+    MODES,
+    beside_paths,
+    drawn_outlines,
+    drawn_path,
+    limits_of,
+    local_positions,
+    path_number,
+)
 from vfguide.mission.model import Mission
 from vfguide.record.flight import Acceptance, FlightRecord, Origin
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
@@ -143,13 +151,15 @@ def vehicle_record(
     leads = name == mission.leader.vehicle
     slot = None if leads else mission.followers_by_name[name].slot
     course = np.arctan2(velocity_east, velocity_north)
-    nearest = path_of(mission.path).nearest(known_north, known_east, course)
     # What is known of a leader without a companion is in a follower's recording, beside what that one did.
     foreign = leads and mission.leader.is_foreign
-    doings = doings_at(moments, [] if foreign else parts)
+    doings = doings_at(moments, [] if foreign else parts, tuple(mission.paths_by_name))
     track = joined_track([] if foreign else parts)
     by_airspeed = mission.vehicles[name].plant == "heading-hold"
     unsent = np.full_like(moments, math.nan)
+    beside, along = unsent, unsent
+    if leads:
+        beside, along = beside_paths(mission, known_north, known_east, course, doings[:, 5])
     return VehicleRecord(
         name=name,
         role="leader" if leads else "follower",
@@ -157,6 +167,7 @@ def vehicle_record(
         slot_forward_m=slot.forward_m if slot else 0.0,
         slot_right_m=slot.right_m if slot else 0.0,
         slot_up_m=slot.up_m if slot else 0.0,
+        limits=limits_of(mission.vehicles[name]),
         north_m=known_north,
         east_m=known_east,
         altitude_amsl_m=sampled(moments, when, positions[:, 3]),
@@ -167,8 +178,8 @@ def vehicle_record(
         bank_rad=sampled(moments, banks[:, 0], banks[:, 1]),
         wind_north_m_s=velocity_north - airspeed * np.cos(heading),
         wind_east_m_s=velocity_east - airspeed * np.sin(heading),
-        path_cross_track_error_m=nearest.cross_track_error if leads else unsent,
-        path_course_rad=nearest.course if leads else unsent,
+        path_cross_track_error_m=beside,
+        path_course_rad=along,
         course_setpoint_rad=doings[:, 1],
         airspeed_setpoint_m_s=doings[:, 2] if by_airspeed else unsent,
         ground_speed_setpoint_m_s=unsent if by_airspeed else doings[:, 2],
@@ -184,15 +195,20 @@ def vehicle_record(
     )
 
 
-def doings_at(moments: FloatArray, parts: list[tuple[RecordingContents, float]]) -> FloatArray:
-    """Mode, course, speed, limited and W at each moment: of the newest step before it."""
+def doings_at(
+    moments: FloatArray, parts: list[tuple[RecordingContents, float]], path_names: Sequence[str]
+) -> FloatArray:
+    """Mode, course, speed, limited, W and number of the path at each moment: of the newest step before it."""
     rows = [
-        doings_row(one.start.to_unix(step.time_s) + shift, step)
+        (
+            *doings_row(one.start.to_unix(step.time_s) + shift, step),
+            path_number(step.path, path_names),
+        )
         for one, shift in parts
         for step in one.guidance.steps
     ]
     rows.sort(key=lambda row: row[0])
-    nothing = (-math.inf, NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan)
+    nothing = (-math.inf, NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan, 0.0)
     table = np.array([nothing, *rows], dtype=np.float64)
     newest = np.searchsorted(table[:, 0], moments, side="right") - 1
     return table[newest, 1:]

@@ -32,7 +32,7 @@ from vfguide.link.watch import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import read_guidance
+from vfguide.record.guidance_log import read_guidance, read_newest
 from vfguide.record.recording import guidance_files
 from vfguide.registry import plugin_files
 
@@ -44,6 +44,9 @@ RECORDINGS = "recordings"
 
 LOOK_S = 0.05
 """Real time between looks at companions that are starting."""
+
+WRITTEN_S = 0.5
+"""Real time after which what a companion did is in its file, and the true states have come."""
 
 START_PATIENCE_S = 30.0
 """Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
@@ -325,6 +328,22 @@ class LiveFlight:
         late = self.time_s / self._speedup > START_PATIENCE_S
         if late and self.truth_collector.time_s < 0.0:
             raise VfguideError("no emulator has flown")
+
+    def record_now(self) -> FlightRecord | None:
+        """One sample of a moment ago, of which what companions did is known; None before the first.
+
+        By it slots are where orders have put them.
+        """
+        tracks = {
+            name: read_newest(
+                *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
+            )
+            for name in self.mission.companions
+        }
+        moment_s = self.truth_collector.time_s - WRITTEN_S * self._speedup
+        if moment_s < 0.0:
+            return None
+        return self.truth_collector.record(wall_s=0.0, tracks=tracks, only_at_s=moment_s)
 
     def record(self, *, wall_s: float) -> FlightRecord:
         """What has been seen so far; what companions did is known once they have ended.

@@ -18,9 +18,10 @@ from vfguide.mission.fence_check import fences_of
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.path_frame import frame_of
+from vfguide.mission.vehicle import Vehicle
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
 from vfguide.record.outline import Outline, OutlineKind
-from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, VehicleRecord
+from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, FlightLimits, VehicleRecord
 
 TRUTHS = (
     "altitude_amsl_m",
@@ -103,6 +104,7 @@ class VehicleRecorder:
             slot_forward_m=slot.forward_m if slot else 0.0,
             slot_right_m=slot.right_m if slot else 0.0,
             slot_up_m=slot.up_m if slot else 0.0,
+            limits=limits_of(vehicle),
             north_m=north,
             east_m=east,
             **{field: truths[field] for field in TRUTHS},
@@ -134,8 +136,23 @@ class VehicleRecorder:
         return {} if fixed else slots
 
 
+def limits_of(vehicle: Vehicle) -> FlightLimits:
+    """What the mission allows a vehicle."""
+    lowest, highest = vehicle.airspeed_range_m_s
+    return FlightLimits(
+        least_airspeed_m_s=lowest,
+        greatest_airspeed_m_s=highest,
+        greatest_bank_deg=vehicle.max_bank_deg,
+    )
+
+
 def slot_row(snapshot: Snapshot, fixed: Point) -> tuple[float, float, float]:
-    """(forward, right, up) of the slot that is flown in, m: the one that was ordered, or the mission's."""
+    """(forward, right, up) of the slot that is flown in, m: the one that was ordered, or the mission's.
+
+    NaN of a vehicle that has left the formation.
+    """
+    if snapshot.left:
+        return math.nan, math.nan, math.nan
     slot = snapshot.slot or fixed
     return slot.forward, slot.right, slot.up
 
@@ -181,7 +198,8 @@ def beside_paths(
         north: of the leader, m.
         east: of the leader, m.
         course: of the leader, rad.
-        numbers: of the paths among those of the mission, the first 0.
+        numbers: of the paths among those of the mission, the first 0; NaN where it follows none, nor is
+            there an error then.
     """
     error, tangent = np.full_like(north, math.nan), np.full_like(north, math.nan)
     for number, shape in enumerate(mission.paths_by_name.values()):
@@ -200,8 +218,19 @@ def doings_row(snapshot: Snapshot, path_names: Sequence[str]) -> tuple[float, ..
         if setpoint is None
         else (setpoint.course, setpoint.speed, bool(setpoint.limited))
     )
-    path = path_names.index(snapshot.path)
-    return MODES.index(snapshot.mode), course, speed, limited, snapshot.lyapunov, path
+    return (
+        MODES.index(snapshot.mode),
+        course,
+        speed,
+        limited,
+        snapshot.lyapunov,
+        path_number(snapshot.path, path_names),
+    )
+
+
+def path_number(path: str | None, names: Sequence[str]) -> float:
+    """The number of a path among those of the mission; NaN where none is followed, or one that it has not."""
+    return float(names.index(path)) if path in names else math.nan
 
 
 def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
@@ -247,14 +276,24 @@ def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, Flo
 
 
 def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ...]:
-    """The other paths, as far as `drawn_path` draws the first, and the edges of all fences."""
+    """The other paths, as far as `drawn_path` draws the first, the edges of all fences, and rally points."""
     lines: list[tuple[OutlineKind, tuple[FloatArray, FloatArray]]] = [
         ("path", drawn_points(path_of(shape), leader)) for shape in mission.paths.values()
     ]
     fences = fences_of(mission)
     frame = frame_of(mission.model_dump()) if fences else None
     lines += [("fence", area.edge(frame)) for fence in fences for area in fence.areas]
+    rally = rally_points(mission)
+    lines += [("rally", rally)] if rally[0].size else []
     return tuple(Outline(kind=kind, north_m=north, east_m=east) for kind, (north, east) in lines)
+
+
+def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of the rally points of all paths, m."""
+    points = [point for shape in mission.paths_by_name.values() for point in shape.rally_points]
+    frame = frame_of(mission.model_dump()) if points else None
+    places = np.array([point.local(frame) for point in points]).reshape(-1, 2)
+    return places[:, 0], places[:, 1]
 
 
 def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:

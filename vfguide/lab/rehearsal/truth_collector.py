@@ -77,20 +77,23 @@ class TruthCollector(asyncio.DatagramProtocol):
         *,
         wall_s: float,
         tracks: Mapping[str, GuidanceTrack] | None = None,
-        only_now: bool = False,
+        only_at_s: float | None = None,
     ) -> FlightRecord:
         """What has been seen so far.
 
         Args:
             wall_s: how long the flight took, s of real time.
             tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
-            only_now: the newest sample alone, for a display.
+            only_at_s: the newest sample alone that is not after this time, s, for a display.
 
         Raises:
             VfguideError: nothing has.
         """
-        last = round(self._mission.rehearsal.duration_s * self._rate_hz)
-        samples = [one for one in self.common_samples() if one <= last][-1 if only_now else 0 :]
+        last_s = self._mission.rehearsal.duration_s
+        last = round((last_s if only_at_s is None else min(only_at_s, last_s)) * self._rate_hz)
+        samples = [one for one in self.common_samples() if one <= last]
+        if only_at_s is not None:
+            samples = samples[-1:]
         if not samples:
             raise VfguideError("nothing was seen of the flight")
         times = [sample / self._rate_hz for sample in samples]
@@ -127,7 +130,9 @@ def snapshot_of(step: GuidanceStep | None) -> Snapshot:
     setpoint = None
     if math.isfinite(step.course_rad):
         setpoint = Setpoint(course=step.course_rad, speed=step.speed_m_s, limited=step.limited)
-    return Snapshot(mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2)
+    return Snapshot(
+        mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2, path=step.path
+    )
 
 
 def decode_truth(data: bytes) -> tuple[int, sitl_stub.Truth] | None:

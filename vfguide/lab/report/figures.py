@@ -69,18 +69,29 @@ def settling_time(time_s: FloatArray, errors_m: FloatArray, limit_m: float) -> f
     return float(time_s[out[-1]])
 
 
+def in_formation(record: FlightRecord) -> BoolArray:
+    """Which followers belonged to the formation at which samples: (followers, samples).
+
+    Who was ordered out of it has no slot, and is in no figure of errors meanwhile.
+    """
+    rows = [follower.in_formation for follower in record.followers]
+    return np.array(rows, dtype=np.bool_).reshape(len(rows), record.time_s.size)
+
+
 def errors_that_count(record: FlightRecord, errors_m: FloatArray) -> FloatArray:
     """Errors of which a NaN means that a follower was out; where nobody recorded, the last known one holds.
 
+    Who was ordered out of the formation is not out of a slot: its error is 0.
+
     Args:
         record: of the flight.
-        errors_m: samples in the last dimension.
+        errors_m: followers by samples.
     """
-    if record.mode != "recorded":
-        return errors_m
-    numbers = np.where(np.isfinite(errors_m), np.arange(errors_m.shape[-1]), 0)
-    latest = np.maximum.accumulate(numbers, axis=-1)
-    return np.take_along_axis(errors_m, latest, axis=-1)
+    if record.mode == "recorded":
+        numbers = np.where(np.isfinite(errors_m), np.arange(errors_m.shape[-1]), 0)
+        latest = np.maximum.accumulate(numbers, axis=-1)
+        errors_m = np.take_along_axis(errors_m, latest, axis=-1)
+    return np.where(in_formation(record), errors_m, 0.0)
 
 
 def turning(angles_rad: FloatArray) -> FloatArray:

@@ -12,10 +12,16 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
+ON_PATH_M = 20.0
+"""Farther beside its path a leader is on the way onto it, on another course than the path has there."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotError:
-    """Where a follower's slot was, seen from the follower, in the leader's course frame; m."""
+    """Where a follower's slot was, seen from the follower, in the leader's course frame; m.
+
+    NaN while the follower was ordered out of the formation.
+    """
 
     along_track_m: FloatArray
     """Positive where the slot was ahead."""
@@ -90,8 +96,12 @@ def slot_error(leader: VehicleRecord, follower: VehicleRecord) -> SlotError:
 
 
 def intended_leader(leader: VehicleRecord) -> VehicleRecord:
-    """The leader as the formation means it to fly: where it is, on the course of its path there."""
-    return replace(leader, course_rad=leader.path_course_rad)
+    """The leader as the formation means it to fly: where it is, on the course of its path there.
+
+    NaN where it is not on its path: on the way onto another, and in a hold.
+    """
+    on_path = np.abs(leader.path_cross_track_error_m) <= ON_PATH_M
+    return replace(leader, course_rad=np.where(on_path, leader.path_course_rad, np.nan))
 
 
 def pair_separations(record: FlightRecord) -> tuple[PairSeparation, ...]:

@@ -34,7 +34,7 @@ def heights_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
     above = "sea level" if record.origin is None else "the origin"
     dress(profile, title="Height profile", across="time, s", up=f"m above {above}")
     show_whole_flight(profile, record)
-    found = {one.name: slot_error(record.leader, one).up_m for one in record.followers}
+    found = {one.name: slot_error(record.reference, one).up_m for one in record.followers}
     for name, error in found.items():
         errors.plot(record.time_s, error, color=colours[name], linewidth=1.1)
     window = in_window(record)

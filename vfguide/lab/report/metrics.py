@@ -1,7 +1,8 @@
 """From a flight record to its summary, and from that to `summary.json`.
 
 Errors are measured on true states, in the window that is the last half of the flight. Of a recorded flight
-there are the autopilots' estimates instead, and moments that nobody recorded, which are left out.
+there are the autopilots' estimates instead, and moments that nobody recorded, which are left out. So is a
+follower while it was ordered out of the formation.
 
 Whether a flight reached what its mission asks for, and in words what it did not reach.
 """
@@ -16,6 +17,7 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.lab.report.figures import (
     errors_that_count,
     excess_variation_rate,
+    in_formation,
     in_window,
     least_separation,
     settling_time,
@@ -147,9 +149,20 @@ def _plain(value: object) -> object:
     return value
 
 
-def measured(record: FlightRecord, values: FloatArray) -> FloatArray:
-    """The values that count: all, but of a recorded flight those that were recorded."""
-    return values[np.isfinite(values)] if record.mode == "recorded" else values
+def measured(
+    record: FlightRecord, values: FloatArray, counts: BoolArray | None = None
+) -> FloatArray:
+    """The values that count: all, but of a recorded flight those that were recorded.
+
+    Args:
+        record: of the flight.
+        values: of some samples.
+        counts: which of them there is anything to measure of; all of them if absent.
+    """
+    if record.mode == "recorded":
+        return values[np.isfinite(values)]
+    # As they stand where all count: a sum in another order differs in its last digits.
+    return values if counts is None or bool(counts.all()) else values[counts]
 
 
 def measured_separations(record: FlightRecord) -> FloatArray:
@@ -160,12 +173,14 @@ def measured_separations(record: FlightRecord) -> FloatArray:
 
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
     """All followers together."""
-    errors = slot_distances(record, record.reference)
-    sizes = spread(measured(record, errors[:, window]))
-    meant = slot_distances(record, intended_leader(record.reference))
-    meant_sizes = spread(measured(record, meant[:, window]))
+    errors, counts = slot_distances(record, record.reference), in_formation(record)[:, window]
+    sizes = spread(measured(record, errors[:, window], counts))
+    leader = intended_leader(record.reference)
+    meant = slot_distances(record, leader)[:, window]
+    on_path = np.isfinite(leader.course_rad[window])
+    meant_sizes = spread(measured(record, meant, counts & on_path))
     settling = errors_that_count(record, errors)
-    in_space = spread(measured(record, slot_distances_3d(record)[:, window]))
+    in_space = spread(measured(record, slot_distances_3d(record)[:, window], counts))
     return FormationSummary(
         window_s=window_s(record),
         mean_error_m=sizes.mean if sizes else None,
@@ -197,9 +212,10 @@ def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
     """The leader against its path."""
     leader = record.leader
     time_s, setpoint = record.time_s[window], leader.course_setpoint_rad[window]
+    beside, on_a_path = leader.path_cross_track_error_m, np.isfinite(leader.path_course_rad)
     return LeaderSummary(
         role="leader",
-        cross_track_error_m=spread(measured(record, leader.path_cross_track_error_m[window])),
+        cross_track_error_m=spread(measured(record, beside[window], on_a_path[window])),
         course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
         course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
         limited_fraction=share(leader.limited[window]),
@@ -210,14 +226,14 @@ def _summarise_follower(
     record: FlightRecord, follower: VehicleRecord, window: BoolArray
 ) -> FollowerSummary:
     """A follower against its slot."""
-    error = slot_error(record.reference, follower)
+    error, counts = slot_error(record.reference, follower), follower.in_formation[window]
     time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
     return FollowerSummary(
         role="follower",
-        formation_error_m=spread(measured(record, error.distance_m[window])),
-        along_track_error_m=spread(measured(record, error.along_track_m[window])),
-        cross_track_error_m=spread(measured(record, error.cross_track_m[window])),
-        height_error_m=spread(measured(record, error.up_m[window])),
+        formation_error_m=spread(measured(record, error.distance_m[window], counts)),
+        along_track_error_m=spread(measured(record, error.along_track_m[window], counts)),
+        cross_track_error_m=spread(measured(record, error.cross_track_m[window], counts)),
+        height_error_m=spread(measured(record, error.up_m[window], counts)),
         course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
         course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
         limited_fraction=share(follower.limited[window]),

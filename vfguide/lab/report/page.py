@@ -100,6 +100,7 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
         verdict=verdict(summary),
         praise=_words_of_praise(summary),
         notes=record.notes,
+        away=", ".join(one.name for one in record.followers if not one.in_formation.all()),
         figures=compare(summary) if len(summary.vehicles) > 1 else (),
         not_required=NOT_REQUIRED,
         headings=VEHICLE_HEADINGS,

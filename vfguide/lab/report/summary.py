@@ -14,7 +14,8 @@ class FormationSummary:
     window_s: tuple[float, float]
     """The last half of the flight, s."""
     mean_error_m: float | None
-    """Mean distance from the slot, over all followers and all samples of the window."""
+    """Mean distance from the slot, over all samples of the window and all followers that an order had not
+    sent out of the formation."""
     p95_error_m: float | None
     """Its 95th percentile."""
     max_error_m: float | None
@@ -23,7 +24,7 @@ class FormationSummary:
     """Mean distance from the slot in space, over all followers and all samples of the window."""
     intended_error_m: float | None
     """Mean distance from the slot as it is meant, in the course of the path where the leader is: it does not
-    swing with a leader that gusts turn."""
+    swing with a leader that gusts turn. Without the times at which the leader is not on its path."""
     settle_10m_s: float | None
     """Last time any follower was 10 m or more from its slot; None: still out at the end."""
     settle_1m_s: float | None

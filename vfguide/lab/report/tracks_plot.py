@@ -43,7 +43,11 @@ def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
     slots: list[Point] = [(0.0, 0.0)]
     drawn: list[tuple[FloatArray, FloatArray]] = []
     for follower in record.followers:
-        forward, right = seen_from_leader(record.reference, follower)
+        # Who was ordered out of the formation flies far from it.
+        forward, right = (
+            np.where(follower.in_formation, way, np.nan)
+            for way in seen_from_leader(record.reference, follower)
+        )
         drawn.append((forward, right))
         colour = colours[follower.name]
         axes.plot(right, forward, color=colour, linewidth=1.0, alpha=0.6)
@@ -120,11 +124,14 @@ class OutlineStyle:
     """Of the line."""
     dashes: str | tuple[int, tuple[int, int]]
     """As Matplotlib has line styles."""
+    marker: str | None = None
+    """Of each point, where they are no line."""
 
 
 OUTLINES: dict[OutlineKind, OutlineStyle] = {
     "fence": OutlineStyle(label="fence", colour="#c1121f", dashes=(0, (5, 3))),
     "path": OutlineStyle(label="other paths", colour="#9a9a9a", dashes="-"),
+    "rally": OutlineStyle(label="rally points", colour="#555555", dashes="none", marker="P"),
 }
 
 
@@ -203,7 +210,7 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
 
 
 def draw_outlines(axes: Axes, record: FlightRecord) -> None:
-    """The other paths and the edges of the fence, each kind with one entry in the legend."""
+    """Other paths, edges of the fence and rally points, each kind with one entry in the legend."""
     named: set[str] = set()
     for outline in record.outlines:
         line = OUTLINES[outline.kind]
@@ -213,6 +220,7 @@ def draw_outlines(axes: Axes, record: FlightRecord) -> None:
             color=line.colour,
             linestyle=line.dashes,
             linewidth=1.0,
+            marker=line.marker,
             label=None if outline.kind in named else line.label,
         )
         named.add(outline.kind)

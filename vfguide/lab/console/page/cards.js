@@ -8,6 +8,8 @@ const TRACES = [
   { name: "across", dash: [5, 3] },
   { name: "height", dash: [1.5, 2.5] },
 ];
+// Of the range between its limits: with less left a value is marked.
+const NEAR_LIMIT = 0.05;
 const LEVELS = { good: "●", note: "◆", alarm: "▲" };
 
 function element(tag, className, ...children) {
@@ -29,6 +31,11 @@ function withMetres(length) {
 function old(seconds) {
   if (!Number.isFinite(seconds)) return "never";
   return seconds < 10 ? `${seconds.toFixed(1)} s ago` : `${clock(seconds)} ago`;
+}
+
+/** How far a value is from the nearer of two limits; negative beyond it. */
+function marginOf(value, least, greatest) {
+  return Math.min(value - least, greatest - value);
 }
 
 /** How high a follower's slot is: as the server says, or in a recorded flight by the leader's height. */
@@ -65,12 +72,15 @@ class Cards {
     parts.trace = vehicle.leads ? null : element("canvas", "trace");
     parts.trace?.setAttribute("role", "img");
     parts.trace?.setAttribute("aria-label", `The last minute of ${vehicle.name}'s distance from its slot`);
+    parts.airspeed = element("span");
+    parts.bank = element("span");
+    parts.margins = element("p", "margins", parts.airspeed, " ", parts.bank);
     parts.heard = element("p", "heard");
     parts.warning = element("p", "warning");
     const head = element("header", "", name, element("span", "state", level, mode));
     const box = element("article", "card", head, numbers);
     if (parts.trace) box.append(parts.trace);
-    box.append(parts.heard, parts.warning);
+    box.append(parts.margins, parts.heard, parts.warning);
     box.setAttribute("aria-label", vehicle.name);
     return { ...parts, box, vehicle };
   }
@@ -96,6 +106,7 @@ class Cards {
       const leads = words?.leads ? "leads, " : "";
       tell(card.mode, `${vehicle.leads ? "" : leads}${this.flight.modeName(state.mode)}`);
       this.#showNumbers(card, state, leader);
+      this.#showMargins(card, state);
       this.#showWords(card, state, words);
     }
     const now = performance.now();
@@ -115,11 +126,32 @@ class Cards {
     for (const [key, text] of Object.entries(texts)) tell(numbers.get(key), text);
   }
 
+  /** Airspeed and bank, and how far each is from the limit that the mission sets. */
+  #showMargins({ margins, airspeed, bank, vehicle: { limits } }, state) {
+    const shown = Boolean(limits) && !(state.age_s > OLD_S);
+    margins.hidden = !shown;
+    if (!shown) return;
+    const { least_airspeed_m_s: least, greatest_airspeed_m_s: greatest, greatest_bank_deg: steepest } = limits;
+    const said = [
+      [airspeed, "airspeed", state.airspeed_m_s, marginOf(state.airspeed_m_s, least, greatest), greatest - least, 1, " m/s"],
+      [bank, "bank", Math.abs(state.bank_deg), marginOf(state.bank_deg, -steepest, steepest), 2 * steepest, 0, "°"],
+    ];
+    for (const [node, name, value, left, range, decimals, unit] of said) {
+      const near = left < NEAR_LIMIT * range;
+      const known = Number.isFinite(value);
+      const mark = near ? `${LEVELS.note} ` : "";
+      tell(node, known ? `${mark}${name} ${fixed(value, decimals)}${unit}, ${fixed(left, decimals)}${unit.trim() === "°" ? "°" : ""} to its limit` : "");
+      node.classList.toggle("near", known && near);
+    }
+  }
+
   #showWords(card, state, words) {
     const parts = [];
     if (this.flight.live) parts.push(`heard ${old(state.age_s)}`);
     if (words && words.hears_s !== null) parts.push(`hears the leader ${words.hears_s.toFixed(2)} s old`);
     if (words?.autopilot) parts.push(words.autopilot);
+    const battery = words ? batteryWords(words) : "";
+    if (battery) parts.push(battery);
     if (words && words.signed === false) parts.push("not signed");
     tell(card.heard, parts.join(" · "));
     card.box.classList.toggle("old", state.age_s > OLD_S);
@@ -188,6 +220,14 @@ class Cards {
     context.textAlign = "left";
     outlinedText(context, `±${most} m, 1 min`, 2, 1, theme);
   }
+}
+
+/** The battery as its autopilot tells it; nothing of what it does not tell. */
+function batteryWords({ battery_percent: percent, battery_v: volts }) {
+  const known = [];
+  if (percent !== null) known.push(`${percent.toFixed(0)} %`);
+  if (volts !== null) known.push(`${volts.toFixed(1)} V`);
+  return known.length ? `battery ${known.join(", ")}` : "";
 }
 
 /** Least of 1, 2, 5 times a power of ten that is not below `length`. */

@@ -28,6 +28,23 @@ class ConsolePlayer extends Player {
     if (!this.playing) this.play();
   }
 
+  /** Draw the map that the server has below the formation, and offer to leave it out. */
+  showMap(map) {
+    const tiles = new Tiles(map, () => this.draw());
+    const button = element("button", "", "Map");
+    button.type = "button";
+    button.title = "The map below the formation";
+    const show = (shown) => {
+      this.scene.underlay = shown ? tiles : null;
+      button.setAttribute("aria-pressed", String(shown));
+      this.draw();
+    };
+    button.addEventListener("click", () => show(!this.scene.underlay));
+    this.parts.reset.after(button);
+    if (map.attribution) button.after(element("span", "attribution", map.attribution));
+    show(true);
+  }
+
   start() {
     if (!this.flight.live) return super.start();
     if (this.time >= this.flight.end - AT_END_S) this.following = true;
@@ -78,10 +95,23 @@ class ConsolePlayer extends Player {
   }
 
   draw() {
+    if (!this.theme || !this.flight.live) {
+      super.draw();
+      return;
+    }
+    const flown = this.flight.flownAt(this.following ? Infinity : this.time);
+    this.flight.followPath(flown.path);
     super.draw();
-    if (!this.theme || !this.flight.live) return;
-    const now = document.getElementById("now");
-    now.hidden = Boolean(this.following);
+    document.getElementById("now").hidden = Boolean(this.following);
+    this.tellFlown(flown);
+  }
+
+  /** Who leads and what is flown, at the moment that is shown. */
+  tellFlown({ leads, succeeded, number, order }) {
+    const numbered = number ? ` (order ${number})` : "";
+    const flies = document.getElementById("flies");
+    tell(flies, `${leads} leads${succeeded ? " in the leader's place" : ""} · ${order}${numbered}`);
+    flies.classList.toggle("succeeded", succeeded);
   }
 }
 
@@ -90,7 +120,6 @@ class Console {
     this.section = document.getElementById("replay");
     this.freshness = document.getElementById("freshness");
     this.alarms = document.getElementById("alarms");
-    this.flies = document.getElementById("flies");
     this.refused = false;
     this.allowed = false;
     document.getElementById("now").addEventListener("click", () => this.player?.follow());
@@ -118,6 +147,7 @@ class Console {
       this.section.hidden = false;
       this.player = new ConsolePlayer(this.section, new LiveFlight(content));
       this.section.player = this.player;
+      if (content.map) this.player.showMap(content.map);
       if (content.live) {
         this.player.parts.span.value = String(LIVE_SPAN_S);
         this.player.follow();
@@ -148,7 +178,7 @@ class Console {
   #say({ cards, alarms, flies, order }) {
     if (cards) this.player.numbers.say(cards);
     if (order) this.orders.say(order);
-    if (flies) this.#tellFlown(flies);
+    if (flies) this.player.flight.noteFlown(flies);
     if (!alarms) return;
     const told = JSON.stringify(alarms);
     if (told === this.told) return;
@@ -159,13 +189,6 @@ class Console {
         return item;
       }),
     );
-  }
-
-  #tellFlown({ leads, succeeded, number, order, path }) {
-    this.player.flight.followPath(path);
-    const numbered = number ? ` (order ${number})` : "";
-    tell(this.flies, `${leads} leads${succeeded ? " in the leader's place" : ""} · ${order}${numbered}`);
-    this.flies.classList.toggle("succeeded", succeeded);
   }
 
   #tellFreshness() {

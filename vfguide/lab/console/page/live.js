@@ -13,8 +13,7 @@ class LiveFlight extends Flight {
     super(content);
     this.live = content.live;
     if (!this.live) return;
-    this.ground = content.ground;
-    this.followPath(content.flies.path);
+    this.#takeFlown(content);
     this.nothing = "no aircraft heard";
     this.names = content.names;
     this.#make();
@@ -25,8 +24,7 @@ class LiveFlight extends Flight {
     const names = (vehicles) => vehicles.map((vehicle) => vehicle.name).join("\n");
     if (content.live !== this.live || names(content.vehicles) !== names(this.vehicles)) return false;
     if (!this.live) return true;
-    this.ground = content.ground;
-    this.followPath(content.flies.path);
+    this.#takeFlown(content);
     this.time = decodeSeries(content.time);
     for (const [number, vehicle] of this.vehicles.entries()) {
       const { series } = content.vehicles[number];
@@ -36,8 +34,28 @@ class LiveFlight extends Flight {
     return true;
   }
 
+  #takeFlown({ ground, flown }) {
+    this.ground = ground;
+    this.flown = flown;
+    this.pathName = null;
+    this.followPath(flown.at(-1).path);
+  }
+
+  /** Keep what is flown from the newest sample on, where that is something else than before. */
+  noteFlown(flies) {
+    const { t, ...before } = this.flown.at(-1);
+    if (JSON.stringify(before) !== JSON.stringify(flies)) this.flown.push({ t: this.end, ...flies });
+  }
+
+  /** What was flown at a time: {leads, succeeded, number, order, path}. */
+  flownAt(time) {
+    return this.flown.findLast(({ t }) => t <= time) ?? this.flown[0];
+  }
+
   /** Draw this path as the one that is flown, and the others thin. */
   followPath(name) {
+    if (this.pathName === name) return;
+    this.pathName = name;
     const { paths, outlines } = this.ground;
     this.path = paths[name] ?? paths.main;
     const others = Object.values(paths).filter((path) => path !== this.path);

@@ -65,7 +65,8 @@ class Orders {
   /** What the server says of the order that is rehearsed or given. */
   say(order) {
     if (!this.order) this.#offer(order);
-    if (!this.order || order.phase !== this.order.phase) this.since = performance.now();
+    const { phase, number } = this.order ?? {};
+    if (order.phase !== phase || order.number !== number) this.since = performance.now();
     this.order = order;
     this.complaint = "";
     this.#show();
@@ -104,6 +105,7 @@ class Orders {
 
   async #send(what, content) {
     this.complaint = "";
+    const press = (this.presses = (this.presses ?? 0) + 1);
     try {
       const answer = await fetch(`/order/${what}`, {
         method: "POST",
@@ -113,11 +115,16 @@ class Orders {
       });
       if (!answer.ok) this.complaint = (await answer.text()).trim();
       // Only what this page has had rehearsed can be given from here.
-      else if (what === "rehearse") this.rehearsed = { number: (await answer.json()).number, content };
+      else if (what === "rehearse") this.#noteRehearsed(press, (await answer.json()).number, content);
     } catch {
       this.complaint = `${what === "abort" ? "THE ABORT WAS NOT TAKEN" : "Not taken"}: ${UNREACHABLE}`;
     }
     this.#show();
+  }
+
+  /** Answers may overtake each other: the press that came last counts. */
+  #noteRehearsed(press, number, content) {
+    if (press > (this.rehearsed?.press ?? 0)) this.rehearsed = { press, number, content };
   }
 
   #drop() {

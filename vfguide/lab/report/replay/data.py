@@ -106,6 +106,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
                 "leads": vehicle.role == "leader",
                 "slot": [vehicle.slot_forward_m, vehicle.slot_right_m, vehicle.slot_up_m],
                 "colours": [day[vehicle.name], night[vehicle.name]],
+                "limits": None if vehicle.limits is None else vehicle.limits.describe(),
                 "series": {
                     name: encode(values[::stride], (KINDS | SLOT_KINDS)[name])
                     for name, values in series_of(record, vehicle).items()

@@ -60,6 +60,7 @@ class Flight {
       leads: vehicle.leads,
       slot: { forward: vehicle.slot[0], right: vehicle.slot[1], up: vehicle.slot[2] },
       colours: vehicle.colours,
+      limits: vehicle.limits,
       series: Object.fromEntries(Object.entries(vehicle.series).map(([name, one]) => [name, decodeSeries(one)])),
     }));
     this.leader = this.vehicles[0];

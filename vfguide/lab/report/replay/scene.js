@@ -26,6 +26,8 @@ class Scene {
     /** "above", "course" (the leader's course is up) or "aslant". */
     this.view = "above";
     this.whole = false;
+    /** What is drawn on the ground below the grid, such as a map; null for nothing. */
+    this.underlay = null;
     this.reset();
   }
 
@@ -119,6 +121,7 @@ class Scene {
     });
     const [west, east] = extent(corners.map((corner) => corner.east));
     const [south, north] = extent(corners.map((corner) => corner.north));
+    this.underlay?.draw(context, camera, this.level, { west, east, south, north }, theme);
     context.strokeStyle = theme.grid;
     context.lineWidth = 1;
     context.beginPath();
@@ -135,7 +138,7 @@ class Scene {
 
   #drawPath(context, theme) {
     const { north_m: north, east_m: east } = this.flight.path;
-    context.strokeStyle = theme.path;
+    context.strokeStyle = this.underlay ? theme.quiet : theme.path;
     context.lineWidth = 3;
     context.setLineDash([7, 4]);
     const level = this.level;

@@ -1,0 +1,256 @@
+"""Map tiles for the console: a file of raster tiles (MBTiles), or the address of a server.
+
+MBTiles 1.3: an SQLite file with a table or view `tiles` (zoom_level, tile_column, tile_row, tile_data), rows
+counted from the south, and a table `metadata` (name, value). The file may come from anybody: it is opened
+read-only, its schema is not trusted, and a query that takes too long or finds too much finds nothing.
+"""
+
+import re
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+import pymap3d.rcurve
+
+from vfguide.errors import InputError
+from vfguide.regular_file import PipeOrDeviceError, open_regular
+
+GREATEST_ZOOM = 24
+"""Of any tile: one is some metres wide then."""
+
+ONLINE_ZOOM = 19
+"""Of tiles from a server, most of which have no more."""
+
+LARGEST_TILE = 1024**2
+"""Bytes; usual ones have 10 to 100 kB."""
+
+LOOKUP_STEPS = 1000
+"""Thousands of instructions that finding a tile may take; by an index it is a few hundred instructions."""
+
+OPENING_STEPS = 100_000
+"""The same of a question about the whole file, some seconds."""
+
+LONGEST_ATTRIBUTION = 200
+"""Characters."""
+
+KINDS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+"""Of pictures, by the bytes that they begin with."""
+
+SQLITE_BEGINNING = b"SQLite format 3\x00"
+
+LOCAL_TILES = "/tiles/{z}/{x}/{y}"
+"""Where the console serves those of a file."""
+
+IN_ADDRESS = re.compile(r"https://[A-Za-z0-9.-]+(:\d{1,5})?/[A-Za-z0-9._~/?&=%{}+@-]*")
+"""An address that can stand in a content security policy, and in nothing that ends it."""
+
+REMEDY = (
+    "give an MBTiles file of PNG or JPEG tiles, or an address such as https://host/{z}/{x}/{y}.png"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One picture of the map."""
+
+    kind: str
+    """Its media type."""
+    data: bytes
+    """The picture."""
+
+
+FindTile = Callable[[int, int, int], Tile | None]
+"""A tile by zoom, column from the west and row from the north; None where there is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TileSource:
+    """Where a page gets its map from."""
+
+    template: str
+    """Address of a tile, with {z}, {x} and {y}."""
+    least_zoom: int
+    """Of the tiles that there are."""
+    greatest_zoom: int
+    """The same."""
+    attribution: str
+    """To be shown beside the map; plain text."""
+    find: FindTile | None = None
+    """Finds a tile; None for tiles of another server."""
+
+    @property
+    def origin(self) -> str:
+        """Where pictures may come from, in the words of a content security policy."""
+        if self.find is not None:
+            return "'self'"
+        parts = urlsplit(self.template)
+        return f"{parts.scheme}://{parts.netloc}"
+
+    def describe(
+        self, latitude_deg: float, longitude_deg: float, altitude_m: float
+    ) -> dict[str, object]:
+        """What a page needs to draw it below a local frame, ready for JSON.
+
+        Args:
+            latitude_deg: of the frame's origin.
+            longitude_deg: the same.
+            altitude_m: the same, above mean sea level.
+        """
+        return {
+            "template": self.template,
+            "least_zoom": self.least_zoom,
+            "greatest_zoom": self.greatest_zoom,
+            "attribution": self.attribution,
+            "latitude_deg": latitude_deg,
+            "longitude_deg": longitude_deg,
+            "north_radius_m": float(pymap3d.rcurve.meridian(latitude_deg)) + altitude_m,
+            "east_radius_m": float(pymap3d.rcurve.transverse(latitude_deg)) + altitude_m,
+        }
+
+
+def open_tiles(given: str) -> TileSource:
+    """The tiles of a file, or of a server.
+
+    Raises:
+        InputError: it is neither, or cannot be used; one line with the remedy.
+    """
+    return tiles_online(given) if "://" in given else TileFile(Path(given)).source
+
+
+def tiles_online(address: str) -> TileSource:
+    """The tiles of a server.
+
+    Raises:
+        InputError: the address is none.
+    """
+    places = re.findall(r"\{(.*?)\}", address)
+    if not IN_ADDRESS.fullmatch(address) or sorted(places) != ["x", "y", "z"]:
+        raise InputError(
+            f"--tiles {address[:100]}: is no https address with {{z}}, {{x}} and {{y}}; {REMEDY}"
+        )
+    host = urlsplit(address).netloc
+    return TileSource(
+        template=address, least_zoom=0, greatest_zoom=ONLINE_ZOOM, attribution=f"map: {host}"
+    )
+
+
+class TileFile:
+    """An MBTiles file."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it.
+
+        Raises:
+            InputError: it is missing, or no such file.
+        """
+        self._path = path
+        self._check_beginning()
+        try:
+            self._file = sqlite3.connect(
+                f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True
+            )
+            self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_TILE)
+            self._file.executescript("PRAGMA query_only = ON; PRAGMA trusted_schema = OFF;")
+            said = self._metadata()
+            sample = self._row("SELECT tile_data FROM tiles LIMIT 1", most_steps=OPENING_STEPS)
+            least, greatest = self._zoom(said, "min"), self._zoom(said, "max")
+        except (sqlite3.Error, OverflowError) as error:
+            raise self._fault(f"cannot be read as map tiles ({error})") from error
+        if not (
+            least is not None and greatest is not None and 0 <= least <= greatest <= GREATEST_ZOOM
+        ):
+            raise self._fault("holds no tiles of a zoom from 0 to 24")
+        if sample is None or picture_of(sample[0]) is None:
+            raise self._fault(f"holds {shown(said.get('format', 'other'), 20)} tiles, not pictures")
+        self.source = TileSource(
+            template=LOCAL_TILES,
+            least_zoom=least,
+            greatest_zoom=greatest,
+            attribution=shown(
+                re.sub(r"<[^>]*>", "", said.get("attribution", "")), LONGEST_ATTRIBUTION
+            ),
+            find=self.find,
+        )
+        """What a page gets of it."""
+
+    def find(self, zoom: int, column: int, row: int) -> Tile | None:
+        """A tile; None where there is none that is a picture.
+
+        Args:
+            zoom: 0 for the whole world in one.
+            column: from the west.
+            row: from the north.
+        """
+        if not (0 <= zoom <= GREATEST_ZOOM and 0 <= column < 2**zoom and 0 <= row < 2**zoom):
+            return None
+        try:
+            found = self._row(
+                "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+                (zoom, column, 2**zoom - 1 - row),
+            )
+        except sqlite3.Error:
+            return None
+        return None if found is None else picture_of(found[0])
+
+    def _check_beginning(self) -> None:
+        try:
+            with open_regular(self._path) as file:
+                beginning = file.read(len(SQLITE_BEGINNING))
+        except PipeOrDeviceError:
+            raise self._fault("is a pipe or a device") from None
+        except OSError as error:
+            raise self._fault(f"cannot be read ({error.strerror})") from error
+        if beginning != SQLITE_BEGINNING:
+            raise self._fault("is no MBTiles file")
+
+    def _row(
+        self, query: str, values: tuple[int, ...] = (), *, most_steps: int = LOOKUP_STEPS
+    ) -> tuple[object, ...] | None:
+        """The first row that a query finds; sqlite3.Error where it takes too long."""
+        steps = 0
+
+        def count() -> bool:
+            nonlocal steps
+            steps += 1
+            return steps > most_steps
+
+        self._file.set_progress_handler(count, 1000)
+        with closing(self._file.execute(query, values)) as found:
+            row: tuple[object, ...] | None = found.fetchone()
+        return row
+
+    def _metadata(self) -> dict[str, str]:
+        """What the file says of itself, as far as it does."""
+        said = {}
+        for name in ("format", "attribution", "minzoom", "maxzoom"):
+            with suppress(sqlite3.Error):
+                row = self._row(f"SELECT value FROM metadata WHERE name = '{name}'")  # noqa: S608
+                if row is not None and isinstance(row[0], str | int):
+                    said[name] = str(row[0])
+        return said
+
+    def _zoom(self, said: dict[str, str], which: str) -> int | None:
+        """The least (`min`) or greatest (`max`) zoom: as the file says, or as its tiles have it."""
+        if re.fullmatch(r"\d{1,2}", text := said.get(f"{which}zoom", "")):
+            return int(text)
+        row = self._row(f"SELECT {which}(zoom_level) FROM tiles", most_steps=OPENING_STEPS)  # noqa: S608
+        return row[0] if row is not None and isinstance(row[0], int) else None
+
+    def _fault(self, what: str) -> InputError:
+        return InputError(f"--tiles {self._path}: {shown(what, 200)}; {REMEDY}")
+
+
+def picture_of(data: object) -> Tile | None:
+    """A picture by its first bytes; None where it is none."""
+    if not isinstance(data, bytes) or len(data) > LARGEST_TILE:
+        return None
+    kind = next((kind for beginning, kind in KINDS.items() if data.startswith(beginning)), None)
+    return None if kind is None else Tile(kind=kind, data=data)
+
+
+def shown(text: str, longest: int) -> str:
+    """A text of somebody else's in one line."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)[:longest].strip()
