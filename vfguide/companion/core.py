@@ -611,6 +611,7 @@ class Companion:
         followable = self.leader_age(now) <= self._timeouts.leader_s
         heard = now - self._telemetry_time <= self._timeouts.telemetry_s
         informed = followable and heard and math.isfinite(self._interval)
+        informed = informed and not self._role.awaited(now)
         waiting = self._mode in {Mode.WAITING, Mode.PILOT}
         return Wish.STEER if waiting and ready and informed else Wish.NONE
 

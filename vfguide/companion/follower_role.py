@@ -313,6 +313,10 @@ class FollowerRole(Role):
         """Take what the own autopilot reports of an aircraft that is not of the formation."""
         self._keep_clear.aircraft.take(report, now)
 
+    def awaited(self, now: float) -> list[str]:
+        """Names of followers that are not heard yet, while it is worth to wait for them."""
+        return self._traffic.awaited(now)
+
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""
         self._traffic.lose_link(now)

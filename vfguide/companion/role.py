@@ -92,6 +92,11 @@ class Role(Protocol):
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
         """Take what the own autopilot reports of an aircraft that is not of the formation."""
 
+    def awaited(self, now: float) -> list[str]:
+        """Names of vehicles that this one waits to hear before it joins: it could not keep clear of them."""
+        del now
+        return []
+
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""
 

@@ -278,8 +278,9 @@ class Station:
             self._meet_twin(packet)
             raise RefusedError(TWIN)
         self._check_newer(packet, epoch)
-        if packet.kind is not PackedKind.QUESTION:
-            # A question proves no session: one that joins late would wait while others ask.
+        if packet.kind not in {PackedKind.QUESTION, PackedKind.ANSWER}:
+            # Others' questions and answers prove no session to this member: one that joins late would wait
+            # while others ask.
             self._proven_s = began_s
         if leads:
             self._note_leader(packet, epoch, began_s)
