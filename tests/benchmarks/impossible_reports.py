@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import hypot, inf
+from math import dist, hypot, inf
 from pathlib import Path
 
 import vfguide.lab.rehearsal.aircraft
@@ -42,7 +42,8 @@ FAULTS = {
     "clock loses 0.5 s at once": (Fault("clock", AT_S, 0.05, 0.5),),
 }
 
-Place = tuple[float, float]
+Place = tuple[float, float, float]
+"""North, east and altitude, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,10 +66,10 @@ class Flown:
         return max(hypot(one[0] - two[0], one[1] - two[1]) for one, two in pairs)
 
     def nearest(self, from_s: float = 0.0, to_s: float = inf) -> float:
-        """Least distance (m) between any two."""
+        """Least distance (m) in space between any two."""
         places = [self.between(name, from_s, to_s) for name in self.places]
         return min(
-            hypot(one[0] - two[0], one[1] - two[1])
+            dist(one, two)
             for first, second in combinations(places, 2)
             for one, two in zip(first, second, strict=True)
         )
@@ -168,7 +169,8 @@ def fly(
         mail = [one for one in sent if one[0] != mission.leader.vehicle]
         for name, autopilot in emulators.items():
             truth = autopilot.truth()
-            places[name].append(frame.to_local(truth.latitude_deg, truth.longitude_deg))
+            north, east = frame.to_local(truth.latitude_deg, truth.longitude_deg)
+            places[name].append((north, east, truth.altitude_amsl_m))
     return Flown(
         places=places,
         rate_hz=rate_hz,

@@ -38,10 +38,16 @@ STAY_S = 5.0
 """A step in height is kept for this long after the last reason for it."""
 
 LEVEL_M = 3.0
-"""Vehicles whose altitudes differ by less than this step apart by their ranks."""
+"""Vehicles whose altitudes differ by less than this step apart by their ranks ..."""
+
+AT_ONCE_S = 1.0
+"""... where they still do so long from now."""
 
 SOON_S = 3.0
 """For so long a climb or descent of another vehicle is thought to go on."""
+
+BESIDE_M = 15.0
+"""Who is near a leader whose slot is no farther away than this flies where it belongs."""
 
 LITTLE_ROOM_M = 1.0
 """Where no manoeuvre leaves this much beyond the floor, height is used as well, at once."""
@@ -204,8 +210,9 @@ class KeepClear:
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
         room_m = math.inf
         if clear.changed:
-            # Slots count from the leader's height: those who fly in them would climb and descend with it.
-            beside = np.array([aim.leader is None and one.makes_room for one in those])
+            # Slots count from the leader's height: who flies in one would climb and descend with it.
+            leads = aim.leader is None
+            beside = np.array([leads and one.slots_apart_m <= BESIDE_M for one in those])
             least = np.array([one.least_m for one in those])
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         tight = self._is_tight(room_m, state.time_s)
@@ -325,6 +332,7 @@ class KeepClear:
                 height=one.altitude_amsl - origin - wanted.height,
                 climb_rate=one.climb_rate - wanted.climb_rate,
                 own_height=up,
+                own_climb_rate=float(navigated.state.climb_rate) - wanted.climb_rate,
             )
             for one, way in zip(those, distance, strict=True)
         ]
@@ -338,7 +346,13 @@ class KeepClear:
 
 
 def neighbour_of(
-    one: Obstacle, *, distance: float, height: float, climb_rate: float, own_height: float
+    one: Obstacle,
+    *,
+    distance: float,
+    height: float,
+    climb_rate: float,
+    own_height: float,
+    own_climb_rate: float,
 ) -> Neighbour:
     """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
 
@@ -348,9 +362,11 @@ def neighbour_of(
         height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
         climb_rate: relative to what the own guidance wants, m/s.
         own_height: m.
+        own_climb_rate: likewise relative, m/s.
     """
     known = math.isfinite(height)
-    above = own_height - height if known else 0.0
+    # Of two that are as high the one that climbs already is the higher one.
+    above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
     over = one.under if one.makes_room else None
     if abs(above) > LEVEL_M:
         over = above > 0.0

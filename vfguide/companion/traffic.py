@@ -49,6 +49,9 @@ FORGET_S = 12.0
 ABOVE_M = 30.0
 """Vehicles farther above or below than this are not in the way."""
 
+STEPPED_M = 15.0
+"""The same for one that its companion steers: a step in height is to let it pass above or below."""
+
 STEPS_M = 60.0
 """The same for a step in height: what it leads to and what others may do meanwhile, with a margin."""
 
@@ -96,7 +99,7 @@ class Traffic:
             self._heard.rows(0, count),
             self._heard.rows(count, 2 * count),
         )
-        self._carried_s = math.inf
+        self._carried_s, self._wind = math.inf, 0j
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
@@ -172,6 +175,7 @@ class Traffic:
         if state.time_s - known.time[row] > SILENT_S:
             known.since[row] = state.time_s
         known.time[row] = state.time_s
+        known.wind[row], known.carried[row] = self._wind, 0j
         known.place[row] = place_of(state)
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
@@ -235,9 +239,10 @@ class Traffic:
         quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
         linked = self._works_for(known & quiet)
         silent = (age > SILENT_S) | (quiet & linked)
-        above = STEPS_M if heights else self._above
-        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > above)
         believed = self._heard.steered
+        held = np.where(believed & ~silent, np.minimum(self._above, STEPPED_M), self._above)
+        above = STEPS_M if heights else held
+        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > above)
         alone = known & ~(believed & ~silent)
         if leader is None:
             # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.
@@ -299,7 +304,7 @@ class Traffic:
     def _carry(self, here: Viewpoint) -> None:
         """Let the wind carry those who are silent until now."""
         passed_s = here.time_s - self._carried_s
-        self._carried_s = here.time_s
+        self._carried_s, self._wind = here.time_s, here.wind
         self._heard.carry(here.time_s - self._heard.time, here.wind, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray) -> BoolArray:

@@ -16,10 +16,10 @@ STEP_M = 20.0
 STEP_SHARE = 0.25
 """At most this of the height above the origin is descended."""
 
-ENOUGH = 2.0
+ENOUGH = 1.7
 """Least distances: more than this from all others makes no height better."""
 
-BETTER = 0.3
+BETTER = 0.25
 """Least distances that another height has to leave beyond the present one's to be gone to."""
 
 CLEAR = 1.2

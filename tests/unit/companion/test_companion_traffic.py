@@ -355,6 +355,20 @@ def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is
     )
 
 
+def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(
+    traffic: Traffic, leader_bytes: LeaderBytes
+) -> None:
+    # 6 m/s from behind since 11 s, as the own vehicle measures; a state of 15 s is heard at 16 s.
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    for step in range(121):
+        now = 10.0 + 0.05 * step
+        here = replace(beside(now, east=7.0), wind=complex(0.0 if now <= 11.0 else 6.0))
+        traffic.possibilities(here, led(now))
+    traffic.receive("f2", leader_bytes(15.0), 16.0)
+    # 300 m north at 15 s, and 20 m/s over the ground.
+    assert found(traffic, here).tracks[0, 0].real == pytest.approx(320.0, abs=0.1)
+
+
 def test_a_leader_without_followers_has_nobody_to_keep_clear_of(plan: MakePlan) -> None:
     alone = Traffic([], plan().frame, SAME_CLOCK)
     assert alone.possibilities(beside(10.0), None) is None
