@@ -91,6 +91,7 @@ class Companion:
         signing: Signing | None = None,
         sends_target: bool = False,
         order_codes: Mapping[int, Words] | None = None,
+        greeting_s: float = 0.0,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -104,6 +105,7 @@ class Companion:
             signing: of the connection to the autopilot, if it is signed.
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
             order_codes: what ground stations may order by number; None to hear none of that.
+            greeting_s: for so long after the leader it waits to hear all others before it joins them, s.
         """
         self._plan = plan
         self._adapter = adapter
@@ -138,7 +140,8 @@ class Companion:
         self._role = role_of(plan, clock, self._arrangements)
         self._mode = Mode.WAITING
         self._telemetry_time = -math.inf
-        self._idle_since = self._return_since = math.inf
+        self._idle_since = self._return_since = self._leader_since = math.inf
+        self._greeting_s = greeting_s
         self._interval = math.inf
         self._asked_for_telemetry = False
         self._distance = math.inf
@@ -611,9 +614,15 @@ class Companion:
         followable = self.leader_age(now) <= self._timeouts.leader_s
         heard = now - self._telemetry_time <= self._timeouts.telemetry_s
         informed = followable and heard and math.isfinite(self._interval)
-        informed = informed and not self._role.awaited(now)
+        informed = informed and not self._awaits_others(now)
         waiting = self._mode in {Mode.WAITING, Mode.PILOT}
         return Wish.STEER if waiting and ready and informed else Wish.NONE
+
+    def _awaits_others(self, now: float) -> bool:
+        """Whether somebody may be about to be heard for the first time, of whom it could not keep clear."""
+        if self._role.leader_age(now) < math.inf:
+            self._leader_since = min(self._leader_since, now)
+        return now - self._leader_since < self._greeting_s and bool(self._role.unheard())
 
     def _housekeeping(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """Heartbeat, and whatever the autopilot still has to be asked for."""

@@ -31,7 +31,7 @@ from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, open_link
+from vfguide.link.opening import Link, greeting_of, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import (
     LONGEST_WARNING,
@@ -133,6 +133,7 @@ class Daemon:
             signing=signing,
             sends_target=surroundings.followers is not None,
             order_codes=None if surroundings.order_program is None else surroundings.order_codes,
+            greeting_s=greeting_of(surroundings.links),
         )
         self._orders = set[asyncio.Task[None]]()
         self._record = surroundings.record

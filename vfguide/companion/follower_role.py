@@ -313,9 +313,9 @@ class FollowerRole(Role):
         """Take what the own autopilot reports of an aircraft that is not of the formation."""
         self._keep_clear.aircraft.take(report, now)
 
-    def awaited(self, now: float) -> list[str]:
-        """Names of followers that are not heard yet, while it is worth to wait for them."""
-        return self._traffic.awaited(now)
+    def unheard(self) -> list[str]:
+        """Names of other followers that were never heard."""
+        return self._traffic.unheard()
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now: who has been silent since then may fly on as before."""

@@ -92,9 +92,8 @@ class Role(Protocol):
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
         """Take what the own autopilot reports of an aircraft that is not of the formation."""
 
-    def awaited(self, now: float) -> list[str]:
-        """Names of vehicles that this one waits to hear before it joins: it could not keep clear of them."""
-        del now
+    def unheard(self) -> list[str]:
+        """Names of followers that were never heard: nobody can keep clear of them. A leader needs not."""
         return []
 
     def lose_link(self, now: float) -> None:

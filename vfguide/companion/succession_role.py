@@ -234,9 +234,9 @@ class SuccessionRole(Role):
             if role is not None:
                 role.receive_traffic(report, now)
 
-    def awaited(self, now: float) -> list[str]:
-        """Names of followers that are not heard yet; a leader waits for nobody."""
-        return [] if self._flies_path else self._follower_role.awaited(now)
+    def unheard(self) -> list[str]:
+        """Names of other followers that were never heard, where it is a follower."""
+        return [] if self._flies_path else self._follower_role.unheard()
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""

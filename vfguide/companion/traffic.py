@@ -61,11 +61,6 @@ SAFE_M = 30.0
 CHORD_M = 0.5
 """How much shorter chords are than arcs, at most: 0.2 m after 2.4 s of a turn by 0.13 rad/s at 20 m/s."""
 
-GREETING_S = 6.0
-"""So long after the first other follower was heard, one that has yet to be heard may have begun at the same
-time: where much is lost on a radio it takes seconds until a companion knows the formation's time, and without
-it can say nothing."""
-
 LEADER_WEIGHT = 3.0
 """What the leader counts where not all distances can be kept: it does not make room itself."""
 
@@ -87,7 +82,6 @@ class Traffic:
         self._rows = {one.name: row for row, one in enumerate(others)}
         self._receivers = {one.name: StateReceiver(frame, clock) for one in others if not one.leads}
         self._words: list[str] = []
-        self._first_s = math.inf
         self._arranged: Sequence[OtherSlot] | None = None
         self._link_lost_s = -math.inf
         self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
@@ -135,16 +129,12 @@ class Traffic:
         if receiver is None:
             return None
         taken = receiver.take(data, now)
-        if taken:
-            self._first_s = min(self._first_s, now)
         self.note(vehicle, receiver)
         self._words += [f"{vehicle} {words}" for words in receiver.words()]
         return receiver.newest if taken else None
 
-    def awaited(self, now: float) -> list[str]:
-        """Names of followers who were never heard and may be about to be: others were, a short time ago."""
-        if not 0.0 <= now - self._first_s < GREETING_S:
-            return []
+    def unheard(self) -> list[str]:
+        """Names of followers that were never heard: nobody can keep clear of them."""
         return [name for name, receiver in self._receivers.items() if receiver.newest is None]
 
     def lose_link(self, now: float) -> None:

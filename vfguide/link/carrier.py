@@ -32,6 +32,9 @@ class Carrier(ABC):
     order_lead_s: ClassVar[float] = 6.0
     """An order is given so long before its time, s: to be heard and answered by all."""
 
+    greeting_s: ClassVar[float] = 0.0
+    """Those who begin at the same time may take so long to be heard by each other, s."""
+
     def __init__(
         self,
         address: Any,  # noqa: ANN401 - each carrier has addresses of its own

@@ -172,6 +172,11 @@ async def open_link(
             carrier.status.close()
 
 
+def greeting_of(addresses: Sequence[LinkAddress]) -> float:
+    """How long those who begin at once may take to be heard by each other over these links, s."""
+    return min((carrier_of(address.scheme).greeting_s for address in addresses), default=0.0)
+
+
 def carrier_of(scheme: str) -> type[Carrier]:
     """What carries messages to addresses of a scheme."""
     found: type[Carrier] = links.find(scheme)

@@ -43,6 +43,10 @@ ORDER_LEAD_S = 10.0
 """An order is given so long before its time: with twelve vehicles each round of its pieces takes 2 s; where
 some are lost all have heard it after three, and answers wait for their turns."""
 
+GREETING_S = 8.0
+"""Where much is lost it takes some questions and answers until a companion knows the formation's time,
+without which it can say nothing: twelve that begin at once all speak by then."""
+
 READ = 4096
 """Bytes that are read at once."""
 
@@ -140,6 +144,7 @@ class RadioCarrier(DatagramCarrier):
     address: RadioAddress
     presence_s = PRESENCE_S
     order_lead_s = ORDER_LEAD_S
+    greeting_s = GREETING_S
 
     def __init__(
         self,

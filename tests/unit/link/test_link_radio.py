@@ -292,6 +292,25 @@ def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody() -> None:
     assert channel.air.counters["in collisions"] == 0
 
 
+def test_a_late_joiner_need_not_wait_until_others_have_asked_enough() -> None:
+    """Another one asks in every second turn, and is answered every 0.8 s: what the late one hears first."""
+    channel = Shared()
+    leader = channel.craft(LEADER, session=1)
+    asker = channel.craft("f1", session=2)
+    frames = channel.record()
+    channel.fly(5.0)
+    late = channel.craft("f2", session=3, offset_s=3.0)
+    answer = next(one for one in reversed(frames) if packets_of([one]) == [PackedKind.ANSWER])
+    late.station.hear(answer, late.member.clock())
+    for _ in range(60):
+        asker.member.hurry.set()
+        asker.member.ask()
+        asker.member.hurry.set()
+        channel.fly(0.05)
+    assert leader.station._questions._answered_s[1] > channel.air.now - 1.0  # noqa: SLF001
+    assert late.heard
+
+
 def test_followers_go_on_in_their_turns_while_the_leader_is_silent() -> None:
     """For ten minutes, on clocks that run apart by 60 ms in that time: more than a slot."""
     channel, leader, one, other = formation()

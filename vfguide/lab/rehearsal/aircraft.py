@@ -33,6 +33,7 @@ class Aircraft:
         log: TelemetryLog | None = None,
         clock: SharedClock = SAME_CLOCK,
         orders: Sequence[tuple[float, bytes]] | None = None,
+        greeting_s: float = 0.0,
     ) -> None:
         """Put the aircraft of this name at its start.
 
@@ -42,6 +43,7 @@ class Aircraft:
             log: notes every datagram of the MAVLink connection.
             clock: the formation's, as this aircraft knows it.
             orders: (when in s, what) an operator gives; those of the mission's time table if absent.
+            greeting_s: as of `Companion`.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -61,7 +63,12 @@ class Aircraft:
         self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
         self._lost = False
         self._make: Callable[[], Companion] = lambda: Companion(
-            plan, adapter_of(vehicle), engage=True, clock=clock, consent=self._consent
+            plan,
+            adapter_of(vehicle),
+            engage=True,
+            clock=clock,
+            consent=self._consent,
+            greeting_s=greeting_s,
         )
         self.companion = self._make()
         """May be replaced by one that knows nothing, as when the process is restarted."""

@@ -32,7 +32,7 @@ from vfguide.link.memory import Mail
 from vfguide.link.order_codec import REPLY_MAGIC, Verdict, decode_reply, encode_order
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
-from vfguide.link.radio import ORDER_LEAD_S
+from vfguide.link.radio import GREETING_S, ORDER_LEAD_S
 from vfguide.link.radio_schedule import Channel, make_timetable
 from vfguide.link.radio_station import Station
 from vfguide.link.trust import Trust
@@ -180,7 +180,9 @@ class RadioAircraft:
             to_own=self._to_own,
             from_own=self._from_own,
         )
-        self.aircraft = Aircraft(channels.mission, name, log=log, clock=clock, orders=())
+        self.aircraft = Aircraft(
+            channels.mission, name, log=log, clock=clock, orders=(), greeting_s=GREETING_S
+        )
         self._voice = ClockQuestions()
         self._radio: Radio = channels.air.add(channels.station(self.member))
 
