@@ -263,7 +263,12 @@ class Member:
         """React to a true message in the own name that somebody else has said."""
         match envelope.kind:
             case Kind.QUESTION:
-                if self.answers_twin(decode_ask(envelope.body).originate_s):
+                try:
+                    asker_spoken_s = decode_ask(envelope.body).originate_s
+                except LinkDataError:
+                    self.counters["refused: no question"] += 1
+                    return
+                if self.answers_twin(asker_spoken_s):
                     self._answer(envelope.sender, envelope.body)
             case Kind.ANSWER:
                 self.hear_twin(envelope.body)

@@ -303,6 +303,16 @@ def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(
     assert not leader.member.stands_back
 
 
+def test_a_question_in_ones_own_name_that_is_none_is_counted() -> None:
+    wire = Wire()
+    leader, *_ = formation(wire)
+    rival = wire.station(LEADER, session=70)
+    rival.member._send(Kind.QUESTION, LEADER, b"no question")  # noqa: SLF001
+    wire.run(0.1)
+    assert leader.counters["refused: no question"] == 1
+    assert leader.counters["failed to use"] == 0
+
+
 def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_parts_them() -> (
     None
 ):
