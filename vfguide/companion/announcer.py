@@ -36,7 +36,7 @@ class Announcer:
         self._name = name
         self._waiting: list[tuple[int, str]] = []
         self._told: OrderedDict[str, float] = OrderedDict()
-        self._sent_s = -math.inf
+        self._sent_s = self._changed_s = -math.inf
         self._number = 0
         self._mode = Mode.WAITING
         self._control = self._announced = Control.UNKNOWN
@@ -95,13 +95,23 @@ class Announcer:
         self._waiting.append((NOTICE, text))
 
     def due(self, now: float) -> list[MAVLink_message]:
-        """Messages for the text that may be sent now: the most severe, of several the one that came first."""
-        if not self._waiting or now - self._sent_s < PAUSE_S:
+        """Messages for the text that may be sent now: the most severe, of several the one that came first.
+
+        A change of mode goes before all, and waits for no other text: it says who steers.
+        """
+        if not self._waiting:
             return []
         # Severities of MAVLink fall as matters get worse.
-        first = min(range(len(self._waiting)), key=lambda place: self._waiting[place][0])
+        first = min(
+            range(len(self._waiting)),
+            key=lambda place: (self._waiting[place][0] != NOTICE, self._waiting[place][0]),
+        )
+        changes = self._waiting[first][0] == NOTICE
+        if now - (self._changed_s if changes else self._sent_s) < PAUSE_S:
+            return []
         severity, text = self._waiting.pop(first)
         self._sent_s = now
+        self._changed_s = now if changes else self._changed_s
         self._number = self._number % 65_535 + 1
         return status_texts(f"vfguide {self._name}: {text}", severity, self._number)
 

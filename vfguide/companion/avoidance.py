@@ -14,8 +14,9 @@ from vfguide.angles import wrap_angle
 from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.possibilities import Viewpoint
-from vfguide.companion.traffic import Traffic, reaction_time
+from vfguide.companion.possibilities import SPACING_SHARE, Viewpoint
+from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
+from vfguide.formation.transition import LEAST_M
 from vfguide.guidance.height import HeightTarget
 from vfguide.guidance.height_step import (
     CLEAR,
@@ -43,8 +44,11 @@ LEVEL_M = 3.0
 AT_ONCE_S = 1.0
 """... where they still do so long from now."""
 
-SOON_S = 3.0
-"""For so long a climb or descent of another vehicle is thought to go on."""
+LEAST_UP_M = 6.0
+"""Height between two vehicles above each other, at least."""
+
+LEAST_LEVEL_M = SPACING_SHARE * LEAST_M
+"""Distance in the plane that a step in height counts by, at least: that of slots as near as they may be."""
 
 BESIDE_M = 15.0
 """Who is near a leader whose slot is no farther away than this flies where it belongs."""
@@ -188,13 +192,15 @@ class KeepClear:
     ) -> Clearance | None:
         """What to fly, and at which height; None where no vehicle can come near. See `step`."""
         state, airframe = navigated.state, self._plan.airframe
+        wind = complex(state.wind_north, state.wind_east)
         here = Viewpoint(
             time_s=state.time_s,
             place=complex(state.north, state.east),
             velocity=cmath.rect(state.ground_speed, state.course),
             wanted=aim.wanted.velocity,
             altitude_amsl=navigated.altitude_amsl,
-            wind=complex(state.wind_north, state.wind_east),
+            wind=wind if cmath.isfinite(wind) else 0j,
+            climb_rate=state.climb_rate,
             astray=aim.astray,
             reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
         )
@@ -237,7 +243,9 @@ class KeepClear:
                     Obstacle(
                         name=vehicle.name,
                         least_m=float(floor),
-                        least_up_m=float(floor),
+                        # Slots in layers may stand above each other, where no distance is to be kept
+                        # in the plane: then height alone counts.
+                        least_up_m=max(float(floor), LEAST_UP_M),
                         altitude_amsl=altitude,
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
@@ -374,7 +382,7 @@ def neighbour_of(
     soon = now + climb_rate * SOON_S
     return Neighbour(
         distance=distance,
-        least=one.least_m,
+        least=max(one.least_m, LEAST_LEVEL_M),
         least_up=one.least_up_m,
         lowest=min(now, soon),
         highest=max(now, soon),

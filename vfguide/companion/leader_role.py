@@ -67,6 +67,7 @@ class LeaderRole(Role):
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step along the path; the leader's own state goes out with it."""
+        self._arrangements.joining_m = 0.0
         task = self._ordered_task(navigated.state.time_s)
         if navigated.moved or task.path is not self._task.path:
             self._memory = FIRST

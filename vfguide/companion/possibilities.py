@@ -73,6 +73,8 @@ class Viewpoint:
     """m."""
     wind: complex
     """As the vehicle knows it, toward, m/s."""
+    climb_rate: float
+    """m/s."""
     astray: float
     """Distance from its slot, m; of a leader how far it is from flying along its path."""
     reaction_s: float

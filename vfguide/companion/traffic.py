@@ -52,6 +52,9 @@ ABOVE_M = 30.0
 STEPPED_M = 15.0
 """The same for one that its companion steers: a step in height is to let it pass above or below."""
 
+SOON_S = 3.0
+"""For so long a climb or descent is thought to go on."""
+
 STEPS_M = 60.0
 """The same for a step in height: what it leads to and what others may do meanwhile, with a margin."""
 
@@ -232,7 +235,10 @@ class Traffic:
         believed = self._heard.steered
         held = np.where(believed & ~silent, np.minimum(self._above, STEPPED_M), self._above)
         above = STEPS_M if heights else held
-        known &= ~(np.abs(self._heard.altitude - here.altitude_amsl) > above)
+        height = self._heard.altitude - here.altitude_amsl
+        # Those who come nearer in height soon are in the way sooner.
+        closing = np.maximum(-np.sign(height) * (self._heard.climb_rate - here.climb_rate), 0.0)
+        known &= ~(np.abs(height) - SOON_S * np.nan_to_num(closing) > above)
         alone = known & ~(believed & ~silent)
         if leader is None:
             # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import decode_ask
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Envelope, Kind
 from vfguide.link.peer_clock import PeerClock
@@ -163,9 +162,18 @@ class Member:
         if question is not None:
             self._send(Kind.QUESTION, self.name, question)
 
-    def answers_twin(self, asker_spoken_s: float) -> bool:
-        """Whether to answer a question in the own name of one that has spoken for so long, s."""
-        return self._twins.may_answer(asker_spoken_s, self.clock())
+    @property
+    def spoken_s(self) -> float:
+        """For how long it has said states, s."""
+        return self._twins.spoken_s(self.clock())
+
+    def answers_twin(self, question: bytes) -> bool:
+        """Whether to answer a question in the own name.
+
+        Raises:
+            LinkDataError: it is none.
+        """
+        return self._twins.may_answer(question, self.clock())
 
     def hear_twin(self, answer: bytes) -> None:
         """Take an answer in the own name, of one who has its key."""
@@ -263,17 +271,21 @@ class Member:
         """React to a true message in the own name that somebody else has said."""
         match envelope.kind:
             case Kind.QUESTION:
-                try:
-                    asker_spoken_s = decode_ask(envelope.body).originate_s
-                except LinkDataError:
-                    self.counters["refused: no question"] += 1
-                    return
-                if self.answers_twin(asker_spoken_s):
-                    self._answer(envelope.sender, envelope.body)
+                self._answer_twin(envelope.body)
             case Kind.ANSWER:
                 self.hear_twin(envelope.body)
             case _:
                 self.note_twin(envelope.time_s)
+
+    def _answer_twin(self, question: bytes) -> None:
+        """Say for how long this one has spoken, where that is longer."""
+        try:
+            if self.answers_twin(question):
+                self._send(
+                    Kind.ANSWER, self.name, PeerClock.answer(question, self.spoken_s, self.spoken_s)
+                )
+        except LinkDataError:
+            self.counters["refused: no question"] += 1
 
     def _learn_order(self, sealed: bytes) -> None:
         """Take an order that another program of this operator gives, as one that a vehicle repeats.

@@ -6,7 +6,7 @@ Nothing here reads a clock: a member's own is `clock_s`, that of the turns is `n
 import math
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import Tell, decode_ask
+from vfguide.link.clock_codec import Ask, Tell, decode_ask
 from vfguide.link.packed import TICK_S, Packet
 from vfguide.link.peer_clock import OPEN
 
@@ -48,8 +48,8 @@ class Questions:
         """How long ago the last question was asked, s; infinite before the first."""
         return now - self._asked_s
 
-    def ask(self, clock_s: float, now: float) -> int | None:
-        """The number of the question that is asked now; None where none waits."""
+    def ask(self, clock_s: float, now: float) -> Ask | None:
+        """The question that is asked now; None where none waits."""
         if self._waiting is None:
             return None
         ask = decode_ask(self._waiting)
@@ -57,7 +57,7 @@ class Questions:
         self._open[ask.number] = ask.originate_s, clock_s - ask.originate_s
         while len(self._open) > OPEN:
             del self._open[next(iter(self._open))]
-        return ask.number
+        return ask
 
     def answer_to(self, packet: Packet) -> Tell | None:
         """What a packet answers, as if the question had been heard when it was made; None to none."""

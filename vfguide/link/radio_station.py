@@ -24,7 +24,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import encode_tell
+from vfguide.link.clock_codec import Ask, encode_ask, encode_tell
 from vfguide.link.codec import LinkDataError, decode, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
@@ -55,7 +55,6 @@ from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox
 from vfguide.link.radio_questions import Questions
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
-from vfguide.link.twin import YOUNG_S
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
@@ -291,9 +290,14 @@ class Station:
     def _meet_twin(self, packet: Packet) -> None:
         """React to a packet in the own name, with a true tag, that somebody else has sent."""
         match packet.kind:
-            case PackedKind.QUESTION if self._member.answers_twin(YOUNG_S):
-                # It does not say for how long its asker has spoken.
+            case PackedKind.QUESTION if self._member.answers_twin(
+                encode_ask(Ask(number=packet.number, originate_s=packet.ticks * TICK_S))
+            ):
                 self._questions.hear(packet.sender, packet.number, self._member.clock())
+            case PackedKind.ANSWER if packet.session in self._member.trust.epochs(
+                self._member.clock()
+            ):
+                raise RefusedError("one's own")
             case PackedKind.ANSWER if packet.to == self._number:
                 tell = self._questions.answer_to(packet)
                 if tell is not None:
@@ -524,10 +528,12 @@ class Station:
 
     def _asked(self, now: float) -> bytes:
         """The packet of the question that waits; nothing where none does."""
-        number = self._questions.ask(self._member.clock(), now)
-        if number is None:
+        ask = self._questions.ask(self._member.clock(), now)
+        if ask is None:
             return b""
-        return self._sealed(PackedKind.QUESTION, encode_question(number), 0.0)
+        # A leader asks another of its name, and says for how long it has spoken.
+        said_s = ask.originate_s if self._number == LEADER else 0.0
+        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
         """The answer to one of the questions that wait."""
@@ -537,8 +543,12 @@ class Station:
             return b""
         asker, question = found
         (session, *_) = self._member.trust.epochs(clock_s)
-        body = encode_answer(asker, question.number, session, ticks_of(question.received_s))
-        return self._sealed(PackedKind.ANSWER, body, clock_s)
+        received_s, said_s = question.received_s, clock_s
+        if asker == self._number:
+            # Another of its name asks for how long it has spoken.
+            received_s = said_s = self._member.spoken_s
+        body = encode_answer(asker, question.number, session, ticks_of(received_s))
+        return self._sealed(PackedKind.ANSWER, body, said_s)
 
     def _piece(self, now: float) -> bytes:
         """The next piece of what is to be said about orders."""

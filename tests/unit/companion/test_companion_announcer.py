@@ -28,6 +28,18 @@ def test_there_are_two_seconds_between_any_two_texts() -> None:
     assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
 
 
+def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it() -> None:
+    announcer = Announcer("f1")
+    for number in range(5):
+        announcer.warn(f"warning {number}", 0.0)
+    said(announcer, 0.0, 0.5)
+    announcer.change("leader lost")
+    assert said(announcer, 0.5, 1.0) == ["vfguide f1: leader lost"]
+    announcer.change("leader is back")
+    assert not said(announcer, 1.0, 2.5)
+    assert said(announcer, 2.5, 3.0) == ["vfguide f1: leader is back"]
+
+
 def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
     announcer = Announcer("f1")
     announcer.inform("all have agreed", 0.0)
@@ -36,9 +48,9 @@ def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
     announcer.warn("much too near", 0.0)
     sent = [message for now in (0.0, 2.0, 4.0, 6.0) for message in announcer.due(now)]
     assert [(message.severity, message.text) for message in sent] == [
+        (5, "vfguide f1: in its place"),
         (4, "vfguide f1: too near"),
         (4, "vfguide f1: much too near"),
-        (5, "vfguide f1: in its place"),
         (6, "vfguide f1: all have agreed"),
     ]
 

@@ -105,13 +105,30 @@ def test_files_that_are_something_else_are_one_line(tmp_path: Path) -> None:
 def test_a_file_that_has_a_search_without_an_end_instead_of_tiles_ends_in_one_line(
     tmp_path: Path,
 ) -> None:
+    columns = "0 AS tile_column, 0 AS tile_row, NULL AS tile_data"
     endless = (
         "CREATE VIEW tiles AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-        " SELECT i AS zoom_level, 0 AS tile_column, 0 AS tile_row, NULL AS tile_data FROM n WHERE i < 0"
+        f" SELECT i AS zoom_level, {columns} FROM n WHERE i < 0"  # noqa: S608
     )
-    path = written(tmp_path / "a.mbtiles", schema=endless)
+    calling = f"CREATE VIEW tiles AS SELECT length(randomblob(9)) AS zoom_level, {columns}"
+    for number, schema in enumerate((endless, calling)):
+        path = written(tmp_path / f"{number}.mbtiles", schema=schema)
+        with pytest.raises(InputError, match=r"not authorized|prohibited"):
+            open_tiles(str(path))
+    joins = ", ".join(f"metadata m{number}" for number in range(40))
+    crossed = (
+        f"CREATE VIEW tiles AS SELECT 0 AS zoom_level, {columns} FROM {joins}"  # noqa: S608
+        " WHERE m39.name || m38.name = 'none'"
+    )
+    path = written(tmp_path / "crossed.mbtiles", schema=crossed, a="1", b="2", c="3", d="4")
     with pytest.raises(InputError, match="interrupted"):
         open_tiles(str(path))
+
+
+def test_an_attribution_of_nothing_but_brackets_takes_no_time(tmp_path: Path) -> None:
+    """A search for tags in a million of them would take hours."""
+    path = written(tmp_path / "a.mbtiles", (4, 0, 0, JPEG), attribution="<" * 1_000_000)
+    assert len(open_tiles(str(path)).attribution) <= 200
 
 
 @settings(max_examples=60, deadline=None)

@@ -617,6 +617,27 @@ def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most(
     assert one.member.trust.proven
 
 
+def test_a_recording_of_this_very_run_makes_no_leader_step_back_on_a_radio() -> None:
+    """Packets of another day have it ask, and its own questions and answers are played to it later."""
+    yesterday = Shared()
+    yesterday.craft(LEADER, session=90)
+    foreign = yesterday.record()
+    yesterday.fly(6.0)
+    channel, leader, *_ = formation()
+    frames = channel.record()
+    channel.fly(5.0)
+    for number in range(240):
+        channel.air.transmit(foreign[number % len(foreign)])
+        channel.fly(0.1)
+        # What was sent longer ago than own packets are remembered, the newest last.
+        for frame in frames[-200:-90][number % 10 :: 10]:
+            leader.station.hear(frame, leader.member.clock())
+    assert "another session or forged" in leader.refused
+    asked = [kind for frame in frames for kind in packets_of([frame])]
+    assert PackedKind.QUESTION in asked
+    assert not leader.member.stands_back
+
+
 def test_own_packets_that_a_radio_sends_back_are_passed_over() -> None:
     channel, leader, _, _ = formation()
     frames = channel.record()

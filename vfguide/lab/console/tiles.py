@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from urllib.parse import quote, urlsplit
 
 import pymap3d.rcurve
@@ -33,8 +34,14 @@ LOOKUP_STEPS = 1000
 OPENING_STEPS = 100_000
 """The same of a question about the whole file, some seconds."""
 
-LONGEST_ATTRIBUTION = 200
-"""Characters."""
+LONGEST_ATTRIBUTION, LONGEST_MARKUP = 200, 2000
+"""Characters that are shown, and that are read, with tags."""
+
+LOOKUP_S, OPENING_S = 0.5, 10.0
+"""The same limits in time."""
+
+FUNCTIONS = frozenset({"min", "max"})
+"""That a query may call: those of a file's views could take for ever."""
 
 KINDS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """Of pictures, by the bytes that they begin with."""
@@ -154,6 +161,7 @@ class TileFile:
             )
             self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_TILE)
             self._file.executescript("PRAGMA query_only = ON; PRAGMA trusted_schema = OFF;")
+            self._file.set_authorizer(authorize)
             said = self._metadata()
             sample = self._row("SELECT tile_data FROM tiles LIMIT 1", most_steps=OPENING_STEPS)
             least, greatest = self._zoom(said, "min"), self._zoom(said, "max")
@@ -170,7 +178,8 @@ class TileFile:
             least_zoom=least,
             greatest_zoom=greatest,
             attribution=shown(
-                re.sub(r"<[^>]*>", "", said.get("attribution", "")), LONGEST_ATTRIBUTION
+                re.sub(r"<[^>]*>", "", said.get("attribution", "")[:LONGEST_MARKUP]),
+                LONGEST_ATTRIBUTION,
             ),
             find=self.find,
         )
@@ -211,11 +220,12 @@ class TileFile:
     ) -> tuple[object, ...] | None:
         """The first row that a query finds; sqlite3.Error where it takes too long."""
         steps = 0
+        ends_s = monotonic() + (LOOKUP_S if most_steps == LOOKUP_STEPS else OPENING_S)
 
         def count() -> bool:
             nonlocal steps
             steps += 1
-            return steps > most_steps
+            return steps > most_steps or monotonic() > ends_s
 
         self._file.set_progress_handler(count, 1000)
         with closing(self._file.execute(query, values)) as found:
@@ -241,6 +251,14 @@ class TileFile:
 
     def _fault(self, what: str) -> InputError:
         return InputError(f"--tiles {self._path}: {shown(what, 200)}; {REMEDY}")
+
+
+def authorize(action: int, _table: str | None, name: str | None, *_: str | None) -> int:
+    """Let a query read tables and views, and call what takes no time; sqlite3's own codes."""
+    allowed = action in {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ} or (
+        action == sqlite3.SQLITE_FUNCTION and name in FUNCTIONS
+    )
+    return sqlite3.SQLITE_OK if allowed else sqlite3.SQLITE_DENY
 
 
 def picture_of(data: object) -> Tile | None:

@@ -15,6 +15,7 @@ from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.figures import errors_that_count, settling_time
 from vfguide.lab.report.formation_drawing import HALF_AIRCRAFT, Point
 from vfguide.lab.report.geometry import slot_error, slot_track
+from vfguide.lab.report.metrics import slot_distances
 from vfguide.lab.report.style import STILL_AIR_M_S, WIND_COLOUR, extent
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
@@ -83,7 +84,7 @@ def choose_span(record: FlightRecord, begin_s: float | None, end_s: float | None
     first, last = float(record.time_s[0]), float(record.time_s[-1])
     begin = first if begin_s is None else max(begin_s, first)
     if end_s is None:
-        errors = np.array([slot_error(record.reference, f).distance_m for f in record.followers])
+        errors = slot_distances(record, record.reference)
         settled = settling_time(record.time_s, errors_that_count(record, errors), 1.0)
         usual = LONGEST_S if settled is None else settled - begin + AFTER_SETTLING_S
         end_s = begin + min(max(usual, SHORTEST_S), LONGEST_S)
