@@ -30,30 +30,22 @@ class Questions:
     def __init__(self) -> None:
         """Ask nothing."""
         self._waiting: bytes | None = None
-        self._asked_s = -math.inf
+        self.asked_s = -math.inf
+        """When the last question was asked, on the clock of the turns."""
         self._open: dict[int, tuple[float, float]] = {}
         self._heard: dict[int, Question] = {}
         self._answered_s: dict[int, float] = {}
 
-    @property
-    def waits(self) -> bool:
-        """Whether the member has something to ask."""
-        return self._waiting is not None
-
     def post(self, question: bytes) -> None:
         """Have a question asked, in the place of the one before it."""
         self._waiting = question
-
-    def asked_ago_s(self, now: float) -> float:
-        """How long ago the last question was asked, s; infinite before the first."""
-        return now - self._asked_s
 
     def ask(self, clock_s: float, now: float) -> Ask | None:
         """The question that is asked now; None where none waits."""
         if self._waiting is None:
             return None
         ask = decode_ask(self._waiting)
-        self._waiting, self._asked_s = None, now
+        self._waiting, self.asked_s = None, now
         self._open[ask.number] = ask.originate_s, clock_s - ask.originate_s
         while len(self._open) > OPEN:
             del self._open[next(iter(self._open))]

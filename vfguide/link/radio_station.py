@@ -441,9 +441,11 @@ class Station:
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
         """The leader's packet for a turn."""
         table = self._beat.timetable
-        if turn.beat is None and self._questions.waits:
-            # To another of its name, which seldom has something to say in this turn.
-            return self._asked(now)
+        if turn.beat is None and table is not None:
+            # To another of its name, which seldom speaks in this turn, and answers in the next one.
+            question = self._asked(now, pause_s=2.5 * table.cycle_s)
+            if question:
+                return question
         if self._is_silent_leader(now):
             return b""
         if turn.beat is None or table is None:
@@ -522,12 +524,12 @@ class Station:
         hurried = clock.pause_s <= HURRIED_S or self._member.hurry.is_set()
         cycles = HURRIED_CYCLES if hurried else max(CALM_CYCLES, table.members)
         cycles = cycles if self._member.trust.proven else 1
-        if self._questions.asked_ago_s(now) < (cycles - 0.5) * table.cycle_s:
-            return b""
-        return self._asked(now)
+        return self._asked(now, pause_s=(cycles - 0.5) * table.cycle_s)
 
-    def _asked(self, now: float) -> bytes:
-        """The packet of the question that waits; nothing where none does."""
+    def _asked(self, now: float, *, pause_s: float) -> bytes:
+        """The packet of the question that waits; nothing where none does, or one was asked so short ago."""
+        if now - self._questions.asked_s < pause_s:
+            return b""
         ask = self._questions.ask(self._member.clock(), now)
         if ask is None:
             return b""

@@ -22,7 +22,7 @@ chance, since the other may have stepped back, too."""
 AFTER_START_S = 1.0
 """A message in one's own name that is newer than one's own start by this is of no earlier run."""
 
-ASK_EVERY_S, ASK_AGAIN_S = 0.5, 1.5
+ASK_EVERY_S, ASK_AGAIN_S = 1.0, 1.5
 """s from one question to the own name to the next: at first, and once it was answered; up to half as much
 more or less, by chance, so that two on one radio do not go on in step."""
 

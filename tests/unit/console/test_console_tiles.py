@@ -107,8 +107,8 @@ def test_a_file_that_has_a_search_without_an_end_instead_of_tiles_ends_in_one_li
 ) -> None:
     columns = "0 AS tile_column, 0 AS tile_row, NULL AS tile_data"
     endless = (
-        "CREATE VIEW tiles AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-        f" SELECT i AS zoom_level, {columns} FROM n WHERE i < 0"  # noqa: S608
+        "CREATE VIEW tiles AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"  # noqa: S608
+        f" SELECT i AS zoom_level, {columns} FROM n WHERE i < 0"
     )
     calling = f"CREATE VIEW tiles AS SELECT length(randomblob(9)) AS zoom_level, {columns}"
     for number, schema in enumerate((endless, calling)):
