@@ -27,6 +27,7 @@ HERE = Viewpoint(
     wanted=20 + 0j,
     altitude_amsl=588.0,
     wind=0j,
+    climb_rate=0.0,
     astray=0.0,
     reaction_s=2.0,
 )

@@ -54,6 +54,7 @@ def beside(time_s: float, east: float = 10.0, altitude_amsl: float = 588.0) -> V
         altitude_amsl=altitude_amsl,
         astray=0.0,
         wind=0j,
+        climb_rate=0.0,
         reaction_s=1.5,
     )
 
