@@ -133,6 +133,16 @@ def test_a_vehicle_far_above_is_not_in_the_way(traffic: Traffic, leader_bytes: L
     assert traffic.possibilities(beside(10.0, altitude_amsl=570.0), led(10.0)) is not None
 
 
+@pytest.mark.parametrize(("climb_rate", "in_the_way"), [(0.0, False), (2.0, True), (-2.0, False)])
+def test_a_steered_vehicle_18_m_below_is_in_the_way_of_one_that_comes_down_to_it(
+    traffic: Traffic, leader_bytes: LeaderBytes, climb_rate: float, in_the_way: bool
+) -> None:
+    """15 m let it pass; what closes by 2 m/s is 12 m away in three seconds."""
+    traffic.receive("f2", leader_bytes(10.0), 10.0)
+    here = replace(beside(10.0, 10.0, 606.0), climb_rate=-climb_rate, wanted=20.0 - 2.0j)
+    assert (traffic.possibilities(here, led(10.0)) is not None) is in_the_way
+
+
 def test_strangers_and_rubbish_are_in_nobodys_way(
     traffic: Traffic, leader_bytes: LeaderBytes
 ) -> None:
