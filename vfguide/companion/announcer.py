@@ -97,7 +97,7 @@ class Announcer:
     def due(self, now: float) -> list[MAVLink_message]:
         """Messages for the text that may be sent now: the most severe, of several the one that came first.
 
-        A change of mode goes before all, and waits for no other text: it says who steers.
+        A change of mode goes before all, waits for no other text and keeps none waiting: it says who steers.
         """
         if not self._waiting:
             return []
@@ -110,8 +110,10 @@ class Announcer:
         if now - (self._changed_s if changes else self._sent_s) < PAUSE_S:
             return []
         severity, text = self._waiting.pop(first)
-        self._sent_s = now
-        self._changed_s = now if changes else self._changed_s
+        if changes:
+            self._changed_s = now
+        else:
+            self._sent_s = now
         self._number = self._number % 65_535 + 1
         return status_texts(f"vfguide {self._name}: {text}", severity, self._number)
 
