@@ -14,7 +14,8 @@ and says nothing else but its question for the leader's clock.
 
 A beat counts if its tag is right. After two seconds without one, a beat counts whose tag cannot be checked:
 a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a forged beat
-can do is what every transmitter can do, too: a collision.
+can do is what every transmitter can do, too: a collision. The leader asks whether its sender lives, soon once
+in 5 s; one that starts waits for 5 s at most.
 
 Nothing here owns a port or reads a clock but the member's, for stamps.
 """

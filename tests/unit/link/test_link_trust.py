@@ -303,6 +303,22 @@ def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(
     assert not leader.member.stands_back
 
 
+def test_an_answer_that_was_kept_back_sends_no_leader_back() -> None:
+    """For three seconds: it may be of a companion that has died since."""
+
+    def keep_back(parcel: Parcel) -> Carried:
+        yield (3.0 if parcel.kind in ANSWERS else 0.01), parcel.data
+
+    wire = Wire(keep_back)
+    leader, one, other = formation(wire)
+    wire.fly(leader, 5.0, one, other)
+    rival = wire.station(LEADER, session=70)
+    rival.member.publish(b"rival")
+    wire.fly(leader, 8.0, one, other)
+    assert any(p.kind is Kind.ANSWER and p.to == LEADER for p in wire.sent)
+    assert not rival.member.stands_back
+
+
 def test_a_question_in_ones_own_name_that_is_none_is_counted() -> None:
     wire = Wire()
     leader, *_ = formation(wire)
