@@ -53,8 +53,14 @@ STANDING_M = 5.5
 """Distance that is kept from a place where one may stand: the 5 m of the promise, and what places are off.
 Nothing has to be predicted of it. A follower right behind has to leave its slot by as much."""
 
-HOLDS_S = 3.0
-"""How far ahead a silent vehicle may hold its last course: most silences are those of the link."""
+HOLDS_S = 5.0
+"""How far ahead a silent vehicle may hold its last course.
+
+Who sees less far ahead speeds up and crosses in front of it where there was time to let it pass.
+"""
+
+STANDS_S = 3.0
+"""How far ahead it may stand where it was last heard: most silences are those of the link."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +173,7 @@ def possibilities_of(
     if seen.stopped.any():
         tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
         standing = np.minimum(STANDING_M, seen.keep)
-        found.append((np.flatnonzero(seen.stopped), tracks, HOLDS_S, standing))
+        found.append((np.flatnonzero(seen.stopped), tracks, STANDS_S, standing))
     free = ~seen.believed
     if free.any():
         arcs(free, seen.turn_rate, HORIZON_S, berth)

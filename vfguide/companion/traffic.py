@@ -12,8 +12,8 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
-    HOLDS_S,
     SPACING_SHARE,
+    STANDS_S,
     IntArray,
     VehiclesInSight,
     Viewpoint,
@@ -266,7 +266,7 @@ class Traffic:
             near |= known & ~alone & (room < ALONG_S * fastest)
         stopped = known & believed & self._may_stop & (age > self._stopped_s) & linked
         near |= stopped & (
-            np.abs(self._heard.place - here.place) < SAFE_M + HOLDS_S * abs(here.velocity)
+            np.abs(self._heard.place - here.place) < SAFE_M + STANDS_S * abs(here.velocity)
         )
         rows = np.flatnonzero(near)
         if not rows.size:
