@@ -346,7 +346,8 @@ class Companion:
         arrangements.step(now)
         out.replies, out.repeats = arrangements.to_say()
         for text, warning in arrangements.words():
-            out.events.append(Event(time_s=now, text=text, warning=warning, tell=True))
+            event = Event(time_s=now, text=text, warning=warning, tell=True, kind="order")
+            out.events.append(event)
         if arrangements.returns_to_formation():
             self._authority.renew()
 
@@ -473,7 +474,11 @@ class Companion:
             self._phase.doubt_position()
         elif navigated is not None:
             self._phase.hear_position(report, navigated.state, now)
-        for words in [*self._own.words(), *self._role.words()]:
+        for words in self._own.words():
+            out.warn(words, now)
+        for words in self._role.successions():
+            out.warn(words, now, kind="lead")
+        for words in self._role.words():
             out.warn(words, now)
         return [] if navigated is None else self._guide(navigated, now, out)
 
@@ -552,7 +557,8 @@ class Companion:
         self._announcer.watch(self._mode, control, lambda: self._sentence(situation, now), now)
         if self._mode is before:
             return
-        out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
+        text = f"{before.value} -> {self._mode.value}"
+        out.events.append(Event(time_s=now, text=text, kind="mode"))
         if not before.steers:
             self._steering.begin()
         if self._mode.steers is not before.steers:

@@ -102,6 +102,10 @@ class Role(Protocol):
     def to_leader(self, now: float) -> bytes:
         """What is to be said to a leader without a companion, one datagram."""
 
+    def successions(self) -> list[str]:
+        """What a pilot should know of who leads, each once; nothing where there are no deputies."""
+        return []
+
     def words(self) -> list[str]:
         """What a pilot should know of what came over the link, each once: one sentence each."""
 
