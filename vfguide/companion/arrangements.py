@@ -464,11 +464,7 @@ class Arrangements:
 
     def step(self, now: float) -> None:
         """What is due by time alone."""
-        if self._moving and self._flown is not None and self._left(now) <= 0.0:
-            self._moving = False
-            self._say(
-                f"order {self._flown.arrangement.number} is carried out: all slots are at rest"
-            )
+        self._tell_of_rest(now)
         order = self._next
         if order is None:
             return
@@ -490,6 +486,14 @@ class Arrangements:
         if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
             self._replied_s = now
             self._reply(order, Verdict.READY)
+
+    def _tell_of_rest(self, now: float) -> None:
+        """Say once that what was ordered is carried out."""
+        if self._moving and self._flown is not None and self._left(now) <= 0.0:
+            self._moving = False
+            self._say(
+                f"order {self._flown.arrangement.number} is carried out: all slots are at rest"
+            )
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
         """(answers, orders to be repeated as they were signed) since this was asked last."""
