@@ -259,10 +259,10 @@ def test_changes_of_mode_can_be_walked_through(
     record = replace(circle_flight, vehicles=(circle_flight.leader, replace(follower, mode=mode)))
     page = open_page(write_page(record))
     assert cell(page, "Mode", 1).startswith("joining")
-    page.get_by_role("button", name="Next change of mode").click()
+    page.get_by_role("button", name="Next event").click()
     assert moment(page) == pytest.approx(12.0, abs=0.11)
     assert cell(page, "Mode", 1).startswith("tracking")
-    page.get_by_role("button", name="Change of mode before").click()
+    page.get_by_role("button", name="Event before").click()
     assert moment(page) == 0.0
 
 
