@@ -39,6 +39,7 @@ from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, t
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    BatteryReport,
     CommandReport,
     EstimatorReport,
     GpsReport,
@@ -430,7 +431,12 @@ class Companion:
             case PositionReport():
                 return self._take_position(report, now, out)
             case (
-                AirspeedReport() | TimeReport() | GpsReport() | EstimatorReport() | SensorsReport()
+                AirspeedReport()
+                | TimeReport()
+                | GpsReport()
+                | EstimatorReport()
+                | SensorsReport()
+                | BatteryReport()
             ):
                 self._own.note(report, now)
             case HeartbeatReport():

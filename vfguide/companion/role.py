@@ -42,6 +42,8 @@ class RoleStep:
     """How far ahead the slot is, m; NaN for the leader and while not known."""
     cross_track: float = math.nan
     """How far to the right the slot is, or the path, m; NaN while not known."""
+    up: float = math.nan
+    """How far above the vehicle the slot is, m; NaN for the leader and while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None

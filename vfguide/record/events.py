@@ -89,7 +89,9 @@ def read_events(vehicle: str, *paths: Path, zero_s: float = 0.0) -> list[FlightE
     for path in paths:
         with (
             suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
-            TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
+            TextIOWrapper(
+                open_regular(path), newline="", encoding="utf-8", errors="replace"
+            ) as file,
         ):
             lines = iter(lambda: file.readline(LONGEST_LINE), "")
             whole = (line for line in lines if line.endswith("\n"))
