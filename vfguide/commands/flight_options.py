@@ -91,6 +91,13 @@ def fly(
         bool,
         typer.Option("--operator", help="With --console: have orders given from that page, too."),
     ] = False,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL",
+            help="With --console: a map below the formation, as of `vfguide console`.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fly a whole formation on this computer.
@@ -105,6 +112,8 @@ def fly(
         refuse_without_live(speedup, link, console=console)
     if operator:
         refuse_orders(speedup, console=console)
+    if tiles is not None and not console:
+        raise InputError("--tiles: is the map on the page that --live --console shows; add both")
     if force and out is None:
         raise InputError(
             "--force: nothing is replaced without --out; add --out DIR, or leave it out"
@@ -145,6 +154,7 @@ def fly(
         speedup=1.0 if speedup is None else speedup,
         console=console,
         operator=operator,
+        tiles=tiles,
         out=out,
         force=force,
         as_json=as_json,

@@ -22,6 +22,7 @@ from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import PLAIN_STEPS, Terminal
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import CONSOLE, require
+from vfguide.lab.console.tiles import TileSource, open_tiles
 from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import Flight
@@ -169,6 +170,7 @@ def fly_live(
     as_json: bool,
     console: bool = False,
     operator: bool = False,
+    tiles: str | None = None,
 ) -> int:
     """Fly a mission live, report, and return the exit status.
 
@@ -181,6 +183,7 @@ def fly_live(
         as_json: whether standard output is the summary alone.
         console: whether to show the flight on a page, whose address is printed.
         operator: whether orders can be given from there.
+        tiles: file or address of the map on that page; None without one.
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
@@ -190,6 +193,7 @@ def fly_live(
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
     if console:
         require(*CONSOLE)
+    below = None if tiles is None else open_tiles(tiles)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name} live"
     with output_of(mission, out, force=force) as kept:
@@ -210,6 +214,7 @@ def fly_live(
                     tell=errors.tell,
                     console=console,
                     operator=operator,
+                    tiles=below,
                 )
             )
         return conclude(flight, kept, out=out, force=force, as_json=as_json)
@@ -248,6 +253,7 @@ async def flown_live(
     tell: Callable[[str], None] = lambda _: None,
     console: bool = False,
     operator: bool = False,
+    tiles: TileSource | None = None,
 ) -> Flight:
     """The flight itself, to its end or until told to stop.
 
@@ -261,6 +267,7 @@ async def flown_live(
         tell: called with what a user should read.
         console: whether to show the flight on a page.
         operator: whether orders can be given from there.
+        tiles: the map on that page, if there is one.
 
     Raises:
         InputError: the mission has something that only virtual time has.
@@ -283,7 +290,7 @@ async def flown_live(
         _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         if console:
             await stack.enter_async_context(
-                console_of(mission, flight.watched, tell, operator=operator)
+                console_of(mission, flight.watched, tell, operator=operator, tiles=tiles)
             )
         before, flies, interrupted = flight.accounts(), False, False
         async with timetable_given(
@@ -337,7 +344,12 @@ def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | N
 
 @asynccontextmanager
 async def console_of(
-    mission: Mission, watched: WatchedFormation, tell: Callable[[str], None], *, operator: bool
+    mission: Mission,
+    watched: WatchedFormation,
+    tell: Callable[[str], None],
+    *,
+    operator: bool,
+    tiles: TileSource | None = None,
 ) -> AsyncIterator[None]:
     """The flight on a page, whose address is told, and that of operators if there may be any."""
     # Here, because it brings the web server's libraries.
@@ -355,7 +367,7 @@ async def console_of(
         check_orders(Credentials(roster=watched.roster, key=watched.key))
         second = new_operator_token(None)
     async with live_console(
-        mission, watched, address=Address(port=0), operator_token=second
+        mission, watched, address=Address(port=0), operator_token=second, tiles=tiles
     ) as url:
         for line in addresses_of(url, second):
             tell(line)

@@ -36,6 +36,7 @@ from vfguide.formation.arrangement import (
     agreed_number,
 )
 from vfguide.formation.transition import nearest_on
+from vfguide.formation.wording import order_in_words
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.laws.leader import LeaderTask
@@ -168,7 +169,7 @@ class Arrangements:
         path, a leader that is carried on turns no tighter."""
         self._appointed_s = -math.inf
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
-        self._returned = False
+        self._returned = self._moving = False
         self._last_up: float | None = None
         self._route_end = RouteEnd()
         self._ended: int | None = None
@@ -422,7 +423,7 @@ class Arrangements:
         if calls_off:
             self._call_off(given, now)
             return
-        self._say(f"order {order.number} is understood")
+        self._say(f"order {order.number} is understood: {order_in_words(order)}")
         self._next, self._replied_s = given, -math.inf
         self._answers.clear()
 
@@ -463,6 +464,7 @@ class Arrangements:
 
     def step(self, now: float) -> None:
         """What is due by time alone."""
+        self._tell_of_rest(now)
         order = self._next
         if order is None:
             return
@@ -484,6 +486,14 @@ class Arrangements:
         if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
             self._replied_s = now
             self._reply(order, Verdict.READY)
+
+    def _tell_of_rest(self, now: float) -> None:
+        """Say once that what was ordered is carried out."""
+        if self._moving and self._flown is not None and self._left(now) <= 0.0:
+            self._moving = False
+            self._say(
+                f"order {self._flown.arrangement.number} is carried out: all slots are at rest"
+            )
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
         """(answers, orders to be repeated as they were signed) since this was asked last."""
@@ -560,7 +570,7 @@ class Arrangements:
             self._last_up = self.own_up(now)
         had_left = self.has_left
         self._flown, self._next = order, None
-        self._returned = had_left and not self.has_left
+        self._returned, self._moving = had_left and not self.has_left, False
         self._circle = self._circle_of(order.arrangement)
         if self._circle is not None:
             self.turn_radius = self._circle.radius
@@ -573,7 +583,8 @@ class Arrangements:
         elif self.has_left:
             self._say(f"order {number}: out of the formation, back to the autopilot", warning=True)
         else:
-            self._say(f"order {number} is flown from now on")
+            self._say(f"order {number} is flown from now on: {order_in_words(order.arrangement)}")
+            self._moving = self._left(now) > 0.0
 
     def _circle_of(self, order: Arrangement) -> Circle | None:
         """The circle of a hold, as a path."""

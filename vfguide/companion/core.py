@@ -39,6 +39,7 @@ from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, t
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    BatteryReport,
     CommandReport,
     EstimatorReport,
     GpsReport,
@@ -346,7 +347,8 @@ class Companion:
         arrangements.step(now)
         out.replies, out.repeats = arrangements.to_say()
         for text, warning in arrangements.words():
-            out.events.append(Event(time_s=now, text=text, warning=warning, tell=True))
+            event = Event(time_s=now, text=text, warning=warning, tell=True, kind="order")
+            out.events.append(event)
         if arrangements.returns_to_formation():
             self._authority.renew()
 
@@ -429,7 +431,12 @@ class Companion:
             case PositionReport():
                 return self._take_position(report, now, out)
             case (
-                AirspeedReport() | TimeReport() | GpsReport() | EstimatorReport() | SensorsReport()
+                AirspeedReport()
+                | TimeReport()
+                | GpsReport()
+                | EstimatorReport()
+                | SensorsReport()
+                | BatteryReport()
             ):
                 self._own.note(report, now)
             case HeartbeatReport():
@@ -473,7 +480,11 @@ class Companion:
             self._phase.doubt_position()
         elif navigated is not None:
             self._phase.hear_position(report, navigated.state, now)
-        for words in [*self._own.words(), *self._role.words()]:
+        for words in self._own.words():
+            out.warn(words, now)
+        for words in self._role.successions():
+            out.warn(words, now, kind="lead")
+        for words in self._role.words():
             out.warn(words, now)
         return [] if navigated is None else self._guide(navigated, now, out)
 
@@ -552,7 +563,8 @@ class Companion:
         self._announcer.watch(self._mode, control, lambda: self._sentence(situation, now), now)
         if self._mode is before:
             return
-        out.events.append(Event(time_s=now, text=f"{before.value} -> {self._mode.value}"))
+        text = f"{before.value} -> {self._mode.value}"
+        out.events.append(Event(time_s=now, text=text, kind="mode"))
         if not before.steers:
             self._steering.begin()
         if self._mode.steers is not before.steers:

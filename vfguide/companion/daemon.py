@@ -17,7 +17,7 @@ from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import Words
 from vfguide.companion.order_program import OrderProgram
-from vfguide.companion.outgoing import Event, Outgoing
+from vfguide.companion.outgoing import Event, Outgoing, flight_event
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
     Quantiles,
@@ -327,6 +327,9 @@ class Daemon:
                 self._record.add_datagram(self._clock.now(), out.to_autopilot)
         if self._record is not None and (out.steered or out.events):
             self._record.add_step(self._step())
+            for event in out.events:
+                formation_time_s = self._shared_clock.from_own(event.time_s)
+                self._record.add_event(flight_event(self._name, event), formation_time_s)
         if self._link is not None:
             share(self._link, out)
         for words in out.requested:

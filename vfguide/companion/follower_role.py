@@ -423,8 +423,13 @@ class FollowerRole(Role):
             climb_m=avoidance.climb_m,
             along_track=error.along_track,
             cross_track=error.cross_track,
+            up=math.nan if breaks_away else self._up(navigated),
             slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
         )
+
+    def _up(self, navigated: NavigatedState) -> float:
+        """How far above the vehicle its slot is, m."""
+        return self._height_wanted.height - (navigated.altitude_amsl - self._plan.frame.altitude_m)
 
     def _watch_route(self, leader: LeaderState[float]) -> None:
         """See whether the leader, as it is heard or carried on, is at the end of its path."""

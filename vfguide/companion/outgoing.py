@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from vfguide.companion.role import Lead, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import MAIN_PATH, Point
+from vfguide.record.events import EventKind, FlightEvent, plain
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.state import Setpoint
 
@@ -22,6 +23,19 @@ class Event:
     """Whether it is something to worry about."""
     tell: bool = False
     """Whether the pilot gets it as a text; texts of the autopilot reach the pilot anyway."""
+    kind: EventKind = "text"
+    """What it is about."""
+
+
+def flight_event(vehicle: str, event: Event) -> FlightEvent:
+    """An event of a vehicle's companion as an entry of a record."""
+    return FlightEvent(
+        time_s=event.time_s,
+        vehicle=vehicle,
+        kind=event.kind,
+        text=plain(event.text),
+        warning=event.warning,
+    )
 
 
 @dataclass(slots=True)
@@ -61,10 +75,10 @@ class Outgoing:
         if text is not None:
             self.events.append(Event(time_s=now, text=text))
 
-    def warn(self, text: str | None, now: float) -> None:
+    def warn(self, text: str | None, now: float, *, kind: EventKind = "text") -> None:
         """Add an event to worry about, if there is one."""
         if text is not None:
-            self.events.append(Event(time_s=now, text=text, warning=True, tell=True))
+            self.events.append(Event(time_s=now, text=text, warning=True, tell=True, kind=kind))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

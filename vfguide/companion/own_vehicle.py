@@ -36,6 +36,7 @@ from vfguide.guidance.navigation import (
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    BatteryReport,
     EstimatorReport,
     GpsReport,
     PositionReport,
@@ -66,6 +67,9 @@ AIRSPEED_FRESH_S = 2.0
 
 SENSORS_S = 10.0
 """After so long the word of the sensors and the battery counts as old."""
+
+MOST_BATTERIES = 10
+"""Of a vehicle, that are kept apart."""
 
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
@@ -136,6 +140,7 @@ class OwnVehicle:
         self._counters: Counter[str] = Counter()
         self._frozen = FrozenPosition()
         self._health = NavigationHealth()
+        self._batteries: dict[int, tuple[BatteryReport, float]] = {}
         self._sensors: tuple[SensorsReport, float] | None = None
         self._airspeed_gate = AirspeedGate(plan.airframe)
         self._airspeed = 0.0
@@ -304,7 +309,12 @@ class OwnVehicle:
 
     def note(
         self,
-        report: AirspeedReport | TimeReport | GpsReport | EstimatorReport | SensorsReport,
+        report: AirspeedReport
+        | TimeReport
+        | GpsReport
+        | EstimatorReport
+        | SensorsReport
+        | BatteryReport,
         now: float,
     ) -> None:
         """Take what the autopilot says beside its positions."""
@@ -313,6 +323,9 @@ class OwnVehicle:
                 self.note_airspeed(report.airspeed, now)
             case TimeReport():
                 self._clock.answer(report.stamp, report.autopilot_ns, now)
+            case BatteryReport():
+                if len(self._batteries) < MOST_BATTERIES or report.number in self._batteries:
+                    self._batteries[report.number] = report, now
             case _:
                 if isinstance(report, SensorsReport):
                     self._sensors = report, now
@@ -322,7 +335,21 @@ class OwnVehicle:
         """What the autopilot said last of its sensors and its battery; None if that is long ago."""
         if self._sensors is None or now - self._sensors[1] > SENSORS_S:
             return None
-        return self._sensors[0]
+        return self._with_emptiest_battery(self._sensors[0], now)
+
+    def _with_emptiest_battery(self, said: SensorsReport, now: float) -> SensorsReport:
+        """The same with the battery of which least is left, where several are known."""
+        known = [
+            (one.remaining, one.voltage)
+            for one, when in self._batteries.values()
+            if now - when <= SENSORS_S
+        ]
+        known.append((said.battery, said.battery_voltage))
+        counted = [(left, voltage) for left, voltage in known if left is not None]
+        if not counted:
+            return said
+        left, voltage = min(counted, key=lambda one: one[0])
+        return replace(said, battery=left, battery_voltage=voltage or said.battery_voltage)
 
     def words(self) -> list[str]:
         """What a pilot should know of the reports, each once: one sentence each."""

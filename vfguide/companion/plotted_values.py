@@ -40,7 +40,11 @@ class PlottedValues:
         if math.isnan(step.along_track):
             self._errors = {"path_cross": step.cross_track}
         else:
-            self._errors = {"slot_along": step.along_track, "slot_cross": step.cross_track}
+            self._errors = {
+                "slot_along": step.along_track,
+                "slot_cross": step.cross_track,
+                "slot_up": step.up,
+            }
 
     def due(self, mode: Mode, now: float) -> list[MAVLink_message]:
         """What is to be sent now; twice a second, and errors only while they are of now and finite.

@@ -42,6 +42,8 @@ class RoleStep:
     """How far ahead the slot is, m; NaN for the leader and while not known."""
     cross_track: float = math.nan
     """How far to the right the slot is, or the path, m; NaN while not known."""
+    up: float = math.nan
+    """How far above the vehicle the slot is, m; NaN for the leader and while not known."""
     motion: LeaderState[float] | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None
@@ -101,6 +103,10 @@ class Role(Protocol):
 
     def to_leader(self, now: float) -> bytes:
         """What is to be said to a leader without a companion, one datagram."""
+
+    def successions(self) -> list[str]:
+        """What a pilot should know of who leads, each once; nothing where there are no deputies."""
+        return []
 
     def words(self) -> list[str]:
         """What a pilot should know of what came over the link, each once: one sentence each."""

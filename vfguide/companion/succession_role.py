@@ -249,13 +249,17 @@ class SuccessionRole(Role):
         del now
         return b""
 
-    def words(self) -> list[str]:
-        """What the pilot should know of who leads, of others' states and of keeping clear of them."""
+    def successions(self) -> list[str]:
+        """What the pilot should know of who leads."""
         words, self._words = self._words, []
+        return words
+
+    def words(self) -> list[str]:
+        """What the pilot should know of others' states and of keeping clear of them."""
         idle = self._follower_role if self._flies_path else self._leader_role
         if idle is not None:
             idle.words()
-        return words + self._role.words()
+        return self._role.words()
 
     def leader_age(self, now: float) -> float:
         """Seconds since the newest leader state was true; infinite while it is not known who leads."""

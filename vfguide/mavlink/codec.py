@@ -11,6 +11,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 from vfguide.mavlink.framing import Frame, frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    BatteryReport,
     CommandReport,
     EstimatorReport,
     GpsReport,
@@ -176,6 +177,19 @@ def sensors_report(message: MAVLink_message) -> SensorsReport:
     )
 
 
+def battery_report(message: MAVLink_message) -> BatteryReport:
+    """BATTERY_STATUS; cells that nothing measures are left out of the voltage, 0 of the later ones, too."""
+    percent = message.battery_remaining
+    cells = [one for one in message.voltages if one < NO_MILLIVOLTS]
+    cells += [one for one in message.voltages_ext if 0 < one < NO_MILLIVOLTS]
+    millivolts = sum(cells)
+    return BatteryReport(
+        number=message.id,
+        remaining=percent * 1e-2 if 0 <= percent <= 100 else None,
+        voltage=millivolts * 1e-3 if millivolts else None,
+    )
+
+
 REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position_report,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: airspeed_report,
@@ -190,6 +204,7 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: estimator_report,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_report,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: sensors_report,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: battery_report,
     mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: traffic_report,
 }
 """What is listened to. Everything else is passed over and counted."""

@@ -65,6 +65,7 @@ HEARD: dict[str, type[MAVLink_message]] = {
     "PARAM_VALUE": mavlink.MAVLink_param_value_message,
     "TIMESYNC": mavlink.MAVLink_timesync_message,
     "SYS_STATUS": mavlink.MAVLink_sys_status_message,
+    "BATTERY_STATUS": mavlink.MAVLink_battery_status_message,
     "GPS_RAW_INT": mavlink.MAVLink_gps_raw_int_message,
     "ESTIMATOR_STATUS": mavlink.MAVLink_estimator_status_message,
     "AUTOPILOT_VERSION": mavlink.MAVLink_autopilot_version_message,

@@ -177,6 +177,18 @@ class SensorsReport:
     """V; None where the autopilot does not know."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatteryReport:
+    """BATTERY_STATUS: one of the vehicle's batteries; SYS_STATUS tells of the first alone."""
+
+    number: int
+    """Which."""
+    remaining: float | None
+    """What is left of it, 0 to 1; None where the autopilot does not know."""
+    voltage: float | None
+    """V; None where the autopilot does not know."""
+
+
 Report = (
     PositionReport
     | AirspeedReport
@@ -190,6 +202,7 @@ Report = (
     | GpsReport
     | EstimatorReport
     | SensorsReport
+    | BatteryReport
     | VersionReport
     | TrafficReport
 )

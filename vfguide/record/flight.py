@@ -13,6 +13,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
+from vfguide.record.events import FlightEvent, compose_events, describe_events
 from vfguide.record.latency import Latency, compose_latency, describe_latency
 from vfguide.record.lead import slot_reference
 from vfguide.record.outline import (
@@ -23,6 +24,7 @@ from vfguide.record.outline import (
 )
 from vfguide.record.vehicle import (
     LEAD_SERIES,
+    PATH_SERIES,
     SERIES,
     SLOT_SERIES,
     IntegerArray,
@@ -134,6 +136,8 @@ class FlightRecord:
     """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
     outlines: tuple[Outline, ...] = ()
     """Edges of the fence and other paths, for drawing; none in records of earlier versions."""
+    events: tuple[FlightEvent, ...] = ()
+    """What companions had to say, in order; none in records of earlier versions, and of autopilots' logs."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -210,7 +214,8 @@ class FlightRecord:
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     """Names of all arrays that a vehicle's record has."""
-    changed = [name for name in (*SLOT_SERIES, *LEAD_SERIES) if getattr(vehicle, name) is not None]
+    optional = (*SLOT_SERIES, *LEAD_SERIES, *PATH_SERIES)
+    changed = [name for name in optional if getattr(vehicle, name) is not None]
     return (*SERIES, "mode", "limited", *changed)
 
 
@@ -233,6 +238,7 @@ def _describe(record: FlightRecord) -> dict[str, object]:
         "origin": None if record.origin is None else asdict(record.origin),
         "begin_unix_s": record.begin_unix_s,
         "outlines": describe_outlines(record.outlines),
+        "events": describe_events(record.events),
         "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
     }
 
@@ -268,6 +274,7 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         origin=_compose_origin(origin) if (origin := description.get("origin")) else None,
         begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else float(begin),
         outlines=compose_outlines(description.get("outlines", []), arrays),
+        events=compose_events(description.get("events", [])),
     )
 
 

@@ -5,6 +5,7 @@
         mission.yaml       the mission as it was flown
         f1.tlog            every MAVLink frame in and out
         f1.guidance.csv    every step of guidance
+        f1.events.csv      modes, orders, who leads, warnings
 
 Each is written once or only ever appended to: none needs an orderly end.
 """
@@ -26,6 +27,9 @@ import yaml
 from vfguide.errors import InputError
 from vfguide.mission.model import Mission
 from vfguide.record.disk_writer import DiskWriter, GrowingFile
+from vfguide.record.events import HEADER as EVENTS_HEADER
+from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
+from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
 from vfguide.record.tlog import stamped
 from vfguide.regular_file import open_regular
@@ -84,6 +88,8 @@ class Recording:
         self._tlog = GrowingFile(directory / f"{name}.tlog")
         self._guidance = GrowingFile(directory / f"{name}{SUFFIX}")
         self._guidance.append(HEADER)
+        self._events = GrowingFile(directory / f"{name}{EVENTS_SUFFIX}")
+        self._events.append(EVENTS_HEADER)
         self._writer = DiskWriter()
 
     def add_datagram(self, now: float, datagram: bytes) -> None:
@@ -93,6 +99,10 @@ class Recording:
     def add_step(self, step: GuidanceStep) -> None:
         """Keep a step of guidance."""
         self._writer.put(self._guidance, partial(encode_step, step))
+
+    def add_event(self, event: FlightEvent, formation_time_s: float) -> None:
+        """Keep something that the companion said, at a time of its own clock and the formation's, s."""
+        self._writer.put(self._events, partial(encode_event, event, formation_time_s))
 
     def news(self) -> list[str]:
         """What has happened to the record since the last call, one line each; empty while all is well."""
@@ -251,7 +261,17 @@ def files_of(directory: Path, vehicle: str) -> tuple[Path, Path]:
     return directory / f"{stem}.tlog", directory / f"{stem}{SUFFIX}"
 
 
+def events_file(directory: Path, vehicle: str) -> Path:
+    """What the companion said, of a recording."""
+    return directory / f"{file_stem(vehicle)}{EVENTS_SUFFIX}"
+
+
 def guidance_files(parent: Path, vehicle: str) -> list[Path]:
     """The guidance logs of all starts of a vehicle below a directory."""
     stem = file_stem(vehicle)
     return sorted(parent.glob(f"*/{stem}{SUFFIX}"))
+
+
+def events_files(parent: Path, vehicle: str) -> list[Path]:
+    """What its companion said, of all starts of a vehicle below a directory."""
+    return sorted(parent.glob(f"*/{file_stem(vehicle)}{EVENTS_SUFFIX}"))

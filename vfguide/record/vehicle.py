@@ -47,6 +47,8 @@ LEAD_SERIES = (
     "lead_altitude_amsl_m",
 )
 """More of them, of a mission with deputies."""
+PATH_SERIES = ("path_number",)
+"""Of a mission on which another path than the first was flown, or none for a while."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +140,10 @@ class VehicleRecord:
     lead_altitude_amsl_m: FloatArray | None = None
     """The same."""
 
+    path_number: FloatArray | None = None
+    """Path by which the vehicle's companion went: 0 the record's, 1 the first of its outlines of kind `path`
+    and so on, NaN none, as in a hold; None where it was the record's all the time."""
+
     @property
     def slot_m(self) -> tuple[float | FloatArray, float | FloatArray]:
         """(forward, right) of the slot, over time where it was changed in flight."""
@@ -198,7 +204,7 @@ def compose_vehicle(
         **{name: floats(arrays, prefix + name) for name in SERIES},
         **{
             name: floats(arrays, prefix + name)
-            for name in (*SLOT_SERIES, *LEAD_SERIES)
+            for name in (*SLOT_SERIES, *LEAD_SERIES, *PATH_SERIES)
             if prefix + name in arrays
         },
     )

@@ -164,6 +164,12 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
     assert slot is not None
     assert slot.forward == pytest.approx(1.25 * slots["f1"].forward)
     assert {name for name, reply in formation.said if reply.verdict is Verdict.FLOWN} == set(NAMES)
+    # The slots move from 10 to 20 s: each says once that they are at rest.
+    done = "order 1 is carried out: all slots are at rest"
+    formation.run(19.9)
+    assert formation.words.count(done) == 0
+    formation.run(25.0)
+    assert formation.words.count(done) == len(NAMES)
 
 
 @pytest.mark.parametrize("deaf", NAMES)

@@ -6,7 +6,7 @@ import pytest
 
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
-from vfguide.mavlink.reports import PositionReport
+from vfguide.mavlink.reports import BatteryReport, PositionReport, SensorsReport
 
 MakePlan = Callable[..., FlightPlan]
 MakeReport = Callable[..., PositionReport]
@@ -269,3 +269,27 @@ def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(
 ) -> None:
     assert drifting(own, plan, report).state.course == pytest.approx(REPORTED, abs=0.001)
     assert own.course_offset == 0.0
+
+
+def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own: OwnVehicle) -> None:
+    assert own.sensors(0.0) is None
+    own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
+    own.note(BatteryReport(number=0, remaining=0.9, voltage=12.3), 0.0)
+    own.note(BatteryReport(number=1, remaining=0.4, voltage=22.0), 0.0)
+    own.note(BatteryReport(number=2, remaining=None, voltage=5.0), 0.0)
+    told = own.sensors(1.0)
+    assert told is not None
+    assert (told.battery, told.battery_voltage) == (0.4, 22.0)
+    # Ten seconds later the second battery is not heard of any more.
+    own.note(SensorsReport(gps=True, attitude=True, battery=0.85, battery_voltage=12.2), 10.5)
+    told = own.sensors(10.5)
+    assert told is not None
+    assert (told.battery, told.battery_voltage) == (0.85, 12.2)
+
+
+def test_a_battery_that_sys_status_knows_nothing_of_is_told(own: OwnVehicle) -> None:
+    own.note(SensorsReport(gps=True, attitude=True), 0.0)
+    own.note(BatteryReport(number=0, remaining=0.7, voltage=None), 0.0)
+    told = own.sensors(1.0)
+    assert told is not None
+    assert (told.battery, told.battery_voltage) == (0.7, None)

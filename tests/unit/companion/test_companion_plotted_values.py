@@ -50,7 +50,7 @@ def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second(flight: Flight
 def test_in_its_slot_the_errors_are_small_and_the_mode_is_2(flight: Flight) -> None:
     flown = flight()
     flown.run(90.0)
-    for name in ("slot_along", "slot_cross"):
+    for name in ("slot_along", "slot_cross", "slot_up"):
         assert abs(values(flown, name)[-1][1]) < 1.0
     assert values(flown, "form_mode")[-1][1] == 2.0
     assert values(flown, "form_mode")[0][1] == 0.0
@@ -97,8 +97,26 @@ def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., Flig
     assert sent == {"form_mode": 2.0, "path_cross": pytest.approx(-3.0, abs=0.01)}
 
 
+def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None:
+    for up, sent in ((-4.0, -4.0), (math.nan, None)):
+        plotted = PlottedValues()
+        step = RoleStep(
+            setpoint=None,
+            distance=1.0,
+            lyapunov=1.0,
+            publish=None,
+            height=100.0,
+            along_track=1.0,
+            cross_track=2.0,
+            up=up,
+        )
+        plotted.note(step, 0.0)
+        found = {one.name: one.value for one in plotted.due(Mode.TRACKING, 0.0)}
+        assert found.get("slot_up") == sent
+
+
 def test_names_fit_their_field() -> None:
-    for along, count in ((1.0, 3), (math.nan, 2)):
+    for along, count in ((1.0, 4), (math.nan, 2)):
         plotted = PlottedValues()
         step = RoleStep(
             setpoint=None,
@@ -108,6 +126,7 @@ def test_names_fit_their_field() -> None:
             height=100.0,
             along_track=along,
             cross_track=1.0,
+            up=0.0,
         )
         plotted.note(step, 0.0)
         messages = plotted.due(Mode.JOINING, 0.0)

@@ -21,8 +21,10 @@ from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
+from vfguide.record.events import HEADER as EVENTS_HEADER
+from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
-from vfguide.record.recording import Start, files_of
+from vfguide.record.recording import Start, events_file, files_of
 from vfguide.record.tlog import stamped
 
 SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
@@ -139,6 +141,21 @@ def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordin
     assert "not the truth" in record.notes[0]
     assert "formation's clock" in record.notes[1]
     assert record.notes[2] == "Not recorded: f2, f3."
+
+
+def test_what_companions_said_is_at_the_times_of_the_flight(recordings: Path) -> None:
+    # 20 s after the beginning by each clock: f1's shows 900 s then, the leader's 100 s.
+    for name, clock_s in (("leader", 100.0), ("f1", 900.0)):
+        said = FlightEvent(
+            time_s=clock_s + 20.0, vehicle=name, kind="order", text="order 1 is understood"
+        )
+        path = events_file(recordings / f"{name}-1", name)
+        path.write_bytes(EVENTS_HEADER + encode_event(said, 120.0))
+    record = flight_of(collect([recordings]))
+    assert {event.vehicle for event in record.events} == {"leader", "f1"}
+    first, second = (event.time_s for event in record.events)
+    assert second - first == pytest.approx(0.0, abs=1e-6)
+    assert first == pytest.approx(20.0, abs=0.11)
 
 
 def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings: Path) -> None:

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    BatteryReport,
     CommandReport,
     HeartbeatReport,
     PositionReport,
@@ -193,3 +194,31 @@ def test_the_battery_is_told_as_far_as_the_autopilot_knows_it(
     (report,) = codec.decode(frame(message))
     assert isinstance(report, SensorsReport)
     assert (report.battery, report.battery_voltage) == pytest.approx(told)
+
+
+@pytest.mark.parametrize(
+    ("cells", "percent", "told"),
+    [
+        ([4_000, 3_900, 4_100], 62, (0.62, 12.0)),
+        # A whole battery in the first cell; twelve cells, of which the last two are extensions.
+        ([11_800], -1, (None, 11.8)),
+        ([4_000] * 12, 100, (1.0, 48.0)),
+        ([], -1, (None, None)),
+    ],
+)
+def test_each_battery_is_told_by_itself(
+    codec: Codec,
+    frame: Make,
+    cells: list[int],
+    percent: int,
+    told: tuple[float | None, float | None],
+) -> None:
+    first, later = cells[:10], cells[10:]
+    first += [65_535] * (10 - len(first))
+    message = mavlink.MAVLink_battery_status_message(
+        1, 0, 0, 32_767, first, -1, -1, -1, percent, 0, 0, later + [0] * (4 - len(later))
+    )
+    (report,) = codec.decode(frame(message))
+    assert isinstance(report, BatteryReport)
+    assert report.number == 1
+    assert (report.remaining, report.voltage) == pytest.approx(told)

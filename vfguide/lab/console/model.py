@@ -15,12 +15,12 @@ import numpy as np
 from vfguide.companion.plan import local_frame
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
+from vfguide.formation.wording import flown_in_words
 from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
 from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.history import History
 from vfguide.lab.console.motion import CARRIED_S, StateReport, carry, climb_between
 from vfguide.lab.console.series import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES
-from vfguide.lab.console.wording import flown_in_words
 from vfguide.lab.rehearsal.recorder import limits_of
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
 from vfguide.lab.report.replay.data import FORMAT, Kind, encode

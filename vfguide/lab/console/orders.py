@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
-from vfguide.lab.console.wording import slots_in_words
+from vfguide.formation.wording import slots_in_words
 from vfguide.lab.ordering import (
     OrderDesk,
     Outcome,

@@ -4,9 +4,9 @@ import re
 from html import escape
 from importlib.resources import files
 
+from vfguide.lab.report.replay.page_part import SCRIPTS as SHARED_SCRIPTS
 from vfguide.lab.report.replay.page_part import read as read_replay
 
-SHARED_SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
 OWN_SCRIPTS = ("live.js", "tiles.js", "cards.js", "orders.js", "console.js")
 
 

@@ -18,8 +18,10 @@ from vfguide.lab.rehearsal.recorder import (
     limits_of,
     local_positions,
     path_number,
+    path_series,
 )
 from vfguide.mission.model import Mission
+from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import Acceptance, FlightRecord, Origin
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
 from vfguide.record.guidance_series import lead_series, sampled, slot_series
@@ -90,8 +92,19 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         acceptance=Acceptance(**mission.acceptance.model_dump()),
         origin=Origin(**mission.origin.model_dump()),
         begin_unix_s=begin,
+        events=events_of(found, begin, float(time_s[-1])),
         notes=notes_of(found, [name for name in names if not parts[name]]),
     )
+
+
+def events_of(found: FlightRecordings, begin_s: float, lasts_s: float) -> tuple[FlightEvent, ...]:
+    """What companions said during the flight, at times from its beginning."""
+    events = [
+        replace(event, time_s=one.start.to_unix(event.time_s) + shift - begin_s)
+        for one, shift in zip(found.recordings, found.shifts_s, strict=True)
+        for event in one.events
+    ]
+    return merged_events(event for event in events if 0.0 <= event.time_s <= lasts_s)
 
 
 def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
@@ -192,6 +205,7 @@ def vehicle_record(
             else slot_series(track, moments, (slot.forward_m, slot.right_m, slot.up_m))
         ),
         **(lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}),
+        **path_series(doings[:, 5]),
     )
 
 

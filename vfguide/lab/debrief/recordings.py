@@ -16,10 +16,12 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
+from vfguide.record.events import FlightEvent, read_events
 from vfguide.record.guidance_log import GuidanceTrack, read_guidance
 from vfguide.record.recording import (
     MISSION_NAME,
     Start,
+    events_file,
     files_of,
     find_recordings,
     is_recording,
@@ -49,6 +51,8 @@ class RecordingContents:
     """Of its autopilot."""
     guidance: GuidanceTrack
     """Of its companion, in s of the companion's own clock."""
+    events: tuple[FlightEvent, ...] = ()
+    """What its companion said, in s of its own clock."""
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -141,6 +145,7 @@ def read_recording(directory: Path) -> RecordingContents:
         start=start,
         telemetry=read_telemetry(tlog, system_id=start.system_id, start_s=start.unix_s),
         guidance=read_guidance(guidance),
+        events=tuple(read_events(start.vehicle, events_file(directory, start.vehicle))),
     )
 
 
@@ -160,7 +165,7 @@ def heard_leader(
         heard = read_telemetry(tlog, system_id=system_id, start_s=one.start.unix_s)
         heard.positions[:, 0] -= mission.leader.least_delay_s or 0.0
         start = replace(one.start, vehicle=name, system_id=system_id)
-        found.append(replace(one, start=start, telemetry=heard))
+        found.append(replace(one, start=start, telemetry=heard, events=()))
     best = max(found, key=lambda one: len(one.telemetry.positions))
     # Whatever is known of the clock is the follower's.
     return [best] if len(best.telemetry.positions) else []

@@ -31,9 +31,10 @@ from vfguide.link.keys import (
 from vfguide.link.watch import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
+from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance, read_newest
-from vfguide.record.recording import guidance_files
+from vfguide.record.recording import events_files, guidance_files
 from vfguide.registry import plugin_files
 
 LEAD_S = 3.0
@@ -357,7 +358,16 @@ class LiveFlight:
             )
             for name in self.mission.companions
         }
-        return self.truth_collector.record(wall_s=wall_s, tracks=tracks)
+        events = [
+            event
+            for name in self.mission.companions
+            for event in read_events(
+                name,
+                *events_files(self._directory / RECORDINGS, name),
+                zero_s=self._companions_zero_s,
+            )
+        ]
+        return self.truth_collector.record(wall_s=wall_s, tracks=tracks, events=events)
 
 
 @asynccontextmanager

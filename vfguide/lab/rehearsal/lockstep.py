@@ -8,18 +8,19 @@ that no process waits for another that is flying the same window. The number of 
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import islice
 
 from vfguide.companion.follower_role import PUBLISH_S
-from vfguide.companion.outgoing import Event
+from vfguide.companion.outgoing import Event, flight_event
 from vfguide.lab.rehearsal.aircraft import Candidates, Instant, fly_window
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.rehearsal.worker_process import WorkerProcess, launch, outcome_of
 from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
+from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency
 from vfguide.record.tlog import TelemetryLog
@@ -81,6 +82,13 @@ def windows(mission: Mission) -> Iterator[list[float]]:
     length = window_length(mission.rehearsal.rate_hz)
     while window := list(islice(remaining, length)):
         yield window
+
+
+def flight_events(events: Mapping[str, Sequence[Event]]) -> Iterator[FlightEvent]:
+    """What the companions of a flight in virtual time reported, by vehicle, as entries of its record."""
+    for vehicle, said in events.items():
+        for event in said:
+            yield flight_event(vehicle, event)
 
 
 def fly_lockstep(
@@ -153,6 +161,7 @@ def fly_lockstep(
             times,
             [records[name] for name in names],
             wall_s=time.perf_counter() - began,
+            events=flight_events({outcome.name: outcome.events for outcome in outcomes}),
         ),
         events={outcome.name: outcome.events for outcome in outcomes},
         logs={outcome.name: outcome.log for outcome in outcomes if outcome.log is not None},

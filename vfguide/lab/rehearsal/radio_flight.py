@@ -21,7 +21,7 @@ from vfguide.formation.arrangement import Manoeuvre
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
-from vfguide.lab.rehearsal.lockstep import Flight, Progress, fly_lockstep, instants
+from vfguide.lab.rehearsal.lockstep import Flight, Progress, flight_events, fly_lockstep, instants
 from vfguide.lab.rehearsal.operator import OPERATOR, REPEAT_S
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.envelope import MAGIC as ENVELOPE_MAGIC
@@ -382,6 +382,7 @@ def fly_by_radio(
             times,
             [one.recorder.record() for one in aircraft],
             wall_s=time.perf_counter() - began,
+            events=flight_events({one.name: one.events for one in aircraft}),
         ),
         events={one.name: one.events for one in aircraft},
         logs={one.name: one.log for one in aircraft if one.log is not None},

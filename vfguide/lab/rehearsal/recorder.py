@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from operator import attrgetter
 
 import numpy as np
@@ -19,6 +19,7 @@ from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.path_frame import frame_of
 from vfguide.mission.vehicle import Vehicle
+from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
 from vfguide.record.outline import Outline, OutlineKind
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, FlightLimits, VehicleRecord
@@ -118,6 +119,7 @@ class VehicleRecorder:
             lyapunov=doings["lyapunov"],
             **self._slot_series(),
             **self._lead_series(),
+            **path_series(doings["path"]),
         )
 
     def _lead_series(self) -> dict[str, FloatArray]:
@@ -164,8 +166,9 @@ def flight_record(
     *,
     wall_s: float,
     mode: FlightMode = "lockstep",
+    events: Iterable[FlightEvent] = (),
 ) -> FlightRecord:
-    """The record of a whole flight, from those of its vehicles, leader first."""
+    """The record of a whole flight, from those of its vehicles, leader first, and what companions said."""
     path_north, path_east = drawn_path(mission, vehicles[0])
     return FlightRecord(
         time_s=np.array(times, dtype=np.float64),
@@ -185,7 +188,17 @@ def flight_record(
         wall_s=wall_s,
         acceptance=Acceptance(**mission.acceptance.model_dump()),
         origin=Origin(**mission.origin.model_dump()),
+        events=merged_events(event for event in events if 0.0 <= event.time_s <= times[-1]),
     )
+
+
+def path_series(numbers: FloatArray) -> dict[str, FloatArray]:
+    """By which path a companion went, for a `VehicleRecord`; nothing where it was the first all the time.
+
+    Args:
+        numbers: of the paths among those of the mission, the first 0; NaN of none.
+    """
+    return {} if np.all(numbers == 0.0) else {"path_number": numbers.copy()}
 
 
 def beside_paths(

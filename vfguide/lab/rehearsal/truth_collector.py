@@ -4,7 +4,7 @@ import asyncio
 import json
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder, flight_record
 from vfguide.mission.model import Mission
+from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
 from vfguide.record.guidance_series import lead_series, slot_series
@@ -78,6 +79,7 @@ class TruthCollector(asyncio.DatagramProtocol):
         wall_s: float,
         tracks: Mapping[str, GuidanceTrack] | None = None,
         only_at_s: float | None = None,
+        events: Iterable[FlightEvent] = (),
     ) -> FlightRecord:
         """What has been seen so far.
 
@@ -85,6 +87,7 @@ class TruthCollector(asyncio.DatagramProtocol):
             wall_s: how long the flight took, s of real time.
             tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
             only_at_s: the newest sample alone that is not after this time, s, for a display.
+            events: what companions said, at times of the flight.
 
         Raises:
             VfguideError: nothing has.
@@ -109,7 +112,9 @@ class TruthCollector(asyncio.DatagramProtocol):
             if track is not None:
                 record = replace(record, **self._series(name, track, np.array(times)))
             vehicles.append(record)
-        return flight_record(self._mission, times, vehicles, wall_s=wall_s, mode="live")
+        return flight_record(
+            self._mission, times, vehicles, wall_s=wall_s, mode="live", events=events
+        )
 
     def _series(self, name: str, track: GuidanceTrack, times: FloatArray) -> dict[str, Any]:
         """The slots that a vehicle flew in, where they were ordered, and what it led by."""

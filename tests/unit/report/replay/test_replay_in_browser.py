@@ -13,7 +13,8 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from vfguide.lab.report.geometry import slot_error
-from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.events import FlightEvent
+from vfguide.record.flight import FlightRecord, Outline, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -259,11 +260,59 @@ def test_changes_of_mode_can_be_walked_through(
     record = replace(circle_flight, vehicles=(circle_flight.leader, replace(follower, mode=mode)))
     page = open_page(write_page(record))
     assert cell(page, "Mode", 1).startswith("joining")
-    page.get_by_role("button", name="Next change of mode").click()
+    page.get_by_role("button", name="Next event").click()
     assert moment(page) == pytest.approx(12.0, abs=0.11)
     assert cell(page, "Mode", 1).startswith("tracking")
-    page.get_by_role("button", name="Change of mode before").click()
+    page.get_by_role("button", name="Event before").click()
     assert moment(page) == 0.0
+
+
+def test_events_are_reached_by_mark_list_and_key(
+    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
+) -> None:
+    events = (
+        FlightEvent(time_s=12.0, vehicle="leader", kind="order", text="order 1 is <b>flown</b>"),
+        FlightEvent(time_s=30.0, vehicle="f1", kind="text", text="take over", warning=True),
+    )
+    page = open_page(write_page(replace(circle_flight, events=events)))
+    entries = page.locator("[data-part=events] button")
+    # Names and texts of others stay text.
+    assert "leader: order 1 is <b>flown</b>" in entries.nth(0).inner_text().replace("\n", " ")
+    entries.nth(1).click()
+    assert moment(page) == 30.0
+    assert entries.nth(1).get_attribute("aria-current") == "true"
+    page.get_by_role("button", name="Event before").click()
+    assert moment(page) == 12.0
+    place: list[float] = page.evaluate(
+        """() => {
+            const { timeline } = document.getElementById("replay").player;
+            const box = timeline.canvas.getBoundingClientRect();
+            const x = timeline.xOf(30);
+            for (let y = 0; y < box.height; y++)
+                if (timeline.eventNear(x, y)) return [box.left + x + 4, box.top + y + 4];
+        }"""
+    )
+    page.mouse.click(*place)
+    assert moment(page) == 30.0
+
+
+def test_the_path_that_is_flown_at_the_moment_is_the_one_that_is_drawn(
+    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
+) -> None:
+    time_s = circle_flight.time_s
+    number = np.select([time_s < 10.0, time_s < 20.0], [0.0, 1.0], np.nan)
+    leader = replace(circle_flight.leader, path_number=number)
+    east = Outline(kind="path", north_m=np.array([0.0, 0.0]), east_m=np.array([500.0, 700.0]))
+    record = replace(circle_flight, vehicles=(leader, *circle_flight.followers), outlines=(east,))
+    page = open_page(write_page(record))
+    drawn = """() => {
+        const { flight } = document.getElementById("replay").player;
+        return [flight.path.east_m.at(-1) ?? null, flight.outlines.length];
+    }"""
+    main = pytest.approx(float(circle_flight.path_east_m[-1]), abs=0.01)
+    for moment_s, path, others in ((5.0, main, 1), (15.0, 700.0, 1), (25.0, None, 2)):
+        seek(page, moment_s)
+        assert page.evaluate(drawn) == [path, others]
 
 
 def test_the_page_is_usable_on_a_phone(

@@ -37,6 +37,7 @@ class LiveFlight extends Flight {
   #takeFlown({ ground, flown }) {
     this.ground = ground;
     this.flown = flown;
+    this.#listFlown();
     this.pathName = null;
     this.followPath(flown.at(-1).path);
   }
@@ -44,7 +45,32 @@ class LiveFlight extends Flight {
   /** Keep what is flown from the newest sample on, where that is something else than before. */
   noteFlown(flies) {
     const { t, ...before } = this.flown.at(-1);
-    if (JSON.stringify(before) !== JSON.stringify(flies)) this.flown.push({ t: this.end, ...flies });
+    if (JSON.stringify(before) !== JSON.stringify(flies)) {
+      this.flown.push({ t: this.end, ...flies });
+      this.#listFlown();
+    }
+  }
+
+  /** What has been flown, as events of the time line: which order, and who leads. */
+  #listFlown() {
+    this.events = this.flown.slice(1).map(({ t, leads, number, order }, before) => {
+      const last = this.flown[before];
+      const changed = leads !== last.leads;
+      const row = this.vehicles.findIndex((vehicle) => vehicle.name === leads);
+      return changed && number === last.number
+        ? { time: t, kind: "lead", rows: row < 0 ? [] : [row], text: `leads the formation${row > 0 ? " in the leader's place" : ""}` }
+        : { time: t, kind: "order", rows: [], text: `order ${number} is flown: ${order}${changed ? `, ${leads} leads` : ""}` };
+    });
+    this.found = null;
+  }
+
+  /** Changes of mode are on the strips: to look for them all again with each sample takes long. */
+  listed() {
+    return this.live ? this.events : super.listed();
+  }
+
+  showPathAt(time) {
+    if (!this.live) super.showPathAt(time);
   }
 
   /** What was flown at a time: {leads, succeeded, number, order, path}. */

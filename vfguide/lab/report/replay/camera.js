@@ -103,9 +103,10 @@ class Framing {
   /** The whole flight. */
   whole() {
     const { flight } = this;
-    const east = flight.vehicles.map((one) => extent(one.series.east_m)).concat([extent(flight.path.east_m)]).flat();
-    const north = flight.vehicles.map((one) => extent(one.series.north_m)).concat([extent(flight.path.north_m)]).flat();
-    const outlines = flight.outlines ?? [];
+    // Of a recorded flight the path that is flown changes with the moment: the picture of the whole stays.
+    const { path, outlines = [] } = flight.live ? flight : flight.main;
+    const east = flight.vehicles.map((one) => extent(one.series.east_m)).concat([extent(path.east_m)]).flat();
+    const north = flight.vehicles.map((one) => extent(one.series.north_m)).concat([extent(path.north_m)]).flat();
     const sides = [extent(east), extent(north)];
     const far = OUTLINE_SHARE * Math.max(...sides.map(([low, high]) => high - low));
     const [west, mostEast] = widened(sides[0], far, outlines.map((one) => one.east_m));

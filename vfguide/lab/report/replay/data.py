@@ -11,6 +11,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.lab.report.colours import NIGHT_COLOURS, vehicle_colours
 from vfguide.lab.report.figures import window_s
 from vfguide.lab.report.geometry import slot_error, slot_track
+from vfguide.lab.report.replay.events import describe_events, flown_paths
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 FORMAT = 1
@@ -100,6 +101,8 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
         "outlines": [
             {"kind": one.kind, **ground_line(one.north_m, one.east_m)} for one in record.outlines
         ],
+        "flown_paths": flown_paths(record),
+        "events": describe_events(record),
         "vehicles": [
             {
                 "name": vehicle.name,

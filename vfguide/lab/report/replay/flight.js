@@ -9,6 +9,8 @@ const ANGLES = new Set(["course_deg", "heading_deg", "bank_deg", "course_setpoin
 // These hold until the next sample; everything else is interpolated.
 const STEPS = new Set(["mode", "limited"]);
 
+const TOGETHER_S = 2;
+
 /** Numbers of one series: base64 of little-endian whole numbers, in steps of `unit`. */
 function decodeSeries({ unit, bits, data }) {
   const text = atob(data);
@@ -54,6 +56,10 @@ class Flight {
     this.window = content.window_s;
     this.path = content.path;
     this.outlines = content.outlines;
+    this.main = { path: content.path, outlines: content.outlines };
+    // [[s, number]]: which path is flown from when on; empty where it is the first all the time.
+    this.flownPaths = content.flown_paths ?? [];
+    this.events = (content.events ?? []).map(({ t, kind, vehicles, text }) => ({ time: t, kind, rows: vehicles, text }));
     this.time = decodeSeries(content.time);
     this.vehicles = content.vehicles.map((vehicle) => ({
       name: vehicle.name,
@@ -136,18 +142,49 @@ class Flight {
     });
   }
 
-  /** Times at which some vehicle's mode changes: [{time, vehicle, mode}], in order. */
+  /** Draw the path that is flown at `time` as such, and the others thin; none in a hold. */
+  showPathAt(time) {
+    if (!this.flownPaths.length) return;
+    const number = (this.flownPaths.findLast(([since]) => since <= time) ?? this.flownPaths[0])[1];
+    if (number === this.pathNumber) return;
+    this.pathNumber = number;
+    const { path, outlines } = this.main;
+    const others = outlines.filter(({ kind }) => kind === "path");
+    const paths = [{ ...path, kind: "path" }, ...others];
+    this.path = paths[number] ?? { north_m: [], east_m: [] };
+    this.outlines = [...paths.filter((one) => one !== this.path), ...outlines.filter(({ kind }) => kind !== "path")];
+  }
+
+  /** Changes of mode and whatever else happened: [{time, kind, rows, text}] with rows of vehicles, in order. */
   changes() {
     if (this.found) return this.found;
-    this.found = [];
-    for (const vehicle of this.vehicles) {
-      const modes = vehicle.series.mode;
+    const open = new Map();
+    const found = [];
+    const changed = [];
+    for (const [row, { series: { mode: modes } }] of this.vehicles.entries()) {
       for (let i = 1; i < modes.length; i++) {
-        if (modes[i] !== modes[i - 1]) this.found.push({ time: this.time[i], vehicle, mode: this.modeName(modes[i]) });
+        if (modes[i] !== modes[i - 1]) changed.push({ time: this.time[i], row, text: this.modeName(modes[i]) });
       }
     }
-    this.found.sort((a, b) => a.time - b.time);
+    changed.sort((a, b) => a.time - b.time);
+    // What several do within two seconds is one entry of all of them.
+    for (const { time, row, text } of changed) {
+      const known = open.get(text);
+      if (known && time - known.time <= TOGETHER_S && !known.rows.includes(row)) {
+        known.rows.push(row);
+        continue;
+      }
+      const one = { time, kind: "mode", rows: [row], text };
+      open.set(text, one);
+      found.push(one);
+    }
+    this.found = [...found, ...this.events].sort((a, b) => a.time - b.time);
     return this.found;
+  }
+
+  /** What the list beside the time line has. */
+  listed() {
+    return this.changes();
   }
 
   modeName(number) {

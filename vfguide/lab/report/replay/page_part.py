@@ -8,7 +8,15 @@ from importlib.resources import files
 from vfguide.lab.report.replay.data import replay_json
 from vfguide.record.flight import FlightRecord
 
-SCRIPTS = ("flight.js", "camera.js", "scene.js", "timeline.js", "numbers.js", "player.js")
+SCRIPTS = (
+    "flight.js",
+    "camera.js",
+    "scene.js",
+    "timeline.js",
+    "events.js",
+    "numbers.js",
+    "player.js",
+)
 """In the order in which they build on each other."""
 
 

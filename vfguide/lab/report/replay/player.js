@@ -37,10 +37,11 @@ class Player {
     const find = (name) => section.querySelector(`[data-part="${name}"]`);
     this.parts = Object.fromEntries(
       ["scene", "timeline", "play", "back", "forward", "slider", "clock", "speed", "quantity", "span", "numbers",
-        "above", "course", "aslant", "whole", "nearer", "farther", "reset"].map((name) => [name, find(name)]),
+        "above", "course", "aslant", "whole", "nearer", "farther", "reset", "events"].map((name) => [name, find(name)]),
     );
     this.scene = new Scene(this.parts.scene, flight, this.makeFraming());
     this.timeline = new Timeline(this.parts.timeline, flight);
+    this.events = new EventList(this.parts.events, flight, (time) => this.seek(time));
     this.numbers = this.makeNumbers((name) => this.choose(name));
     this.#fillChoices();
     this.#listen();
@@ -151,13 +152,23 @@ class Player {
     const { timeline } = this.parts;
     let held = false;
     const follow = (event) => this.seek(this.timeline.timeAt(event.clientX - timeline.getBoundingClientRect().left));
+    const markAt = (event) => {
+      const box = timeline.getBoundingClientRect();
+      return this.timeline.eventNear(event.clientX - box.left, event.clientY - box.top);
+    };
     timeline.addEventListener("pointerdown", (event) => {
       held = true;
       timeline.setPointerCapture(event.pointerId);
-      follow(event);
+      const mark = markAt(event);
+      if (mark) this.seek(mark.time);
+      else follow(event);
     });
     timeline.addEventListener("pointermove", (event) => {
-      if (held) follow(event);
+      if (held) {
+        if (Math.abs(event.movementX) > 0) follow(event);
+        return;
+      }
+      timeline.title = markAt(event)?.text ?? "";
     });
     for (const end of ["pointerup", "pointercancel"]) {
       timeline.addEventListener(end, () => {
@@ -251,7 +262,7 @@ class Player {
     this.draw();
   }
 
-  /** Go to the next change of a mode, or to the one before. */
+  /** Go to the next event, or to the one before. */
   toChange(direction) {
     const times = this.flight.changes().map((change) => change.time);
     const found = direction > 0
@@ -286,6 +297,7 @@ class Player {
     if (!this.theme) return;
     const { parts, theme, chosen, time } = this;
     const quantity = this.timeline.quantities().find((one) => one.key === parts.quantity.value);
+    this.flight.showPathAt(time);
     this.scene.draw(time, theme, chosen);
     this.timeline.draw(time, theme, chosen, quantity);
     for (const view of ["above", "course", "aslant"]) {
@@ -300,6 +312,7 @@ class Player {
     const now = performance.now();
     if (!this.playing || now - (this.toldAt ?? -Infinity) >= TABLE_EVERY_MS) {
       this.numbers.show(this.flight.formationAt(time), theme, chosen, time);
+      this.events.show(time);
       this.toldAt = now;
     }
   }

@@ -19,6 +19,9 @@ const QUANTITIES = [
 const LEAST_DRAWN_M = 1e-3;
 const MARGIN = { left: 48, right: 12, top: 26, bottom: 22 };
 const STRIP = 9;
+// Of the marks of events, between plot and strips; a finger finds one that is so near.
+const LANE = 15;
+const NEAR_MARK = 9;
 const MOST_STRIPS = 10;
 const SHORTEST_SPAN_S = 5;
 
@@ -118,7 +121,7 @@ class Timeline {
       left: MARGIN.left,
       right: width - MARGIN.right,
       top: MARGIN.top,
-      bottom: height - MARGIN.bottom - this.strips * STRIP - 4,
+      bottom: height - MARGIN.bottom - this.strips * STRIP - 4 - this.lane,
     };
     this.#shadeWindow(context, plot, theme);
     const scale = this.#scaleFor(quantity, plot);
@@ -136,7 +139,44 @@ class Timeline {
       this.#drawLine(context, this.valuesOf(vehicle, quantity), scale);
     }
     context.restore();
+    if (this.lane) this.#drawMarks(context, plot, theme, chosen);
     this.#drawStrips(context, plot, theme, chosen);
+  }
+
+  /** Room for the marks of events; none where there are none. */
+  get lane() {
+    return this.flight.events.length ? LANE : 0;
+  }
+
+  #laneMiddle() {
+    return this.canvas.clientHeight - MARGIN.bottom - this.strips * STRIP - 2 - LANE / 2;
+  }
+
+  /** The event whose mark is at (x, y) of the canvas, or null. */
+  eventNear(x, y) {
+    if (!this.lane || Math.abs(y - this.#laneMiddle()) > LANE / 2 + 3) return null;
+    let found = null;
+    let nearest = NEAR_MARK;
+    for (const event of this.flight.events) {
+      if (event.time < this.from || event.time > this.to) continue;
+      const distance = Math.abs(this.xOf(event.time) - x);
+      if (distance <= nearest) [found, nearest] = [event, distance];
+    }
+    return found;
+  }
+
+  #drawMarks(context, plot, theme, chosen) {
+    const y = this.#laneMiddle();
+    // What matters more is drawn last, above the others.
+    for (const kind of ["text", "warning", "order", "lead"]) {
+      for (const event of this.flight.events) {
+        if (event.kind !== kind || event.time < this.from || event.time > this.to) continue;
+        const others = chosen && event.rows.length && !event.rows.some((row) => this.flight.vehicles[row].name === chosen);
+        context.globalAlpha = others ? 0.25 : 1;
+        drawMark(context, kind, this.xOf(event.time), y, theme);
+      }
+    }
+    context.globalAlpha = 1;
   }
 
   #shadeWindow(context, plot, theme) {
@@ -191,7 +231,7 @@ class Timeline {
     }
     context.textAlign = "center";
     context.textBaseline = "top";
-    const bottom = plot.bottom + this.strips * STRIP + 8;
+    const bottom = plot.bottom + this.lane + this.strips * STRIP + 8;
     const spacing = tickSpacing((this.span * 75) / (plot.right - plot.left));
     for (let tick = Math.ceil(this.from / spacing - 1e-9); tick * spacing <= this.to + 1e-9; tick++) {
       const x = this.xOf(tick * spacing);
@@ -263,7 +303,7 @@ class Timeline {
     const { flight } = this;
     for (let number = 0; number < this.strips; number++) {
       const vehicle = flight.vehicles[number];
-      const top = plot.bottom + 5 + number * STRIP;
+      const top = plot.bottom + 5 + this.lane + number * STRIP;
       const tall = STRIP - 3;
       const { mode: modes, limited } = vehicle.series;
       const [from, to] = [flight.sampleAt(this.from), flight.sampleAt(this.to) + 1];
@@ -292,6 +332,27 @@ class Timeline {
       }
     }
   }
+}
+
+/** A mark on the time line, told apart by its shape: orders ◆, who leads ★, warnings ▲, texts |. */
+function drawMark(context, kind, x, y, theme) {
+  context.fillStyle = kind === "warning" ? theme.limit : kind === "text" ? theme.quiet : theme.text;
+  context.strokeStyle = theme.ground;
+  context.lineWidth = 1;
+  const shapes = {
+    order: [[0, -5], [4.5, 0], [0, 5], [-4.5, 0]],
+    warning: [[0, -5], [5, 4], [-5, 4]],
+    text: [[-0.8, -4], [0.8, -4], [0.8, 4], [-0.8, 4]],
+    lead: Array.from({ length: 10 }, (_, i) => {
+      const reach = i % 2 ? 2.6 : 6;
+      return [reach * Math.sin((i * Math.PI) / 5), -reach * Math.cos((i * Math.PI) / 5)];
+    }),
+  };
+  context.beginPath();
+  for (const [dx, dy] of shapes[kind]) context.lineTo(x + dx, y + dy);
+  context.closePath();
+  context.stroke();
+  context.fill();
 }
 
 /** Seconds between two ticks: at least `least`, and a round part of a minute or an hour. */

@@ -1,0 +1,88 @@
+"""The console in containers only looks on unless it is asked to give orders; then the broker lets it."""
+
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+PROJECT = Path(__file__).parents[3]
+BIN = PROJECT / "docker" / "bin"
+
+
+@pytest.fixture(scope="module")
+def services() -> dict[str, Any]:
+    """All services of docker-compose.yml, by name."""
+    content = yaml.safe_load((PROJECT / "docker-compose.yml").read_text(encoding="utf-8"))
+    found: dict[str, Any] = content["services"]
+    return found
+
+
+def run(script: str, path: str, **environment: str) -> str:
+    """What a script of a container prints."""
+    done = subprocess.run(
+        ["/bin/sh", str(BIN / script)],
+        env={"PATH": path, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=20.0,
+    )
+    return done.stdout
+
+
+def writes(rules: str, user: str) -> list[str]:
+    """Topics that a user may write, by the broker's rules."""
+    found, current = [], ""
+    for line in rules.splitlines():
+        word, _, rest = line.partition(" ")
+        if word == "user":
+            current = rest
+        elif rest.startswith("write ") and current == user:
+            found.append(rest.removeprefix("write "))
+    return found
+
+
+def test_one_setting_asks_for_orders_and_is_off_unless_set(services: dict[str, Any]) -> None:
+    assert services["console"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
+    assert services["broker"]["environment"]["OPERATORS"] == "${CONSOLE_ORDERS:+console}"
+    assert services["console"]["environment"]["VEHICLE"] == "console"
+    assert "console" in services["keys"]["environment"]["OPERATORS"].split()
+
+
+@pytest.mark.parametrize(("operators", "orders"), [("", []), ("console", ["vfguide/+/console/#"])])
+def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(
+    operators: str, orders: list[str]
+) -> None:
+    rules = run(
+        "broker-rules",
+        os.environ["PATH"],
+        VEHICLES="leader f1",
+        WATCHERS="judge console",
+        OPERATORS=operators,
+    )
+    assert writes(rules, "console") == ["vfguide/+/+/clock/ask/console", *orders]
+    assert writes(rules, "judge") == ["vfguide/+/+/clock/ask/judge"]
+    assert writes(rules, "f1") == ["vfguide/+/+/clock/ask/f1", "vfguide/+/f1/#"]
+
+
+@pytest.mark.parametrize(("orders", "given"), [("", False), ("yes", True)])
+def test_the_console_is_started_with_operator_only_where_orders_are_asked_for(
+    tmp_path: Path, orders: str, given: bool
+) -> None:
+    vfguide = tmp_path / "vfguide"
+    vfguide.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    vfguide.chmod(0o755)
+    (tmp_path / "link-options").write_text("LINK=mqtts://console@broker\n")
+    said = run(
+        "run-console",
+        f"{tmp_path}:{os.environ['PATH']}",
+        VEHICLE="console",
+        BROKER="broker",
+        PUBLISHED="8080",
+        ORDERS=orders,
+    )
+    assert ("--operator" in said.split()) is given
+    assert "http://127.0.0.1:8080" in said.split()

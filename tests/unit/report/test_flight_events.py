@@ -1,0 +1,91 @@
+"""What companions said: kept line by line, read as far as it is whole, and found again in a flight record."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vfguide.errors import InputError
+from vfguide.record.archive import read_archive, write_archive
+from vfguide.record.events import (
+    HEADER,
+    FlightEvent,
+    compose_events,
+    encode_event,
+    merged_events,
+    read_events,
+)
+from vfguide.record.flight import FlightRecord
+
+
+def event(time_s: float, text: str, **given: object) -> FlightEvent:
+    plain = FlightEvent(time_s=time_s, vehicle="f1", kind="order", text=text)
+    return replace(plain, **given)  # type: ignore[arg-type]
+
+
+def test_an_event_is_read_as_it_was_written_on_the_flights_time(tmp_path: Path) -> None:
+    said = event(112.5, 'order 1 is refused: "f2, f3" say no', warning=True)
+    path = tmp_path / "f1.events.csv"
+    path.write_bytes(HEADER + encode_event(said, math.nan))
+    assert read_events("f1", path, zero_s=100.0) == [replace(said, time_s=12.5)]
+
+
+def test_a_text_of_several_lines_is_one() -> None:
+    line = encode_event(event(1.0, "fails\r\n  again"), 1.0)
+    assert line == b"1.000000,1.000000,order,0,fails again\n"
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [b"2.0,2.0,order,0,cut o", b"2.0,2.0,no kind,0,text\n", b"nan,nan,order,0,x\n", b"\xff\n"],
+)
+def test_what_a_killed_companion_leaves_is_read_up_to_there(tmp_path: Path, rest: bytes) -> None:
+    path = tmp_path / "f1.events.csv"
+    path.write_bytes(HEADER + encode_event(event(1.0, "whole"), 1.0) + rest)
+    assert [one.text for one in read_events("f1", path, tmp_path / "missing")] == ["whole"]
+
+
+def test_events_of_all_vehicles_are_in_the_order_of_their_times() -> None:
+    later, earlier = event(2.0, "later"), event(1.0, "earlier", vehicle="f2")
+    assert merged_events([later, earlier]) == (earlier, later)
+
+
+def test_a_record_keeps_events_and_the_path_that_was_flown(
+    circle_flight: FlightRecord, tmp_path: Path
+) -> None:
+    said = (event(3.0, "order 1 is void: f2 does not answer", warning=True),)
+    number = np.where(circle_flight.time_s < 5.0, 0.0, math.nan)
+    leader = replace(circle_flight.leader, path_number=number)
+    vehicles = (leader, *circle_flight.followers)
+    replace(circle_flight, events=said, vehicles=vehicles).save(tmp_path / "flight.npz")
+    read = FlightRecord.load(tmp_path / "flight.npz")
+    assert read.events == said
+    np.testing.assert_array_equal(read.leader.path_number, number)
+    assert read.followers[0].path_number is None
+
+
+def test_a_record_of_before_has_no_events(circle_flight: FlightRecord, tmp_path: Path) -> None:
+    path = tmp_path / "flight.npz"
+    circle_flight.save(path)
+    description, arrays = read_archive(path)
+    del description["events"]
+    write_archive(path, description, arrays)
+    assert FlightRecord.load(path).events == ()
+
+
+@pytest.mark.parametrize(
+    "entries", [{}, [{}], [5], [{"time_s": "x", "vehicle": "f1", "kind": "order", "text": "", "warning": 0}]]
+)  # fmt: skip
+def test_damaged_events_are_one_line(
+    circle_flight: FlightRecord, tmp_path: Path, entries: object
+) -> None:
+    with pytest.raises((LookupError, TypeError, ValueError)):
+        compose_events(entries)
+    path = tmp_path / "flight.npz"
+    circle_flight.save(path)
+    description, arrays = read_archive(path)
+    write_archive(path, {**description, "events": entries}, arrays)
+    with pytest.raises(InputError, match=r"damaged flight record"):
+        FlightRecord.load(path)
