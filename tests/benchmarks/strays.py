@@ -19,7 +19,7 @@ from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, airframe_of, flight_plan
 from vfguide.companion.supervisor import STEERING
 from vfguide.elementwise import BoolArray
-from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.predicted_tracks import (
     TIMES,
     Agility,

@@ -20,7 +20,7 @@ from vfguide.identification.recording import Findings, is_good
 from vfguide.identification.steps import described
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.introduction import Introduction
+from vfguide.mavlink.framing import Introduction
 from vfguide.mission import Mission
 
 POLL_S = 0.1

@@ -33,10 +33,15 @@ from vfguide.companion.target_sender import TargetSender
 from vfguide.companion.wakefulness import Wakefulness
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import Arrangement, Point
-from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
+from vfguide.mavlink.announcements import (
+    Acknowledgements,
+    ground_station_heartbeat,
+    heartbeat,
+    time_question,
+)
 from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import (
     AirspeedReport,
     CommandReport,
@@ -54,7 +59,6 @@ from vfguide.mavlink.reports import (
     TrafficReport,
     VersionReport,
 )
-from vfguide.mavlink.signing import Signing
 from vfguide.state import HeardState
 
 HEARTBEAT_S = 1.0

@@ -44,8 +44,7 @@ from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.introduction import Introduction
-from vfguide.mavlink.signing import Signing
+from vfguide.mavlink.framing import Introduction, Signing
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
 

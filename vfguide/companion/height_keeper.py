@@ -7,9 +7,9 @@ gives way: by the climb rate V a / g that sets the missing acceleration a free.
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
+from vfguide.elementwise import low_pass
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.height import HeightTarget
-from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.low_pass import low_pass
 from vfguide.state import Setpoint
 
 MEMORY_S = 3.0

@@ -13,8 +13,8 @@ from vfguide.companion.leader_clock import LeaderClock, Moment
 from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
 from vfguide.frames import LocalFrame
-from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.observed_motion import (
+from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.leader_motion import (
     Observation,
     ObservedMotion,
     RateLimits,

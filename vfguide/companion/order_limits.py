@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Place, Point
 from vfguide.formation.transition import JOIN_M, LEADER, approach_of, approaches
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
 

@@ -21,8 +21,8 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
+from vfguide.elementwise import low_pass
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
-from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.navigation import (
     Sample,
     VelocityError,

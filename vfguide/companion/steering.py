@@ -10,8 +10,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.setpoint_guard import SetpointGuard
 from vfguide.companion.tracking_monitor import TrackingMonitor
-from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
-from vfguide.mavlink.setpoint_stream import SetpointStream
+from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
 from vfguide.state import Setpoint
 
 ALTITUDE_S = 5.0

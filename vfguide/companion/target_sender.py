@@ -5,7 +5,7 @@ import math
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.follow_target import INTERVAL_S, follow_target
+from vfguide.mavlink.leader_messages import INTERVAL_S, follow_target_message
 from vfguide.state import LeaderState
 
 
@@ -27,7 +27,7 @@ class TargetSender:
         if motion is None or motion.time_s - self._sent_s < INTERVAL_S - 0.5 * navigated.period:
             return b""
         self._sent_s = motion.time_s
-        message = follow_target(
+        message = follow_target_message(
             motion,
             latitude_deg=navigated.place.latitude_deg,
             longitude_deg=navigated.place.longitude_deg,

@@ -7,9 +7,8 @@ ArduPlane does not turn where it is given no lateral acceleration.
 import math
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.response import held_direction
+from vfguide.elementwise import low_pass
+from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 MEMORY_S = 3.0

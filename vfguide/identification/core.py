@@ -13,9 +13,8 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.tracking_monitor import TrackingMonitor
 from vfguide.identification.recording import Recording
 from vfguide.identification.steps import Phase, Segment, segments
-from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
-from vfguide.mavlink.announcements import NOTICE, heartbeat, status_texts
+from vfguide.mavlink.announcements import NOTICE, Acknowledgements, heartbeat, status_texts
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,

@@ -1,4 +1,4 @@
-"""What a vehicle would have done with some response: the models of `vfguide.guidance.response`, on arrays.
+"""What a vehicle would have done with some response: the models of `vfguide.guidance.airframe`, on arrays.
 
 What was told and what was seen, as arrays.
 """
@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.response import coordinated_turn_rate, first_order_lag
+from vfguide.guidance.airframe import GRAVITY, coordinated_turn_rate, first_order_lag
 from vfguide.state import Airframe
 
 

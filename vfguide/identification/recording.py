@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.response import held_direction, held_speed
+from vfguide.guidance.airframe import held_direction, held_speed
 from vfguide.identification.fit import Response, fit_response
 from vfguide.identification.models import (
     SETTLED_S,

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.state import Airframe
 
 COURSE_STEP = math.radians(15.0)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission

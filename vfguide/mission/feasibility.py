@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.path import END_SHARE
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance

@@ -9,8 +9,8 @@ from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeu
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
-from vfguide.guidance.limits import GRAVITY
 from vfguide.mission.climb_limits import climbs_beyond_limits
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.limits import GRAVITY, bank_limited_turn_rate
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location

@@ -14,7 +14,7 @@ from vfguide.companion.succession_role import SuccessionRole
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.arrangement import Circle as HoldCircle
-from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.link.order_codec import encode_order
 from vfguide.link.packed import (
