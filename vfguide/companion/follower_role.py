@@ -20,10 +20,10 @@ from vfguide.companion.plan import (
     late_laws,
 )
 from vfguide.companion.role import Role, RoleStep
-from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
 from vfguide.elementwise import low_pass
 from vfguide.guidance.formation import (

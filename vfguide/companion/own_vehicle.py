@@ -5,11 +5,15 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.altitude_gate import AltitudeGate
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
-from vfguide.companion.distrust import AirspeedGate, Doubt, FrozenPosition
-from vfguide.companion.navigation_health import NavigationHealth
+from vfguide.companion.distrust import (
+    AirspeedGate,
+    AltitudeGate,
+    Doubt,
+    FrozenPosition,
+    NavigationHealth,
+)
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
     CARRIED_S,
