@@ -1,9 +1,10 @@
-"""Elementary functions under one name for floats and for NumPy arrays.
+"""Elementary functions under one name for floats and for NumPy arrays, and the low-pass filter.
 
-The laws are written once and serve two callers: a companion, which steps one vehicle at a time and wants
-the speed of `math` (50 ns a call), and a study, which steps thousands of formations at once on arrays.
-Each function here takes a float or an array, and gives back what it was given. A rule that chooses between
-values is written with `where`, which evaluates both: an array has no one branch.
+Elementary functions under one name for floats and for NumPy arrays. The laws are written once and serve two
+callers: a companion, which steps one vehicle at a time and wants the speed of `math` (50 ns a call), and a
+study, which steps thousands of formations at once on arrays. Each function here takes a float or an array,
+and gives back what it was given. A rule that chooses between values is written with `where`, which
+evaluates both: an array has no one branch.
 """
 
 import math
@@ -84,3 +85,8 @@ def where(condition: bool | BoolArray, first: Number, second: Number) -> Number:
     if isinstance(first, float):
         return first if condition else second
     return np.where(condition, first, second)
+
+
+def low_pass(previous: Number, target: Number, period: float, time_constant: float) -> Number:
+    """First-order low-pass filter, backward Euler."""
+    return previous + (period / (time_constant + period)) * (target - previous)

@@ -30,7 +30,7 @@ from vfguide.lab.report.summary import Summary
 from vfguide.lab.studies.spread import executor_on, flown_by
 from vfguide.laws.base import Law
 from vfguide.link.address import parse_links
-from vfguide.link.watch import WatchedFormation
+from vfguide.link.opening import WatchedFormation
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
 from vfguide.mission.model import Mission

@@ -157,7 +157,7 @@ paths = Registry(
     own={
         "line": "vfguide.paths.line",
         "circle": "vfguide.paths.circle",
-        "helix": "vfguide.paths.helix",
+        "helix": "vfguide.paths.circle",
         "racetrack": "vfguide.paths.racetrack",
         "figure-eight": "vfguide.paths.figure_eight",
         "waypoints": "vfguide.paths.waypoints",

@@ -32,7 +32,7 @@ from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
 from vfguide.link.presence import Presence, encode_presence
-from vfguide.link.topics import Topics
+from vfguide.link.session import Topics
 from vfguide.link.trust import Trust, new_session
 from vfguide.mission import Mission, load_mission
 

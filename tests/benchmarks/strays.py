@@ -15,11 +15,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 import sitl_stub
 import vfguide.lab.rehearsal.aircraft
 from vfguide.companion.core import Companion
-from vfguide.companion.outgoing import Outgoing, Snapshot
 from vfguide.companion.plan import adapter_of, airframe_of, flight_plan
+from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.supervisor import STEERING
 from vfguide.elementwise import BoolArray
-from vfguide.guidance.limits import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.predicted_tracks import (
     TIMES,
     Agility,

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import VfguideError
-from vfguide.mission.faults import Fault
-from vfguide.mission.finding import Finding, worst_first
+from vfguide.mission.finding import Fault, Finding, worst_first
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.model import Mission
 

@@ -20,7 +20,7 @@ from vfguide.link.address import parse_links
 from vfguide.link.keys import OPERATOR, key_places, read_private_key
 from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import Address, parse_address
-from vfguide.mavlink.signing import signing_key
+from vfguide.mavlink.framing import signing_key
 from vfguide.mission import Mission
 from vfguide.record.recording import begin_recording
 

@@ -17,7 +17,7 @@ from vfguide.lab.console.server import Address, served
 from vfguide.lab.console.source import RecordedFlight, Source
 from vfguide.lab.console.tiles import TileSource
 from vfguide.link.address import parse_links
-from vfguide.link.watch import WatchedFormation
+from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
 from vfguide.regular_file import open_regular
 

@@ -28,8 +28,8 @@ from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.processes import broker_process
 from vfguide.lab.report.geometry import slot_error
+from vfguide.link.opening import WatchedFormation, check_reachable, watching
 from vfguide.link.presence import Presence
-from vfguide.link.watch import WatchedFormation, check_reachable, watching
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency, latency_of

@@ -10,17 +10,16 @@ from random import Random
 
 from vfguide.commands.vehicles import check_flies
 from vfguide.companion.clock import Clock
-from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.role import Event
 from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Answer, Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
-from vfguide.identification.recording import Findings, is_good
-from vfguide.identification.steps import described
+from vfguide.identification.recording import Findings, described, is_good
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.introduction import Introduction
+from vfguide.mavlink.framing import Introduction
 from vfguide.mission import Mission
 
 POLL_S = 0.1

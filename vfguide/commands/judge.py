@@ -12,7 +12,7 @@ from vfguide.errors import InputError
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.link.address import parse_links
-from vfguide.link.watch import WatchedFormation
+from vfguide.link.opening import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
 

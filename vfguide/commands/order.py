@@ -12,7 +12,7 @@ from vfguide.formation.orders import Action, Order, check_known
 from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import conclusion, give_order
 from vfguide.link.address import parse_links
-from vfguide.link.watch import WatchedFormation
+from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import formation_of_mission
 

@@ -20,8 +20,8 @@ from vfguide.commands.terminal import Terminal
 from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
 from vfguide.link.address import parse_links
+from vfguide.link.opening import HEARD_SHARE, WatchedFormation, check_connected, watching
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
-from vfguide.link.watch import HEARD_SHARE, WatchedFormation, check_connected, watching
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import check_mission
 

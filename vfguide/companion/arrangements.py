@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 from vfguide.companion.order_limits import (
     LATEST_S,
+    RouteEnd,
     age_objection,
     circle_objection,
     joining_objection,
@@ -26,8 +27,7 @@ from vfguide.companion.order_limits import (
     time_objection,
 )
 from vfguide.companion.plan import FlightPlan, KnownPath
-from vfguide.companion.route_end import RouteEnd
-from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,

@@ -17,18 +17,17 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import SPACING_SHARE, Viewpoint
 from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
 from vfguide.formation.transition import LEAST_M
-from vfguide.guidance.height import HeightTarget
-from vfguide.guidance.height_step import (
+from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
+from vfguide.guidance.height import (
     CLEAR,
     STEP_M,
+    HeightTarget,
     Neighbour,
     best_step,
     clearance,
     deepest,
 )
-from vfguide.guidance.limits import bank_limited_turn_rate, speed_range
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
-from vfguide.guidance.response import course_error_for
 from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 

@@ -12,31 +12,33 @@ from collections.abc import Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.announcer import Announcer, mode_sentence
+from vfguide.companion.announcer import Announcer, PlottedValues, mode_sentence
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
 from vfguide.companion.ground_orders import GroundOrders, Words
-from vfguide.companion.loiter_height import LoiterHeight
-from vfguide.companion.outgoing import Event, Outgoing, Snapshot
+from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.plotted_values import PlottedValues
-from vfguide.companion.role import RoleStep
+from vfguide.companion.role import Event, Outgoing, RoleStep, Snapshot
 from vfguide.companion.roles import role_of
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.state_publisher import TargetSender
 from vfguide.companion.steering import Steering
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
-from vfguide.companion.target_sender import TargetSender
-from vfguide.companion.wakefulness import Wakefulness
+from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import Arrangement, Point
-from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import ground_station_heartbeat, heartbeat, time_question
+from vfguide.mavlink.announcements import (
+    Acknowledgements,
+    ground_station_heartbeat,
+    heartbeat,
+    time_question,
+)
 from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import (
     AirspeedReport,
     BatteryReport,
@@ -55,7 +57,6 @@ from vfguide.mavlink.reports import (
     TrafficReport,
     VersionReport,
 )
-from vfguide.mavlink.signing import Signing
 from vfguide.state import HeardState
 
 HEARTBEAT_S = 1.0

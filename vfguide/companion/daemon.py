@@ -17,7 +17,6 @@ from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import Words
 from vfguide.companion.order_program import OrderProgram
-from vfguide.companion.outgoing import Event, Outgoing, flight_event
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
     Quantiles,
@@ -26,7 +25,8 @@ from vfguide.companion.presence_figures import (
     latency_figures,
     refused_messages,
 )
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.role import Event, Outgoing, flight_event
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.envelope import Kind
@@ -44,8 +44,7 @@ from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.introduction import Introduction
-from vfguide.mavlink.signing import Signing
+from vfguide.mavlink.framing import Introduction, Signing
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
 

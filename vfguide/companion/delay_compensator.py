@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.limits import speed_range
-from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.response import (
+from vfguide.elementwise import low_pass
+from vfguide.guidance.airframe import (
     ActiveSetpoint,
     Bias,
     Inner,
@@ -24,6 +23,7 @@ from vfguide.guidance.response import (
     held_speed,
     propagate,
     propagate_inner,
+    speed_range,
     turning_speed,
 )
 from vfguide.state import Airframe, Setpoint, SpeedHold, VehicleState

@@ -1,7 +1,16 @@
-"""Doubts about an autopilot's reports beside their innovations, and texts for the pilot about all of them."""
+"""Doubts about reports: altitudes, the autopilot's own word of its navigation, and texts for the pilot.
+
+Whether a reported altitude can be true, after those before. Keeping clear leaves out vehicles that fly far
+above or below. A false altitude would make an aircraft that is straight ahead look harmless, so a doubted
+one counts as not known, and a vehicle without a known altitude is kept clear of in the plane.
+
+What an autopilot says of its own navigation: receiver, estimator, sensors. What it does not say is unknown,
+not bad.
+"""
 
 import math
 from collections import Counter
+from dataclasses import dataclass
 
 from vfguide.companion.plausibility import (
     CARRIED_S,
@@ -10,7 +19,156 @@ from vfguide.companion.plausibility import (
     Judgement,
     Verdict,
 )
+from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe
+
+STEP_M = 10.0
+"""So far an altitude may be from where the ones before lead: noise, and a barometer that settles."""
+
+CLIMB_M_S = 15.0
+"""And by so much more for each second: faster than these aircraft climb or dive."""
+
+RETURN_M_S = 0.5
+"""How fast the true altitude may have left the last believed one, on average, while reports were doubted."""
+
+ALTITUDE_RETURN_S = 2.0
+"""For so long doubted reports have to agree with each other before they are believed again."""
+
+
+class AltitudeGate:
+    """Judges the altitudes of one vehicle.
+
+    A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
+    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of more
+    than needed.
+    """
+
+    def __init__(self) -> None:
+        self._known = math.nan
+        self._known_time = -math.inf
+        self._seen = math.nan
+        self._seen_time = -math.inf
+        self._seen_since = -math.inf
+        self.doubted = False
+        """Whether the reported altitudes are not believed now."""
+
+    def judge(self, altitude_amsl: float, time_s: float) -> float:
+        """Take a reported altitude.
+
+        Args:
+            altitude_amsl: m above mean sea level.
+            time_s: of the report; not before that of the report before.
+
+        Returns:
+            the altitude, or NaN while it is doubted.
+        """
+        if math.isnan(self._known):
+            return self._believe(altitude_amsl, time_s)
+        if not self.doubted:
+            if follows(self._known, altitude_amsl, time_s - self._known_time):
+                return self._follow(altitude_amsl, time_s)
+            self.doubted = True
+            self._seen_since = time_s
+        elif not follows(self._seen, altitude_amsl, time_s - self._seen_time):
+            self._seen_since = time_s
+        self._seen, self._seen_time = altitude_amsl, time_s
+        left_m = STEP_M + RETURN_M_S * (time_s - self._known_time)
+        agreed = time_s - self._seen_since >= ALTITUDE_RETURN_S
+        if agreed and abs(altitude_amsl - self._known) <= left_m:
+            return self._believe(altitude_amsl, time_s)
+        return math.nan
+
+    def _follow(self, altitude_amsl: float, time_s: float) -> float:
+        """Believe an altitude; what is known follows as fast as an aircraft climbs: steps do not add up."""
+        climb_m = CLIMB_M_S * max(time_s - self._known_time, 0.0)
+        self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
+        self._known_time = time_s
+        return altitude_amsl
+
+    def _believe(self, altitude_amsl: float, time_s: float) -> float:
+        self.doubted = False
+        self._known, self._known_time = altitude_amsl, time_s
+        return altitude_amsl
+
+
+def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
+    """Whether an altitude (m) can follow one from some time (s) before."""
+    return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)
+
+
+BAD_S = 1.0
+"""Something has to be bad for so long: estimators change lanes, and a receiver may drop one navigated."""
+
+FRESH_S = 10.0
+"""What was said longer ago than this says nothing any more."""
+
+LEAST_FIX = 3
+"""GPS_FIX_TYPE_3D_FIX: with less there is no height, or no position at all."""
+
+GREATEST_ERROR_M = 15.0
+"""A receiver that is less certain than this is no help to a formation."""
+
+
+@dataclass(slots=True)
+class Word:
+    """The newest word of one of them."""
+
+    fault: str | None = None
+    """What is bad, in words."""
+    since: float = -math.inf
+    """From when on it has been bad, s."""
+    heard: float = -math.inf
+    """When it was heard last, s."""
+
+
+class NavigationHealth:
+    """The newest words of receiver, estimator and sensors."""
+
+    def __init__(self) -> None:
+        self._words: dict[type, Word] = {}
+
+    def take(self, report: GpsReport | EstimatorReport | SensorsReport, now: float) -> None:
+        """Take a report."""
+        word = self._words.setdefault(type(report), Word())
+        fault = fault_of(report)
+        if fault is not None and (word.fault is None or now - word.heard > FRESH_S):
+            word.since = now
+        word.fault, word.heard = fault, now
+
+    def fault(self, now: float) -> str | None:
+        """What has been bad for a while, in words; None where nothing is, or nothing is known."""
+        for word in self._words.values():
+            if word.fault is not None and now - word.heard <= FRESH_S and now - word.since >= BAD_S:
+                return word.fault
+        return None
+
+
+def fault_of_gps(report: GpsReport) -> str | None:
+    """What is bad about the receiver, in words."""
+    if report.fix_type < LEAST_FIX:
+        return "the GPS has no fix"
+    if report.accuracy is not None and report.accuracy > GREATEST_ERROR_M:
+        return f"the GPS is certain to {report.accuracy:.0f} m only"
+    return None
+
+
+def fault_of(report: GpsReport | EstimatorReport | SensorsReport) -> str | None:
+    """What is bad in a report, in words."""
+    match report:
+        case GpsReport():
+            return fault_of_gps(report)
+        case EstimatorReport():
+            if not report.has_position:
+                return "the autopilot's estimator has no position"
+            if not report.has_velocity:
+                return "the autopilot's estimator has no velocity"
+        case SensorsReport():
+            if not report.gps:
+                return "the autopilot says that its GPS fails"
+            if not report.attitude:
+                return "the autopilot says that its attitude estimate fails"
+    return None
+
 
 QUIET_S = 10.0
 """Between two texts that something is not believed."""

@@ -20,13 +20,19 @@ from vfguide.companion.plan import (
     late_laws,
 )
 from vfguide.companion.role import Role, RoleStep
-from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import GAP_S, StatePublisher
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.formation import Slot, extrapolate_by_rates, formation_error, slot_motion
+from vfguide.elementwise import low_pass
+from vfguide.guidance.formation import (
+    Slot,
+    breakaway_course,
+    extrapolate_by_rates,
+    formation_error,
+    slot_motion,
+)
 from vfguide.guidance.height import (
     PLANNED_S,
     UNPLANNED_S,
@@ -39,17 +45,16 @@ from vfguide.guidance.height import (
 )
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
+    KnownLeader,
+    extrapolate_along_path,
     intended_at_first,
     intended_motion,
     planned_motion,
 )
-from vfguide.guidance.low_pass import low_pass
-from vfguide.guidance.observed_motion import carried_on
+from vfguide.guidance.leader_motion import carried_on
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
-from vfguide.guidance.setpoint import cruise_setpoint
-from vfguide.guidance.sliding_laws import sliding_course_rate
-from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
+from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState

@@ -12,12 +12,12 @@ from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.role import Role, RoleStep
-from vfguide.companion.shared_clock import SharedClock
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.height import HeightTarget, held_height, path_height
-from vfguide.guidance.path_field import desired_course
+from vfguide.guidance.path import desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step

@@ -8,13 +8,13 @@ import math
 from collections import Counter
 from dataclasses import replace
 
-from vfguide.companion.altitude_gate import AltitudeGate
-from vfguide.companion.leader_clock import LeaderClock, Moment
+from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
+from vfguide.companion.timing import LeaderClock, Moment
 from vfguide.frames import LocalFrame
-from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.observed_motion import (
+from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.leader_motion import (
     Observation,
     ObservedMotion,
     RateLimits,

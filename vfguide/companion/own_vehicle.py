@@ -5,11 +5,15 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.altitude_gate import AltitudeGate
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
-from vfguide.companion.distrust import AirspeedGate, Doubt, FrozenPosition
-from vfguide.companion.navigation_health import NavigationHealth
+from vfguide.companion.distrust import (
+    AirspeedGate,
+    AltitudeGate,
+    Doubt,
+    FrozenPosition,
+    NavigationHealth,
+)
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
     CARRIED_S,
@@ -21,8 +25,8 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
+from vfguide.elementwise import low_pass
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
-from vfguide.guidance.low_pass import low_pass
 from vfguide.guidance.navigation import (
     Sample,
     VelocityError,

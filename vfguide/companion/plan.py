@@ -11,15 +11,19 @@ from vfguide.companion.supervisor import Timeouts
 from vfguide.extras import require
 from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
-from vfguide.guidance.bandwidth_limits import course_delay, limit_bandwidth
-from vfguide.guidance.formation import Slot
-from vfguide.guidance.give_way import SlotLimits
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
+from vfguide.guidance.formation import Slot, SlotLimits
+from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.observer import ObserverGains
 from vfguide.guidance.path import Path
-from vfguide.guidance.settings import GuidanceSettings, PathGains, SlidingGains
-from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.guidance.settings import (
+    GuidanceSettings,
+    ObserverGains,
+    PathGains,
+    SlidingGains,
+    course_delay,
+    limit_bandwidth,
+)
 from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.state import Airframe
 
 START_S = 0.4

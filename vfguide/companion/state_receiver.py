@@ -5,7 +5,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
 
-from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plausibility import (
     MOVED_S,
     InnovationGate,
@@ -13,7 +13,7 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
-from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.timing import SharedClock
 from vfguide.frames import LocalFrame
 from vfguide.guidance.wind_triangle import polar
 from vfguide.link.codec import LinkDataError, decode

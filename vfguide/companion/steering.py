@@ -1,18 +1,193 @@
-"""From a guidance step to what the autopilot is sent: nothing that cannot be flown, and nothing twice."""
+"""From a guidance step to what the autopilot is sent: nothing unflyable, nothing twice, and is it obeyed.
+
+Nothing behind this guard depends on the laws: setpoints are finite and inside the vehicle's limits. Nor on
+what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.
+
+Whether the vehicle obeys: its course follows the setpoints, its altitude stays. An autopilot may
+acknowledge every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, ArduPlane does not
+turn where it is given no lateral acceleration.
+"""
 
 import math
 from collections import Counter
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
-from vfguide.companion.setpoint_guard import SetpointGuard
-from vfguide.companion.tracking_monitor import TrackingMonitor
-from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
-from vfguide.mavlink.setpoint_stream import SetpointStream
-from vfguide.state import Setpoint
+from vfguide.elementwise import low_pass
+from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
+from vfguide.guidance.height import floor_of
+from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+GUARD_PATIENCE_S = 1.0
+"""An autopilot holds its last setpoint: after this without any other it is better off by itself."""
+
+STRONGEST_WIND = 0.75
+"""Wind over the greatest airspeed that a ground speed is believed with: in more no formation can be flown."""
+
+SLOWEST_GROUND = 0.25
+"""Least ground speed over the least airspeed: an aircraft that all but stands in a headwind has no course."""
+
+NO_HEIGHT = (
+    "guidance asks for a height that is no number: the last one is held; take over, report the log"
+)
+"""What the pilot hears then."""
+
+
+def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
+    """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
+    if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
+        return False
+    airframe = plan.airframe
+    slowest, fastest = airframe.airspeed_min, airframe.airspeed_max
+    if airframe.hold == "course-hold":
+        slowest, fastest = SLOWEST_GROUND * slowest, fastest + STRONGEST_WIND * fastest
+    return slowest <= setpoint.speed <= fastest
+
+
+class SetpointGuard:
+    """Lets pass what can be flown."""
+
+    def __init__(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self._closed_s = math.inf
+        self._floor = floor_of(plan.lowest)
+        self._height = max(plan.height, self._floor)
+        self._has_height = True
+        self.counters: Counter[str] = Counter()
+        """What did not pass."""
+
+    def closed(self, now: float) -> bool:
+        """Whether nothing has passed for so long that the autopilot is better off by itself."""
+        return now - self._closed_s > GUARD_PATIENCE_S
+
+    def pass_on(
+        self, setpoint: Setpoint[float] | None, now: float
+    ) -> tuple[Setpoint[float] | None, str | None]:
+        """(the setpoint if it can be flown, a complaint when one that cannot follows one that could)."""
+        if setpoint is None or is_flyable(setpoint, self._plan):
+            self._closed_s = math.inf
+            return setpoint, None
+        self.counters["setpoint not flyable"] += 1
+        if math.isfinite(self._closed_s):
+            return None, None
+        self._closed_s = now
+        return None, (
+            f"guidance asks for a course of {math.degrees(setpoint.course):.0f} degrees at"
+            f" {setpoint.speed:.1f} m/s, which cannot be flown: not passed on, handed back after"
+            f" {GUARD_PATIENCE_S:g} s; take over, and report the log"
+        )
+
+    def height(self, asked: float) -> tuple[float, str | None]:
+        """(a height that may be asked for, m above the origin; a complaint once guidance has none).
+
+        In its place the last one is held.
+        """
+        if not math.isfinite(asked):
+            self.counters["height not finite"] += 1
+            complaint, self._has_height = self._has_height, False
+            return self._height, NO_HEIGHT if complaint else None
+        if asked < self._floor:
+            self.counters["height below the floor"] += 1
+        self._has_height, self._height = True, max(asked, self._floor)
+        return self._height, None
+
+
+MEMORY_S = 3.0
+"""Time constant of the turn rates that are compared."""
+
+EXPECTED_LEAST = 0.05
+"""rad/s: less than this is not asked for long enough to be judged."""
+
+FOLLOWED_SHARE = 0.2
+"""Below this share of the turn that is expected, a course does not follow."""
+
+TRACKING_PATIENCE_S = 4.0
+"""How long that has to last, on top of the memory."""
+
+ALTITUDE_M = 20.0
+"""Farther from the altitude of the mission than this is worth a text."""
+
+GAP_S = 1.0
+
+
+class TrackingMonitor:
+    """Watches one vehicle while it is being steered."""
+
+    def __init__(self, airframe: Airframe) -> None:
+        self._airframe = airframe
+        self._complained = self._astray = False
+        self.reset()
+
+    def reset(self) -> None:
+        """The vehicle is not being steered: nothing can be expected of it."""
+        self._before: tuple[VehicleState[float], Setpoint[float]] | None = None
+        self._expected = self._turned = 0.0
+        self._since: float | None = None
+
+    def watch(self, state: VehicleState[float], setpoint: Setpoint[float]) -> str | None:
+        """Take a state and the setpoint that goes out with it; a complaint, or None."""
+        before, self._before = self._before, (state, setpoint)
+        if before is None:
+            return None
+        earlier, asked = before
+        period = state.time_s - earlier.time_s
+        if not 0.0 < period <= GAP_S:
+            return None
+        # In a wind that swings the nose of a heading hold turns, so that the course need not.
+        direction = held_direction(state, self._airframe)
+        turned = wrap_angle(direction - held_direction(earlier, self._airframe)) / period
+        expected = expected_turn_rate(earlier, asked, self._airframe)
+        self._expected = low_pass(self._expected, expected, period, MEMORY_S)
+        self._turned = low_pass(self._turned, turned, period, MEMORY_S)
+        return self._judge(state.time_s)
+
+    def watch_altitude(self, off: float) -> str | None:
+        """Take how far above the wanted altitude (m) one is that cannot be told it; a complaint, or None."""
+        if abs(off) <= ALTITUDE_M or self._astray:
+            self._astray = abs(off) > ALTITUDE_M / 2.0 and self._astray
+            return None
+        self._astray = True
+        side = "above" if off > 0.0 else "below"
+        return (
+            f"{abs(off):.0f} m {side} the mission's altitude, which this autopilot cannot be told:"
+            " take it there by hand before it is engaged"
+        )
+
+    def _judge(self, now: float) -> str | None:
+        follows = abs(self._expected) < EXPECTED_LEAST or self._turned * math.copysign(
+            1.0, self._expected
+        ) > FOLLOWED_SHARE * abs(self._expected)
+        if follows:
+            self._since = None
+            if self._complained and abs(self._expected) >= EXPECTED_LEAST:
+                self._complained = False
+                return "the course follows again, nothing to do"
+            return None
+        if self._since is None:
+            self._since = now
+        if self._complained or now - self._since < TRACKING_PATIENCE_S:
+            return None
+        self._complained = True
+        return (
+            "the course does not follow the setpoints: asked to turn at"
+            f" {math.degrees(self._expected):.0f} degrees a second, turning at"
+            f" {math.degrees(self._turned):.0f}; be ready to take over; does this autopilot fly courses?"
+        )
+
+
+def expected_turn_rate(
+    state: VehicleState[float], setpoint: Setpoint[float], airframe: Airframe
+) -> float:
+    """Turn rate (rad/s) that a setpoint should bring about: alpha times the course error, within the bank."""
+    limit = bank_limited_turn_rate(airframe.max_bank, max(state.airspeed, 1.0))
+    wanted = airframe.alpha * wrap_angle(setpoint.course - state.course)
+    return min(max(wanted, -limit), limit)
+
 
 ALTITUDE_S = 5.0
 """Between repetitions of the altitude."""

@@ -12,16 +12,17 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,
+    SILENT_S,
     SPACING_SHARE,
     STANDS_S,
     IntArray,
+    Sightings,
     VehiclesInSight,
     Viewpoint,
     possibilities_of,
 )
-from vfguide.companion.shared_clock import SharedClock
-from vfguide.companion.sightings import SILENT_S, Sightings
 from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.frames import LocalFrame
 from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of

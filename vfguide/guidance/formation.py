@@ -1,18 +1,24 @@
-"""Slots, how they move, and the dual field that steers a follower onto its slot.
+"""Slots: their motion, the field onto them, how the leader gives way to them, how a formation comes apart.
 
-The article's y_E and x_E, printed, have one sign that diverges whichever way gamma_f is read; the pair
-here is consistent. Errors are resolved along and across the slot's own motion, which on straight flight is
-the article's frame exactly and on a turn removes the steady error that a rigid slot has there.
+Slots, how they move, and the dual field that steers a follower onto its slot. The article's y_E and x_E,
+printed, have one sign that diverges whichever way gamma_f is read; the pair here is consistent. Errors are
+resolved along and across the slot's own motion, which on straight flight is the article's frame exactly and
+on a turn removes the steady error that a rigid slot has there.
+
+How a formation without a leader comes apart: everyone turns away to the side of its own slot. Vehicles on
+one side keep their distances: they turn by the same angle and fly at the same airspeed. Those on the
+leader's track go straight on between the two groups.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic
 
 from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, atan, atan2, cos, greater_of, hypot, sin
+from vfguide.elementwise import Number, atan, atan2, clip, cos, greater_of, hypot, like, sin, where
 from vfguide.guidance.wind_triangle import compose, resolve
-from vfguide.state import LeaderState, VehicleState
+from vfguide.state import Airframe, LeaderState, VehicleState
 
 LEAST_SLOT_SPEED = 3.0
 """m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
@@ -224,3 +230,82 @@ def lyapunov(
     position = error.along_track * error.along_track + error.cross_track * error.cross_track
     rates = speed_error * speed_error + course_error * course_error
     return 0.5 * position + 0.5 * rho * rates
+
+
+BREAKAWAY_ANGLE = math.radians(60.0)
+"""Turn away from the leader's last course, rad."""
+
+ON_TRACK_M = 5.0
+"""A slot nearer than this to the leader's track is on neither side."""
+
+
+def breakaway_course(leader_course: Number, slot: Slot[Number]) -> Number:
+    """Course (rad) that leads a follower away from the others.
+
+    Args:
+        leader_course: the leader's last course, rad.
+        slot: the follower's place in the formation.
+    """
+    turn = where(
+        slot.right > 0.0, like(BREAKAWAY_ANGLE, slot.right), like(-BREAKAWAY_ANGLE, slot.right)
+    )
+    on_track = abs(slot.right) < ON_TRACK_M
+    return leader_course + where(on_track, like(0.0, slot.right), turn)
+
+
+MARGIN = 1.0
+"""m/s that a follower keeps between what its slot needs and the ends of its airspeed range."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotLimits:
+    """A slot, and the airspeed range of the vehicle that holds it."""
+
+    slot: Slot[float]
+    """The slot."""
+    airspeed_min: float
+    """m/s."""
+    airspeed_max: float
+    """m/s."""
+
+
+def slot_airspeed(state: VehicleState[Number], turn_rate: Number, slot: Slot[Number]) -> Number:
+    """Airspeed (m/s) that holding a slot takes: |slot velocity - wind|, the leader turning at turn_rate."""
+    along, right = slot_velocity(state.ground_speed, turn_rate, slot)
+    north, east = compose(along, right, state.course)
+    return hypot(north - state.wind_north, east - state.wind_east)
+
+
+def airspeed_that_gives_way(
+    cruise: float,
+    state: VehicleState[Number],
+    turn_rate: Number,
+    followers: Sequence[SlotLimits],
+    airframe: Airframe,
+) -> Number:
+    """The leader's airspeed (m/s): its cruise, moved by what the worst-off slots lack on either side.
+
+    A slot's airspeed moves with the leader's nearly one to one, so the deficit that a slot would have at
+    cruise is what the leader adds, and an excess is what it takes off.
+
+    Args:
+        cruise: airspeed of the mission, m/s.
+        state: navigated state of the leader.
+        turn_rate: of the path, rad/s.
+        followers: slots and their vehicles' airspeed ranges.
+        airframe: the leader's own.
+    """
+    deficit = state.airspeed * 0.0
+    excess = state.airspeed * 0.0
+    for follower in followers:
+        still = state.airspeed * 0.0
+        slot = Slot(
+            forward=still + follower.slot.forward,
+            right=still + follower.slot.right,
+            forward_rate=follower.slot.forward_rate,
+            right_rate=follower.slot.right_rate,
+        )
+        needed = slot_airspeed(state, turn_rate, slot) + (cruise - state.airspeed)
+        deficit = greater_of(deficit, follower.airspeed_min + MARGIN - needed)
+        excess = greater_of(excess, needed - (follower.airspeed_max - MARGIN))
+    return clip(cruise + deficit - excess, airframe.airspeed_min, airframe.airspeed_max)

@@ -1,11 +1,54 @@
-"""What a mission chooses about guidance, whatever the law of its followers."""
+"""What a mission chooses about guidance, whatever the law, and what an autopilot that answers late allows.
 
-from dataclasses import dataclass
+The ground-speed observer: flying a field without a measured ground speed. The article's observer, with the
+regressor phi in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho
+chi~^2 / 2 + V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
+
+How hard the sliding laws may pull on an autopilot that answers late. Each loop around another has to be
+slower than the one inside. The autopilot's dead time and lag are predicted away, but no prediction is
+perfect: the sliding laws are slowed with the delay, and the fields with them.
+"""
+
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from vfguide.elementwise import Number
 from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.observer import ObserverGains
 from vfguide.guidance.sliding_laws import boundary_layer
+from vfguide.state import Airframe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverGains:
+    """Gains of the observer."""
+
+    gamma: float
+    """Gamma: adaptation gain."""
+    rho: float
+    """rho: weight of the course error in the Lyapunov function."""
+    sigma: float
+    """sigma: pull toward the reference speed; Gamma sigma is its rate, 1/s."""
+
+
+def speed_estimate_rate(
+    estimate: Number,
+    reference_speed: Number,
+    course_error: Number,
+    regressor: Number,
+    gains: ObserverGains,
+) -> Number:
+    """dV^_g/dt = -Gamma rho chi~ phi - sigma Gamma (V^_g - V_ref), m/s².
+
+    Args:
+        estimate: V^_g, m/s.
+        reference_speed: V_ref, m/s: the measured ground speed while it is fresh, else the airspeed.
+        course_error: chi~ = wrap(chi - chi^d), rad.
+        regressor: phi, rad/m.
+        gains: Gamma, rho, sigma.
+    """
+    adaptation = gains.rho * course_error * regressor
+    return -gains.gamma * (adaptation + gains.sigma * (estimate - reference_speed))
+
 
 SpeedSource = Literal["measured", "observer"]
 """Where the leader's law takes its ground speed from."""
@@ -78,3 +121,44 @@ class GuidanceSettings:
     """Let the leader change its airspeed where a slot would need one that its follower does not have."""
     slot_frame: SlotFrame = "leader"
     """What slots turn with; see `intended_motion`."""
+
+
+DELAY_SHARE = 0.2
+"""Of a delay that is predicted, what the sliding laws still count as one."""
+
+GREATEST_GAIN = 0.45
+"""1/s: of the course law of a vehicle that slips. On ArduPilot's simulated plane 0.7 and 0.25 of its field
+kept the yaw swinging at 0.9 Hz for ever."""
+
+
+def limit_bandwidth(sliding: SlidingGains, delay: float) -> SlidingGains:
+    """Gains for an autopilot that answers after a delay (s); the same ones where there is none."""
+    if delay <= 0.0:
+        return sliding
+    return replace(sliding, loop_delay_s=sliding.loop_delay_s + DELAY_SHARE * delay)
+
+
+def course_delay(sliding: SlidingGains, airframe: Airframe, *, slips: bool, period: float) -> float:
+    """What a course setpoint counts as late, s: dead time and lag; more for a vehicle that slips.
+
+    Args:
+        sliding: the mission's gains.
+        airframe: of the vehicle.
+        slips: whether its nose leaves the direction of flight in turns.
+        period: of the loop, s.
+    """
+    delay = airframe.course_dead_time + airframe.course_lag
+    if not slips or sliding.boundary_layer_factor <= 0.0:
+        return delay
+    missing = loop_delay_for(GREATEST_GAIN, sliding, period) - sliding.loop_delay_s
+    return max(delay, missing / DELAY_SHARE)
+
+
+def speed_delay(airframe: Airframe) -> float:
+    """What a speed setpoint counts as late, s: dead time and lag."""
+    return airframe.speed_dead_time + airframe.speed_lag
+
+
+def loop_delay_for(gain: float, sliding: SlidingGains, period: float) -> float:
+    """Loop delay (s) with which the sliding laws answer with this gain (1/s)."""
+    return 1.0 / (sliding.boundary_layer_factor * gain) - max(period, LEAST_PERIOD)

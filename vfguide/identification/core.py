@@ -7,15 +7,13 @@ from enum import Enum
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.angles import wrap_angle
-from vfguide.companion.outgoing import Event
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.tracking_monitor import TrackingMonitor
-from vfguide.identification.recording import Recording
-from vfguide.identification.steps import Phase, Segment, segments
-from vfguide.mavlink.acknowledgements import Acknowledgements
+from vfguide.companion.role import Event
+from vfguide.companion.steering import TrackingMonitor
+from vfguide.identification.recording import Phase, Recording, Segment, segments
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
-from vfguide.mavlink.announcements import NOTICE, heartbeat, status_texts
+from vfguide.mavlink.announcements import NOTICE, Acknowledgements, heartbeat, status_texts
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,

@@ -11,8 +11,15 @@ from typing import Literal
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.identification.fit import Model, Response, fit_response
-from vfguide.identification.models import Samples, course_response, mean_told, speed_response
+from vfguide.identification.fit import (
+    Model,
+    Response,
+    Samples,
+    course_response,
+    fit_response,
+    mean_told,
+    speed_response,
+)
 from vfguide.identification.profile import response_lines
 from vfguide.identification.recording import is_good, smoothed
 from vfguide.record.vehicle import VehicleRecord

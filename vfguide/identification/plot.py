@@ -8,8 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
-from vfguide.identification.fit import Response
-from vfguide.identification.models import Samples
+from vfguide.identification.fit import Response, Samples
 from vfguide.identification.recording import Findings
 
 TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"

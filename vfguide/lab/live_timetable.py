@@ -23,8 +23,7 @@ from vfguide.lab.ordering import (
     give_rehearsed,
     rehearse_order,
 )
-from vfguide.link.opening import Link
-from vfguide.link.watch import WatchedFormation, check_connected
+from vfguide.link.opening import Link, WatchedFormation, check_connected
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import TimedOrder
 

@@ -21,7 +21,7 @@ from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import LinkDataError, is_leaders
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore_presence
-from vfguide.link.opening import Link, open_link
+from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, operator_of
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -33,7 +33,6 @@ from vfguide.link.order_codec import (
 )
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.link.watch import WatchedFormation, check_connected, operator_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 from vfguide.state import HeardState

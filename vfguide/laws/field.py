@@ -22,12 +22,6 @@ from pydantic import Field
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, Number, like
-from vfguide.guidance.bandwidth_limits import (
-    course_delay,
-    limit_bandwidth,
-    loop_delay_for,
-    speed_delay,
-)
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -36,7 +30,13 @@ from vfguide.guidance.formation import (
     article_motion,
     field_slope,
 )
-from vfguide.guidance.settings import SlidingGains
+from vfguide.guidance.settings import (
+    SlidingGains,
+    course_delay,
+    limit_bandwidth,
+    loop_delay_for,
+    speed_delay,
+)
 from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.laws.base import DesiredMotion, Law, View, law

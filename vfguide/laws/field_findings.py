@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from vfguide.elementwise import FloatArray
+from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.formation import Slot, field_slope
-from vfguide.guidance.limits import bank_limited_turn_rate
 from vfguide.guidance.slot_integral import learning_growth
 from vfguide.laws.field import FieldGains, SlotGains
 from vfguide.mission.conditions import Conditions

@@ -13,7 +13,7 @@ from vfguide.guidance.formation import (
     formation_error,
     lyapunov,
 )
-from vfguide.guidance.setpoint import setpoint_for
+from vfguide.guidance.sliding_laws import setpoint_for
 from vfguide.laws.base import Law, View
 from vfguide.state import LeaderState, Setpoint, VehicleState
 

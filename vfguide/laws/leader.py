@@ -12,17 +12,16 @@ from typing import Any, ClassVar, Generic
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import Number, clip
-from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way
-from vfguide.guidance.observer import speed_estimate_rate
-from vfguide.guidance.path import Path, PathPoint
-from vfguide.guidance.path_field import (
+from vfguide.guidance.formation import SlotLimits, airspeed_that_gives_way
+from vfguide.guidance.path import (
+    Path,
+    PathPoint,
     desired_course,
     desired_course_rate_per_speed,
     joining_turn_rate,
 )
-from vfguide.guidance.setpoint import cruise_setpoint
-from vfguide.guidance.settings import GuidanceSettings, PathGains
-from vfguide.guidance.sliding_laws import sliding_course_rate
+from vfguide.guidance.settings import GuidanceSettings, PathGains, speed_estimate_rate
+from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.mission.quantity import Section
 from vfguide.registry import leader_laws
 from vfguide.state import Airframe, Setpoint, VehicleState

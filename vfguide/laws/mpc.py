@@ -26,8 +26,8 @@ from pydantic import Field
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.guidance.airframe import GRAVITY, ground_speed_range
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
-from vfguide.guidance.limits import GRAVITY, ground_speed_range
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law

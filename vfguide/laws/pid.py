@@ -14,8 +14,7 @@ from typing import Annotated, Any, Generic
 
 from pydantic import Field
 
-from vfguide.elementwise import BoolArray, Number, clip, where
-from vfguide.guidance.low_pass import low_pass
+from vfguide.elementwise import BoolArray, Number, clip, low_pass, where
 from vfguide.guidance.slot_integral import nearness
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.mission import quantity

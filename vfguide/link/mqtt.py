@@ -10,15 +10,11 @@ from urllib.parse import SplitResult
 
 from vfguide.link.address import MqttAddress, mqtt_address
 from vfguide.link.carrier import Carrier, link
-from vfguide.link.client import security_of
-from vfguide.link.echo import Echo
+from vfguide.link.client import Echo, NewestOnly, security_of
 from vfguide.link.envelope import Kind
-from vfguide.link.inbox import NewestOnly
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
-from vfguide.link.reconnecting import Reconnecting
-from vfguide.link.session import Parts
-from vfguide.link.topics import Topics
+from vfguide.link.session import Parts, Reconnecting, Topics
 
 
 @link("mqtt")

@@ -11,8 +11,15 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import Ask, Tell, decode_ask, decode_tell, encode_ask, encode_tell
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import (
+    Ask,
+    LinkDataError,
+    Tell,
+    decode_ask,
+    decode_tell,
+    encode_ask,
+    encode_tell,
+)
 
 KEPT = 16
 """Exchanges that are remembered."""

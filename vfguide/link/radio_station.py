@@ -25,8 +25,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from vfguide.link.clock_codec import Ask, encode_ask, encode_tell
-from vfguide.link.codec import LinkDataError, decode, encode
+from vfguide.link.codec import Ask, LinkDataError, decode, encode, encode_ask, encode_tell
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
@@ -52,8 +51,7 @@ from vfguide.link.packed import (
 from vfguide.link.peer_clock import HURRIED_S
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
-from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox
-from vfguide.link.radio_questions import Questions
+from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
 

@@ -9,8 +9,7 @@ import secrets
 from collections import deque
 from random import random
 
-from vfguide.link.clock_codec import Ask, decode_ask, decode_tell, encode_ask
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import Ask, LinkDataError, decode_ask, decode_tell, encode_ask
 
 YOUNG_S = 10.0
 """A member that has spoken for longer was here before another of its name that speaks up."""

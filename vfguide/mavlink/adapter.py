@@ -1,12 +1,15 @@
-"""What differs between autopilots, behind one interface; one file for each of them.
+"""What differs between autopilots, behind one interface, and the stream of setpoints that goes through it.
 
-Which autopilot speaks: by what its heartbeat says.
+What differs between autopilots, behind one interface; one file for each of them. Which autopilot speaks: by
+what its heartbeat says.
 """
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
+from math import isfinite
 from typing import ClassVar, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -317,3 +320,60 @@ def compass_degrees(course: float) -> float:
     360 is denied; to a thousandth of a degree nothing below it rounds up to it.
     """
     return round(math.degrees(wrap_course(course)), 3) % 360.0
+
+
+DIGITS = 2
+"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
+
+Kind = tuple[int, int]
+Content = tuple[object, ...]
+
+
+class SetpointStream:
+    """Remembers what an autopilot was last told."""
+
+    def __init__(self, adapter: AutopilotAdapter) -> None:
+        """Make a stream that has sent nothing yet.
+
+        Args:
+            adapter: says how long a setpoint may go unrepeated, and whether its parts belong together.
+        """
+        self._adapter = adapter
+        self._content: dict[Kind, Content] = {}
+        self._sent: dict[Kind, float] = {}
+
+    def reset(self) -> None:
+        """Forget what was sent: the autopilot has left the mode in which it was told."""
+        self._content.clear()
+        self._sent.clear()
+
+    def due(self, messages: Sequence[MAVLink_message], now: float) -> list[MAVLink_message]:
+        """Those of a setpoint's messages that have to be sent now (s)."""
+        kinds = [kind_of(message) for message in messages]
+        contents = [content_of(message) for message in messages]
+        due = [self._is_due(*one, now) for one in zip(kinds, contents, strict=True)]
+        if any(due) and self._adapter.parts_belong_together:
+            due = [True] * len(due)
+        for kind, content in compress(zip(kinds, contents, strict=True), due):
+            self._content[kind], self._sent[kind] = content, now
+        return list(compress(messages, due))
+
+    def _is_due(self, kind: Kind, content: Content, now: float) -> bool:
+        if self._content.get(kind) != content:
+            return True
+        # A clock that was set back makes the last sending lie ahead.
+        return not 0.0 <= now - self._sent[kind] < self._adapter.keep_alive_s
+
+
+def kind_of(message: MAVLink_message) -> Kind:
+    """What a message replaces: the one before of the same number and, for commands, the same command."""
+    return message.get_msgId(), getattr(message, "command", 0)
+
+
+def content_of(message: MAVLink_message) -> Content:
+    """The fields of a message, as finely as they matter."""
+    values = map(vars(message).__getitem__, message.fieldnames)
+    return tuple(
+        round(value, DIGITS) if type(value) is float and isfinite(value) else value
+        for value in values
+    )

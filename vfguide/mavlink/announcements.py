@@ -1,7 +1,12 @@
-"""Messages by which a companion shows itself to autopilot and ground stations."""
+"""Heartbeats and texts that a companion sends, and what becomes of its commands, in words."""
+
+import math
+from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.mavlink.reports import CommandReport
 
 INFO: int = mavlink.MAV_SEVERITY_INFO
 NOTICE: int = mavlink.MAV_SEVERITY_NOTICE
@@ -69,3 +74,108 @@ def ground_station_heartbeat() -> MAVLink_message:
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )
+
+
+SILENCE_S = 3.0
+"""A command that was sent all this time and never answered is not heard."""
+
+QUIET_S = 10.0
+"""A refusal that comes again after this long is told again."""
+
+MOST_REFUSALS = 64
+"""Kinds of them that are remembered: more is noise, and not told."""
+
+GOOD = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
+
+REASONS: dict[tuple[int, int], str] = {
+    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_FAILED): (
+        "not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
+        "a ground speed, which it does not hold"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_DENIED): (
+        "not in Guided Course, or a course that it does not take"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_UNSUPPORTED): (
+        "this firmware was built without guided commands"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
+    (mavlink.MAV_CMD_DO_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
+        "outside its airspeeds, or a kind of speed that it does not hold"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED): (
+        "it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_DENIED): (
+        "it has no such mode, or no position to fly it by"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_FAILED): (
+        "it is not ready for that mode: no position, or not armed"
+    ),
+    (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED): (
+        "faster than its loop: raise SCHED_LOOP_RATE, or lower rehearsal.rate_hz"
+    ),
+}
+"""What a refusal usually means."""
+
+
+class Acknowledgements:
+    """Commands on their way, and the answers to them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, float] = {}
+        self._silent: set[int] = set()
+        self._refused: dict[tuple[int, int], float] = {}
+
+    def sent(self, messages: Iterable[MAVLink_message], now: float) -> None:
+        """Note the commands among messages that go out now (s)."""
+        for message in messages:
+            if message.get_msgId() in {
+                mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+                mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+            }:
+                self._waiting.setdefault(message.command, now)
+
+    def answered(self, report: CommandReport, now: float) -> str | None:
+        """Take an answer; what an operator should know of it, or None."""
+        self._waiting.pop(report.command, None)
+        self._silent.discard(report.command)
+        if report.result in GOOD:
+            return None
+        key = (report.command, report.result)
+        if key not in self._refused and len(self._refused) >= MOST_REFUSALS:
+            return None
+        before = self._refused.get(key, -math.inf)
+        self._refused[key] = now
+        return refusal(*key) if now - before > QUIET_S else None
+
+    def overdue(self, now: float) -> list[str]:
+        """Commands that have never been answered, each told once until it is."""
+        found = [
+            command
+            for command, since in self._waiting.items()
+            if now - since > SILENCE_S and command not in self._silent
+        ]
+        self._silent.update(found)
+        return [
+            f"autopilot does not answer {name_of('MAV_CMD', command)} for {SILENCE_S:g} s:"
+            " check the companion's uplink, and whether its firmware has it"
+            for command in found
+        ]
+
+
+def refusal(command: int, result: int) -> str:
+    """A refusal in words."""
+    answer = name_of("MAV_RESULT", result).removeprefix("MAV_RESULT_")
+    text = f"autopilot answers {name_of('MAV_CMD', command)}: {answer}"
+    reason = REASONS.get((command, result))
+    text = text if reason is None else f"{text} ({reason})"
+    return f"{text}; be ready to take over"
+
+
+def name_of(group: str, number: int) -> str:
+    """Name of an entry of a MAVLink enumeration, or its number."""
+    entry = mavlink.enums[group].get(number)
+    return str(number) if entry is None else str(entry.name)

@@ -14,14 +14,18 @@ from random import Random
 from typing import Protocol
 
 from vfguide.errors import InputError
-from vfguide.mavlink.address import Address, NetworkAddress, SerialAddress, Transport
+from vfguide.mavlink.address import (
+    Address,
+    NetworkAddress,
+    SerialAddress,
+    Status,
+    Transport,
+    reason_of,
+)
 from vfguide.mavlink.datagram import UdpCaller, open_udp_port
-from vfguide.mavlink.introduction import Introduction
+from vfguide.mavlink.framing import Introduction
 from vfguide.mavlink.mavsdk import MavsdkChannel
-from vfguide.mavlink.reconnecting import ReconnectingStream
-from vfguide.mavlink.serial_port import dial_serial
-from vfguide.mavlink.status import Status, reason_of
-from vfguide.mavlink.tcp import dial_tcp, open_tcp_server
+from vfguide.mavlink.stream import ReconnectingStream, dial_serial, dial_tcp, open_tcp_server
 
 Receive = Callable[[bytes], None]
 

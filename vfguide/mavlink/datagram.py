@@ -13,10 +13,8 @@ from random import Random
 from typing import Any, cast
 
 from vfguide.backoff import retry_delay
-from vfguide.mavlink.address import NetworkAddress
-from vfguide.mavlink.framing import MAGIC_1, MAGIC_2
-from vfguide.mavlink.introduction import Introduction
-from vfguide.mavlink.status import Status, reason_of
+from vfguide.mavlink.address import NetworkAddress, Status, reason_of
+from vfguide.mavlink.framing import MAGIC_1, MAGIC_2, Introduction
 
 Endpoint = tuple[Any, ...]
 """Host and port as sockets give them; IPv6 adds more, which says nothing about who it is."""

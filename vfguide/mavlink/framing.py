@@ -1,11 +1,30 @@
-"""Where MAVLink frames begin and end in a datagram, and what their headers say.
+"""MAVLink frames: their ends, their signatures, and the heartbeat that makes a sender the autopilot.
 
-A companion listens to five kinds of message from one sender. Reading the header first spares the work of
-decoding all the others, which on a chatty connection is most of it.
+Where MAVLink frames begin and end in a datagram, and what their headers say. A companion listens to five
+kinds of message from one sender. Reading the header first spares the work of decoding all the others, which
+on a chatty connection is most of it.
+
+MAVLink 2 message signing: only who has the key is heard, and nobody else can get in its way. pymavlink
+signs what goes out, with a time stamp set here: its own moves by 10 µs for each packet, so that a restarted
+program would be taken for a recording of itself. What comes in is checked here: pymavlink notes a packet's
+time stamp before it looks at the signature, so that one forged packet from the future would shut the true
+sender out.
+
+Who on a connection is the autopilot that is expected there, by its heartbeat. At a UDP port anybody may
+speak. An address becomes the peer, and hears the setpoints, only after a heartbeat of the right system with
+a right checksum; on a signed connection it has to be signed, too.
 """
 
-from collections.abc import Iterator
+import hashlib
+import hmac
+from collections import Counter
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+
+from vfguide.errors import InputError
 
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 HEADER_1, HEADER_2 = 6, 10
@@ -72,3 +91,157 @@ def next_magic(datagram: bytes, start: int) -> int:
     """The next place from which a frame could begin, or the end."""
     places = (datagram.find(bytes([magic]), start) for magic in (MAGIC_1, MAGIC_2))
     return min((place for place in places if place >= 0), default=len(datagram))
+
+
+KEY_SIZE = 32
+EPOCH_S = 1_420_070_400
+"""Unix time of 1 January 2015, from which time stamps count."""
+
+UNITS_PER_S = 100_000
+PATIENCE = 60 * UNITS_PER_S
+"""How much older than this end's time the first packet of a stream may be."""
+
+LATEST = 2**48 - 1
+TIME_STAMP, DIGEST = slice(-12, -6), slice(-6, None)
+"""Places in a frame, after the link's number."""
+
+
+def signing_key(text: str) -> bytes:
+    """A key as 64 hexadecimal digits.
+
+    Raises:
+        InputError: it is something else; the message does not repeat it.
+    """
+    try:
+        key = bytes.fromhex(text.strip())
+    except ValueError:
+        key = b""
+    if len(key) != KEY_SIZE:
+        raise InputError(f"a signing key is {2 * KEY_SIZE} hexadecimal digits")
+    return key
+
+
+class Signing:
+    """One end of a signed connection."""
+
+    def __init__(self, key: bytes, clock: Callable[[], float], *, link_id: int = 1) -> None:
+        """Hold a key.
+
+        Args:
+            key: 32 bytes that both ends have.
+            clock: tells the Unix time, s. The other end refuses what is older than what it has heard.
+            link_id: of this end's connection; each connection of a computer has its own.
+        """
+        self._key = key
+        self._clock = clock
+        self._link_id = link_id
+        self._newest = 0
+        self._streams: dict[tuple[int, int, int], int] = {}
+
+    def accepts(self, frame: Frame) -> bool:
+        """Whether a frame is signed with the key, and newer than those before it in its stream."""
+        if not self.vouches_for(frame):
+            return False
+        stamp, stream = stamp_and_stream(frame)
+        self._streams[stream] = stamp
+        self._newest = max(self._newest, stamp)
+        return True
+
+    def vouches_for(self, frame: Frame) -> bool:
+        """The same, without taking the frame: it may be accepted afterwards."""
+        content = frame.content
+        if content[0] != MAGIC_2 or not content[2] & SIGNED:
+            return False
+        digest = hashlib.sha256(self._key + content[: DIGEST.start]).digest()[:6]
+        if not hmac.compare_digest(digest, content[DIGEST]):
+            return False
+        stamp, stream = stamp_and_stream(frame)
+        last = self._streams.get(stream)
+        return stamp > (self._now() - PATIENCE if last is None else last)
+
+    def prepare(self, encoder: MAVLink) -> None:
+        """Let an encoder sign what it packs next, at this end's time."""
+        signing = encoder.signing
+        signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
+        # pymavlink counts on from here by one for each packet; time never goes back below that.
+        signing.timestamp = self._newest = max(self._now(), signing.timestamp)
+
+    def _now(self) -> int:
+        """Time in the units of time stamps: the clock's, or that of the newest packet heard."""
+        units = round((self._clock() - EPOCH_S) * UNITS_PER_S)
+        return max(self._newest, min(max(units, 0), LATEST))
+
+
+def stamp_and_stream(frame: Frame) -> tuple[int, tuple[int, int, int]]:
+    """Time stamp of a signed frame, and the stream in which those have to rise."""
+    content = frame.content
+    stamp = int.from_bytes(content[TIME_STAMP], "little")
+    return stamp, (frame.system_id, frame.component_id, content[-SIGNATURE])
+
+
+SILENCE_S = 10.0
+"""s that a peer must be silent before another address may take its place: a router that is started anew."""
+
+SIGNED_SILENCE_S = 1.0
+"""The same where the heartbeat is signed: nobody else can have sent it."""
+
+
+class Introduction:
+    """Looks for the heartbeat of one autopilot, and notes which others are there instead."""
+
+    def __init__(
+        self, system_id: int, component_id: int, *, signing: Signing | None = None
+    ) -> None:
+        """Expect an autopilot.
+
+        Args:
+            system_id: of the vehicle.
+            component_id: of its autopilot.
+            signing: of the connection, if it is signed.
+        """
+        self.others: Counter[int] = Counter()
+        """Heartbeats of autopilots of other systems, by system."""
+        self._source = (system_id, component_id)
+        self._signing = signing
+        self._parser = MAVLink(None)
+
+    @property
+    def silence_s(self) -> float:
+        """How long a peer must be silent before another address may take its place, s."""
+        return SILENCE_S if self._signing is None else SIGNED_SILENCE_S
+
+    def is_given_by(self, datagram: bytes) -> bool:
+        """Whether there is a heartbeat of the expected autopilot among the frames; never raises."""
+        return any(
+            frame is not None
+            and frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+            and self._is_expected(frame)
+            for frame in frames_of(datagram)
+        )
+
+    def _is_expected(self, frame: Frame) -> bool:
+        message = self._decoded(frame)
+        if message is None or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+            return False
+        if (frame.system_id, frame.component_id) != self._source:
+            if frame.system_id != self._source[0]:
+                self.others[frame.system_id] += 1
+            return False
+        return self._signing is None or self._signing.vouches_for(frame)
+
+    def _decoded(self, frame: Frame) -> MAVLink_message | None:
+        try:
+            return self._parser.decode(bytearray(frame.content))
+        except MAVError:
+            return None
+
+    def complaint(self) -> str | None:
+        """What is wrong where only other systems were heard, with the remedy; None where none was."""
+        if not self.others:
+            return None
+        heard = " and ".join(str(system_id) for system_id in sorted(self.others)[:3])
+        expected = self._source[0]
+        return (
+            f"heard system {heard}, expected {expected}: set system_id in the mission, "
+            f"or SYSID_THISMAV (PX4: MAV_SYS_ID) to {expected}, or choose the port of this vehicle"
+        )

@@ -33,10 +33,9 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
 from vfguide.extras import require
-from vfguide.mavlink.address import Address
+from vfguide.mavlink.address import Address, Status, reason_of
 from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
-from vfguide.mavlink.status import Status, reason_of
 
 logger = logging.getLogger(__name__)
 

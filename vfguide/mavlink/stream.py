@@ -1,6 +1,7 @@
-"""One peer at the other end of a stream: bytes in, whole frames out; never more waiting than is fresh.
+"""Streams of MAVLink bytes over TCP and serial ports: whole frames, opened again for ever.
 
-Whole MAVLink frames out of a stream of bytes, which knows no boundaries and may begin anywhere.
+One peer at the other end of a stream: bytes in, whole frames out; never more waiting than is fresh. Whole
+MAVLink frames out of a stream of bytes, which knows no boundaries and may begin anywhere.
 
 A byte that looks like a beginning is believed only when the checksum proves the frame. Messages that this
 message set does not know cannot be proved: nobody here listens to them, and they are left out.
@@ -14,15 +15,20 @@ downloaded over MAVLink has old frames as its content.)
 
 import asyncio
 import select
+import socket
 import termios
 from collections import Counter
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
 from enum import Enum
+from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
+from serial_asyncio_fast import create_serial_connection
 
+from vfguide.backoff import retry_delay
+from vfguide.mavlink.address import NetworkAddress, SerialAddress, Status, reason_of
 from vfguide.mavlink.framing import (
     CHECKSUM,
     HEADER_1,
@@ -35,7 +41,6 @@ from vfguide.mavlink.framing import (
     frame_at,
     next_magic,
 )
-from vfguide.mavlink.status import reason_of
 
 CHECKSUM_SEEDS: dict[int, int] = {
     number: message.crc_extra for number, message in mavlink.mavlink_map.items()
@@ -224,3 +229,199 @@ def discard_output(transport: asyncio.Transport) -> None:
     if port is not None:
         with suppress(OSError, termios.error):
             port.reset_output_buffer()
+
+
+LONGEST_DIAL = 5.0
+"""s, for one try: a host that is switched off never answers."""
+
+Dial = Callable[[StreamPeer], Awaitable[str]]
+"""Connects a peer, and tells what it is; raises OSError or ValueError when that does not work."""
+
+
+class ReconnectingStream:
+    """A connection to one peer that comes back by itself."""
+
+    def __init__(
+        self, dial: Dial, receive: Callable[[bytes], None], status: Status, random: Random
+    ) -> None:
+        self._dial = dial
+        self._receive = receive
+        self._status = status
+        self._random = random
+        self._peer: StreamPeer | None = None
+
+    def send(self, datagram: bytes) -> None:
+        """Send to the peer, if there is one."""
+        if self._peer is None:
+            self._status.counters["dropped: not connected"] += 1
+        else:
+            self._peer.send(datagram)
+
+    async def run(self) -> None:
+        """Keep the connection up until cancelled."""
+        failures = 0
+        while True:
+            self._status.counters["tries"] += 1
+            peer = StreamPeer(self._receive, self._status.counters)
+            reason = await self._visit(peer)
+            # A peer that takes calls and says nothing is no success: it may be turning callers away.
+            failures = 1 if peer.heard else failures + 1
+            self._status.down(reason)
+            await asyncio.sleep(retry_delay(failures, self._random.random()))
+
+    async def _visit(self, peer: StreamPeer) -> str:
+        """One connection, from the call to the loss; why it ended."""
+        try:
+            async with asyncio.timeout(LONGEST_DIAL):
+                name = await self._dial(peer)
+            self._peer = peer
+            self._status.up(name)
+            return await asyncio.shield(peer.lost)
+        except TimeoutError:
+            return "no answer"
+        except (OSError, ValueError) as error:
+            return reason_of(error)
+        finally:
+            self._peer = None
+            await peer.close()
+
+
+SEND_BUFFER = 8 * 1024
+"""Bytes in the kernel: by default it would take minutes of setpoints for a peer that does not read."""
+
+LONGEST_SILENCE = 5_000
+"""ms without an acknowledgement until a peer counts as gone: a pulled cable says no goodbye."""
+
+
+def dial_tcp(address: NetworkAddress) -> Dial:
+    """How to call this address."""
+
+    async def dial(peer: StreamPeer) -> str:
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_connection(lambda: peer, address.host, address.port)
+        tune(transport)
+        return f"called {name_of(transport)}"
+
+    return dial
+
+
+def tune(transport: asyncio.BaseTransport) -> None:
+    """Set a connection up for small, urgent messages."""
+    peer = transport.get_extra_info("socket")
+    # A peer that is gone already refuses settings; its loss is reported in a moment.
+    with suppress(OSError):
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE)
+
+
+def name_of(transport: asyncio.BaseTransport) -> str:
+    """Of the peer, for people."""
+    name = transport.get_extra_info("peername")
+    return f"{name[0]} port {name[1]}" if name else "a peer that is gone"
+
+
+class Caller(StreamPeer):
+    """A peer that has called, and may be turned away."""
+
+    def __init__(self, server: "TcpServer") -> None:
+        super().__init__(server.receive, server.status.counters)
+        self._server = server
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Become the peer, or be closed."""
+        super().connection_made(transport)
+        tune(transport)
+        self._server.arrived(self, name_of(transport))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Make room for the next."""
+        super().connection_lost(exc)
+        self._server.left(self)
+
+
+class TcpServer:
+    """Waits to be called, and speaks to one peer at a time.
+
+    A second peer that calls meanwhile is closed at once, so that a stray program cannot take the
+    setpoints away. A peer is gone when it closes, or when it acknowledges nothing for 5 s.
+    """
+
+    def __init__(self, receive: Callable[[bytes], None], status: Status) -> None:
+        self.receive = receive
+        self.status = status
+        self._peer: Caller | None = None
+        self._callers: set[Caller] = set()
+
+    def send(self, datagram: bytes) -> None:
+        """Send to the peer, if there is one."""
+        if self._peer is None:
+            self.status.counters["dropped: not connected"] += 1
+        else:
+            self._peer.send(datagram)
+
+    def arrived(self, caller: Caller, name: str) -> None:
+        """Somebody has called."""
+        self._callers.add(caller)
+        if self._peer is None:
+            self._peer = caller
+            self.status.up(f"called by {name}")
+        else:
+            self.status.counters["turned away"] += 1
+            caller.abort()
+
+    def left(self, caller: Caller) -> None:
+        """A caller is gone."""
+        self._callers.discard(caller)
+        if self._peer is caller:
+            self._peer = None
+            self.status.down(caller.lost.result())
+
+    async def close(self) -> None:
+        """Close whatever is open, and wait until it is."""
+        callers = list(self._callers)
+        for caller in callers:
+            caller.abort()
+        for caller in callers:
+            await caller.close()
+
+
+@asynccontextmanager
+async def open_tcp_server(
+    address: NetworkAddress, receive: Callable[[bytes], None], status: Status
+) -> AsyncIterator[TcpServer]:
+    """Listen at an address.
+
+    Raises:
+        OSError: this computer does not let it.
+    """
+    peers = TcpServer(receive, status)
+    loop = asyncio.get_running_loop()
+    # Not served in the same call: cancelled on the way, it would leave the port open.
+    server = await loop.create_server(
+        lambda: Caller(peers), address.host, address.port, start_serving=False
+    )
+    try:
+        await server.start_serving()
+        status.down("nobody has called yet")
+        yield peers
+    finally:
+        server.close()
+        await peers.close()
+
+
+def dial_serial(address: SerialAddress) -> Dial:
+    """How to open this port, for this process alone."""
+
+    async def dial(peer: StreamPeer) -> str:
+        loop = asyncio.get_running_loop()
+        try:
+            await create_serial_connection(
+                loop, lambda: peer, address.device, baudrate=address.baud, exclusive=True
+            )
+        except termios.error as error:
+            # What pyserial lets through when a port goes away while it is being opened.
+            raise OSError(*error.args) from error
+        return "the port is open"
+
+    return dial

@@ -16,7 +16,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from vfguide.mission.controller import Controller, gains_by_field
-from vfguide.mission.faults import shortened
+from vfguide.mission.finding import shortened
 from vfguide.mission.flight_path import Location, PathShape, shape_models
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import NAME_RULES

@@ -18,15 +18,23 @@ from itertools import combinations
 import numpy as np
 
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.path import END_SHARE
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance
-from vfguide.mission.climb_limits import climbs_beyond_limits, lowest_of_the_path
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
 from vfguide.mission.finding import Finding, Report, worst_first
+from vfguide.mission.flight_limits import (
+    climbs_beyond_limits,
+    field_beyond_bank,
+    leader_in_wind,
+    lowest_of_the_path,
+    slots_beyond_centre,
+    slots_out_of_airspeed,
+    turns_beyond_bank,
+)
 from vfguide.mission.flight_path import MissionSource, path_of
 from vfguide.mission.loop_limits import (
     leader_state_too_old,
@@ -35,9 +43,7 @@ from vfguide.mission.loop_limits import (
 )
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import on_path, timetable
-from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
 from vfguide.mission.starts import follower_start, leader_start
-from vfguide.mission.turn_limits import field_beyond_bank, turns_beyond_bank
 from vfguide.registry import laws
 
 FAR_M = 1000.0

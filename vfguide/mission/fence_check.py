@@ -13,11 +13,11 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.wind_triangle import compose
 from vfguide.mission.conditions import Conditions
-from vfguide.mission.fence import Fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.path_frame import frame_of
+from vfguide.mission.place import Fence
 
 STEP_M = 5.0
 MOST_STEPS = 50_000

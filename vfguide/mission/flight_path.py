@@ -21,8 +21,7 @@ from pydantic_core.core_schema import ErrorType
 
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
-from vfguide.mission.fence import Fence
-from vfguide.mission.place import Place
+from vfguide.mission.place import Fence, Place
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
 

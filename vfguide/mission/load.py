@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from vfguide.errors import InputError
 from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.explain import explain
-from vfguide.mission.faults import Fault, MissionError
+from vfguide.mission.finding import Fault, MissionError
 from vfguide.mission.flight_path import Location, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.plan_file import read_plan

@@ -9,18 +9,22 @@ from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeu
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
-from vfguide.guidance.limits import GRAVITY
-from vfguide.mission.climb_limits import climbs_beyond_limits
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import (
+    climbs_beyond_limits,
+    leader_in_wind,
+    slots_beyond_centre,
+    slots_out_of_airspeed,
+    turns_beyond_bank,
+)
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.orders import Slot
 from vfguide.mission.path_frame import least_radius
-from vfguide.mission.slot_limits import leader_in_wind, slots_beyond_centre, slots_out_of_airspeed
-from vfguide.mission.turn_limits import turns_beyond_bank
 
 RESERVE_M_S = 1.5
 """What an aircraft keeps of its airspeed range for its law, while its slot moves."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
 from vfguide.mission.place import MissionFrame
 from vfguide.mission.vehicle import DEFAULT_MAX_BANK_DEG

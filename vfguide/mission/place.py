@@ -1,12 +1,20 @@
-"""Points on the ground as a mission says them: in its local frame, or by latitude and longitude."""
+"""Places and fences in a mission file.
 
+Where a formation may fly: areas it has to stay in, areas it has to stay out of, and how high. A vehicle has
+to be inside of every area of inclusion and outside of every other, as ArduPlane has it; PX4 is content with
+one area of inclusion.
+"""
+
+import math
 from typing import Annotated, ClassVar, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.frames import LocalFrame
-from vfguide.mission.quantity import Coordinate, Number, Section
+from vfguide.mission.quantity import Coordinate, Number, Positive, Section, Switch
 
 
 class MissionFrame(Section):
@@ -63,3 +71,98 @@ class Place(Section):
         if self.latitude_deg is None or self.longitude_deg is None or frame is None:
             return self.north_m or 0.0, self.east_m or 0.0
         return frame.local.to_local(self.latitude_deg, self.longitude_deg)
+
+
+MOST_AREAS, MOST_CORNERS = 100, 500
+
+EDGE_POINTS = 121
+"""Of a round area, as it is drawn."""
+
+
+class FencePolygon(Section):
+    """An area with straight edges."""
+
+    inclusion: Switch = True
+    """Whether vehicles have to stay in it; false: out of it."""
+
+    points: Annotated[tuple[Place, ...], Field(min_length=3, max_length=MOST_CORNERS)]
+    """Its corners, in their order."""
+
+    def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far inside of its edges places (m) are, m; negative outside."""
+        corners = np.array([one.local(frame) for one in self.points])
+        shape = north.shape
+        inside: BoolArray = np.zeros(shape, dtype=bool)
+        nearest = np.full(shape, math.inf)
+        for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            edge = there - here
+            span = max(float(edge @ edge), 1e-12)
+            away_north, away_east = north - here[0], east - here[1]
+            run = np.clip((away_north * edge[0] + away_east * edge[1]) / span, 0.0, 1.0)
+            distance = np.hypot(away_north - run * edge[0], away_east - run * edge[1])
+            nearest = np.minimum(nearest, distance)
+            # A ray due north crosses the edge where it lies on both sides of the place's east.
+            crosses = (here[1] > east) != (there[1] > east)
+            rise = np.divide(edge[0], edge[1], where=edge[1] != 0.0, out=np.zeros(()))
+            inside ^= crosses & (here[0] + rise * away_east > north)
+        return np.where(inside, nearest, -nearest)
+
+    def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
+        """(north, east) of its corners in their order and of the first again, m."""
+        corners = np.array([one.local(frame) for one in (*self.points, self.points[0])])
+        return corners[:, 0], corners[:, 1]
+
+
+class FenceCircle(Section):
+    """A round area."""
+
+    inclusion: Switch = True
+    """Whether vehicles have to stay in it; false: out of it."""
+
+    centre: Place
+    """Its middle."""
+
+    radius_m: Annotated[Positive, Field(le=1000e3)]
+    """m."""
+
+    def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far inside of it places (m) are, m; negative outside."""
+        middle = self.centre.local(frame)
+        return np.asarray(self.radius_m - np.hypot(north - middle[0], east - middle[1]))
+
+    def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
+        """(north, east) of points once round it, the last the first again, m."""
+        north, east = self.centre.local(frame)
+        angle = np.linspace(0.0, math.tau, EDGE_POINTS)
+        return north + self.radius_m * np.cos(angle), east + self.radius_m * np.sin(angle)
+
+
+class Fence(Section):
+    """Where every vehicle of the formation has to stay; `vfguide check` holds all slots against it."""
+
+    polygons: Annotated[tuple[FencePolygon, ...], Field(max_length=MOST_AREAS)] = ()
+    """Areas with straight edges."""
+
+    circles: Annotated[tuple[FenceCircle, ...], Field(max_length=MOST_AREAS)] = ()
+    """Round areas."""
+
+    max_height_m: Annotated[Positive, Field(le=12000.0)] | None = None
+    """Above the mission's origin, m; any height if absent."""
+
+    @property
+    def exists(self) -> bool:
+        """Whether it limits anything."""
+        return bool(self.polygons or self.circles or self.max_height_m)
+
+    @property
+    def areas(self) -> tuple[FencePolygon | FenceCircle, ...]:
+        """All of them."""
+        return (*self.polygons, *self.circles)
+
+    def room(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
+        """How far places (m) are from what they may not cross, m; negative where they are beyond it."""
+        least = np.full(north.shape, math.inf)
+        for area in self.areas:
+            inward = area.inward(north, east, frame)
+            least = np.minimum(least, inward if area.inclusion else -inward)
+        return least

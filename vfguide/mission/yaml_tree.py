@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from vfguide.mission.faults import shortened
+from vfguide.mission.finding import shortened
 from vfguide.mission.flight_path import Location
 
 MAX_DEPTH = 16

@@ -3,7 +3,7 @@
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, NotNegative, Number, Position, Positive
-from vfguide.paths.curve import Curve
+from vfguide.paths.chain import Curve
 from vfguide.registry import paths
 
 path = paths.register

@@ -1,13 +1,19 @@
-"""Pieces of lines over the ground whose curvature changes evenly: straights, arcs and clothoids."""
+"""Straight pieces and arcs that paths are made of, the arcs in corners, and the search for the nearest.
+
+Turns that aircraft can follow: an arc between two easements, along which the curvature comes and goes.
+Along an easement the curvature grows as 3 u² - 2 u³, so that it begins and ends evenly: the motion of a
+slot 50 m behind the leader has the curvature in its speed, and its rate in its acceleration.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import BoolArray, FloatArray
 
 LONGEST_TURN = 0.05
 """rad: a piece of a bend turns by no more than about this."""
@@ -114,3 +120,252 @@ class Pieces:
         north, east = displacement(course, bend, growth, length)
         turned = course + length * (bend + 0.5 * growth * length)
         return float(self.north[-1] + north), float(self.east[-1] + east), turned
+
+
+EASED_IN = 10
+"""Elements of an easement."""
+
+LEAST_EASEMENT_M = 0.1
+"""Without any, the curvature would have no value where a turn begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """How turns are flown."""
+
+    radius: float
+    """Of the arc, m."""
+    easement: float
+    """Length over which the curvature comes, and goes, m."""
+
+
+def easement(length: float, curvature: float) -> list[Element]:
+    """Elements of a length (m) along which the curvature grows from nothing (1/m, positive clockwise)."""
+    step = length / EASED_IN
+    shares = [one / EASED_IN for one in range(EASED_IN + 1)]
+    bends = [curvature * share * share * (3.0 - 2.0 * share) for share in shares]
+    return [Element(step, before, (after - before) / step) for before, after in pairwise(bends)]
+
+
+def backward(elements: list[Element]) -> list[Element]:
+    """The same line from its end to its beginning, and mirrored: its turns have the same sense."""
+    return [
+        Element(one.length, one.curvature + one.growth * one.length, -one.growth)
+        for one in reversed(elements)
+    ]
+
+
+def eased_turn(angle: float, bend: Bend) -> list[Element]:
+    """Elements of a turn by an angle (rad, positive clockwise).
+
+    One too small for both easements has no arc: it is wider than the radius, and never narrower.
+    """
+    if angle == 0.0:
+        return []
+    length = max(bend.easement, LEAST_EASEMENT_M)
+    arc = abs(angle) - length / bend.radius
+    curvature = math.copysign(1.0 / bend.radius if arc > 0.0 else abs(angle) / length, angle)
+    first = easement(length, curvature)
+    middle = [Element(arc * bend.radius, curvature)] if arc > 0.0 else []
+    return [*first, *middle, *backward(first)]
+
+
+def tangent_length(angle: float, bend: Bend) -> float:
+    """How far before the corner a fillet of this turn (rad) begins, and behind it ends, m."""
+    elements = eased_turn(angle, bend)
+    if not elements:
+        return 0.0
+    north, east, _ = Pieces.of(0.0, 0.0, 0.0, elements).end()
+    return math.hypot(north, east) / (2.0 * math.cos(angle / 2.0))
+
+
+@dataclass(frozen=True, slots=True)
+class CircleEntry:
+    """How a straight line goes over into a circle."""
+
+    aside: float
+    """Distance of the line from the centre, m: more than the radius, by what the easement shifts the arc."""
+    before: float
+    """m: the easement begins so far before the line is abeam of the centre."""
+    elements: list[Element]
+    """The easement."""
+
+
+def circle_entry(bend: Bend, sense: float) -> CircleEntry:
+    """Onto a circle of the radius of a bend, clockwise where the sense is 1.0, else -1.0."""
+    length = max(bend.easement, LEAST_EASEMENT_M)
+    elements = easement(length, sense / bend.radius)
+    north, east, course = Pieces.of(0.0, 0.0, 0.0, elements).end()
+    return CircleEntry(
+        aside=abs(east) + bend.radius * math.cos(course),
+        before=north - bend.radius * math.sin(abs(course)),
+        elements=elements,
+    )
+
+
+def turn_back(bend: Bend) -> list[Element]:
+    """Elements back onto the same line the other way: about 90° to the left, then 270° to the right.
+
+    A little less than 90°, as easements make the first turn wider than the second.
+    """
+
+    def both(angle: float) -> list[Element]:
+        return [*eased_turn(-angle, bend), *eased_turn(math.pi + angle, bend)]
+
+    # The further the first turn, the further to its side the second one ends.
+    least, most = math.radians(20.0), math.radians(160.0)
+    for _ in range(60):
+        middle = 0.5 * (least + most)
+        _, east, _ = Pieces.of(0.0, 0.0, 0.0, both(middle)).end()
+        least, most = (middle, most) if east > 0.0 else (least, middle)
+    return both(least)
+
+
+CHORD_TURN, LONGEST_CHORD_M = 0.2, 40.0
+"""rad, m: pieces that turn by no more together, and are no longer, are looked for as one chord."""
+
+
+class PieceTree:
+    """Circles around pieces, around pairs of them, and so on up to all: the nearest piece in few steps.
+
+    Between a vehicle and a piece counts (distance)² + (weight |u - v|)², u and v the directions of both: a
+    branch that runs the other way is 2 weights further away.
+    """
+
+    def __init__(self, pieces: Pieces) -> None:
+        """Build the circles."""
+        ends = np.append(pieces.progress, pieces.total)
+        sharp = np.abs(pieces.curvature + 0.5 * pieces.growth * pieces.length)
+        turned = np.concatenate([[0.0], np.cumsum(sharp * pieces.length)])
+        # A chord begins where the sum of turns or lengths passes another multiple; a long piece is one alone.
+        sums = np.maximum(turned / CHORD_TURN, ends / LONGEST_CHORD_M)[:-1]
+        alone = pieces.length > LONGEST_BEND_M
+        begins = np.diff(np.floor(sums), prepend=-1.0) > 0.0
+        begins |= alone | np.append(True, alone[:-1])
+        first = np.flatnonzero(begins)
+        last = np.append(first[1:], pieces.length.size) - 1
+        run = displacement(
+            pieces.course[last], pieces.curvature[last], pieces.growth[last], pieces.length[last]
+        )
+        north = pieces.north[last] + run[0] - pieces.north[first]
+        east = pieces.east[last] + run[1] - pieces.east[first]
+        chord = np.hypot(north, east)
+        self._chords = (
+            pieces.north[first],
+            pieces.east[first],
+            north / chord,
+            east / chord,
+            chord,
+            ends[first],
+            ends[last + 1] - ends[first],
+        )
+        self._leaves = list(zip(*(one.tolist() for one in self._chords), strict=True))
+        middles = np.stack(
+            [
+                self._chords[0] + 0.5 * north,
+                self._chords[1] + 0.5 * east,
+                *self._chords[2:4],
+            ]
+        )
+        self._levels = [circles(middles, 0.5 * chord, 1)]
+        while self._levels[-1].shape[1] > 1:
+            self._levels.append(circles(middles, 0.5 * chord, 1 << len(self._levels)))
+        self._nodes = [list(map(tuple, level.T.tolist())) for level in self._levels]
+
+    def closest(
+        self, north: float, east: float, ahead: float, aside: float, weight: float
+    ) -> float:
+        """Progress (m) of about the nearest place, for a vehicle at a place (m) that flies (ahead, aside)."""
+        best, found = math.inf, 0.0
+        nodes, square = self._nodes, weight * weight
+        waiting = [(0.0, len(nodes) - 1, 0)]
+        while waiting:
+            least, level, index = waiting.pop()
+            if least >= best:
+                continue
+            if level == 0:
+                at_north, at_east, to_n, to_e, chord, start, length = self._leaves[index]
+                away_n, away_e = north - at_north, east - at_east
+                run = min(max(away_n * to_n + away_e * to_e, 0.0), chord)
+                away_n, away_e = away_n - run * to_n, away_e - run * to_e
+                off = (ahead - to_n) ** 2 + (aside - to_e) ** 2
+                size = away_n * away_n + away_e * away_e + square * off
+                if size < best:
+                    best, found = size, start + run * length / chord
+                continue
+            level -= 1
+            children = []
+            for child in range(2 * index, min(2 * index + 2, len(nodes[level]))):
+                at_n, at_e, to_n, to_e, radius, spread = nodes[level][child]
+                away = math.hypot(north - at_n, east - at_e) - radius
+                off = math.hypot(ahead - to_n, aside - to_e) - spread
+                least = (away * away if away > 0.0 else 0.0) + (
+                    square * off * off if off > 0.0 else 0.0
+                )
+                if least < best:
+                    children.append((least, level, child))
+            children.sort(reverse=True)
+            waiting += children
+        return found
+
+    def closest_all(
+        self,
+        north: FloatArray,
+        east: FloatArray,
+        ahead: FloatArray,
+        aside: FloatArray,
+        weight: float,
+    ) -> FloatArray:
+        """The same for many vehicles at once: all of them go down the tree together."""
+        query = np.arange(north.size)
+        node = np.zeros(north.size, dtype=int)
+        for level in range(len(self._levels) - 2, -1, -1):
+            query, node = np.repeat(query, 2), np.repeat(2 * node, 2)
+            node[1::2] += 1
+            there = node < self._levels[level].shape[1]
+            query, node = query[there], node[there]
+            at_n, at_e, to_n, to_e, radius, spread = self._levels[level][:, node]
+            away = np.hypot(north[query] - at_n, east[query] - at_e)
+            off = np.hypot(ahead[query] - to_n, aside[query] - to_e)
+            least = (
+                np.maximum(away - radius, 0.0) ** 2 + (weight * np.maximum(off - spread, 0.0)) ** 2
+            )
+            most = np.full(north.size, math.inf)
+            np.minimum.at(most, query, (away + radius) ** 2 + (weight * (off + spread)) ** 2)
+            kept = least <= most[query]
+            query, node = query[kept], node[kept]
+        at_n, at_e, to_n, to_e, chord, start, length = (one[node] for one in self._chords)
+        away_n, away_e = north[query] - at_n, east[query] - at_e
+        run = np.clip(away_n * to_n + away_e * to_e, 0.0, chord)
+        size = (
+            (away_n - run * to_n) ** 2
+            + (away_e - run * to_e) ** 2
+            + weight**2 * ((ahead[query] - to_n) ** 2 + (aside[query] - to_e) ** 2)
+        )
+        first = first_of_least(query, size)
+        return np.asarray((start + run * length / chord)[first])
+
+
+def circles(middles: FloatArray, radius: FloatArray, count: int) -> FloatArray:
+    """North, east, ahead, aside, radius and spread (rows) of circles around so many circles each.
+
+    Args:
+        middles: north and east in m, ahead and aside of the directions, of the circles in their order: rows.
+        radius: of them, m.
+        count: of consecutive ones.
+    """
+    starts = np.arange(0, radius.size, count)
+    group = np.arange(radius.size) // count
+    around = np.add.reduceat(middles, starts, axis=1) / np.bincount(group)
+    away = middles - around[:, group]
+    reach = np.maximum.reduceat(np.hypot(away[0], away[1]) + radius, starts)
+    spread = np.maximum.reduceat(np.hypot(away[2], away[3]), starts)
+    return np.stack([*around, reach, spread])
+
+
+def first_of_least(group: Any, size: FloatArray) -> Any:  # noqa: ANN401
+    """Index of the least of each group, in the order of the groups 0, 1, …; each has one or more."""
+    order = np.lexsort((size, group))
+    first: BoolArray = np.ones(order.size, dtype=bool)
+    first[1:] = np.diff(group[order]) > 0
+    return order[first]

@@ -10,9 +10,8 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.errors import InputError
 from vfguide.mission import quantity
-from vfguide.mission.fence import Fence
 from vfguide.mission.flight_path import Misfit
-from vfguide.mission.place import Place
+from vfguide.mission.place import Fence, Place
 from vfguide.mission.plan_file import read_plan
 from vfguide.mission.quantity import Section
 from vfguide.paths.waypoints import MOST_WAYPOINTS, End, RouteShape, Waypoint, Waypoints

@@ -17,9 +17,16 @@ from vfguide.mission.place import MissionFrame, Place
 from vfguide.mission.quantity import NotNegative
 from vfguide.paths.chain import Chain, ChainedPath
 from vfguide.paths.circle import Radius
-from vfguide.paths.fillet import Bend, circle_entry, eased_turn, tangent_length, turn_back
-from vfguide.paths.height_profile import HeightProfile
-from vfguide.paths.pieces import Element, Pieces
+from vfguide.paths.climb import HeightProfile
+from vfguide.paths.pieces import (
+    Bend,
+    Element,
+    Pieces,
+    circle_entry,
+    eased_turn,
+    tangent_length,
+    turn_back,
+)
 from vfguide.registry import paths
 
 SHARPEST_RAD = math.radians(160.0)

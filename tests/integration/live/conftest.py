@@ -20,10 +20,9 @@ from vfguide.lab.rehearsal.processes import Process, free_port
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.keys import OPERATOR
 from vfguide.link.member import Member
-from vfguide.link.opening import open_link
+from vfguide.link.opening import WatchedFormation, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"

@@ -16,11 +16,10 @@ from vfguide.errors import InputError
 from vfguide.link.address import parse_links
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, open_link
+from vfguide.link.opening import Link, WatchedFormation, open_link, presences
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
-from vfguide.link.watch import WatchedFormation, presences
 
 PATIENCE_S = 60.0
 

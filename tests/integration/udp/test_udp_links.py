@@ -19,11 +19,10 @@ from vfguide.link import udp
 from vfguide.link.address import UdpAddress, parse_links
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, open_link
+from vfguide.link.opening import Link, WatchedFormation, open_link, presences
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import new_session
-from vfguide.link.watch import WatchedFormation, presences
 from vfguide.registry import links
 
 PATIENCE_S = 60.0

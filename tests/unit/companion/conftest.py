@@ -13,8 +13,8 @@ from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.companion.altitude_gate import AltitudeGate
+from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.shared_clock import SAME_CLOCK
 from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.timing import SAME_CLOCK
 
 Make = Callable[..., Any]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.guidance.settings import PathGains
 from vfguide.link.order_codec import (

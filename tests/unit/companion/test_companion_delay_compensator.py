@@ -8,7 +8,7 @@ import pytest
 
 from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
 from vfguide.companion.plan import flight_plan
-from vfguide.guidance.response import (
+from vfguide.guidance.airframe import (
     ActiveSetpoint,
     Bias,
     Inner,

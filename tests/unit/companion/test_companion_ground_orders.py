@@ -17,8 +17,8 @@ from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import GroundOrders, order_codes
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
 from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import OrderRequest
-from vfguide.mavlink.signing import Signing
 from vfguide.mission import Mission, load_mission
 
 Hear = Callable[..., tuple[list[MAVLink_message], list[tuple[str, ...]]]]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.companion.leader_clock import LeaderClock, Moment
+from vfguide.companion.timing import LeaderClock, Moment
 
 BOOTED_S = 1000.0
 """What the sender's clock shows at time 0 of the reader's."""

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.loiter_height import TRIES, LoiterHeight
+from vfguide.companion.height_keeper import TRIES, LoiterHeight
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan, loiter_step
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport
-from vfguide.mission.fence import Fence
 from vfguide.mission.model import Mission
+from vfguide.mission.place import Fence
 
 DO_CHANGE_ALTITUDE, ACCEPTED = 186, 0
 

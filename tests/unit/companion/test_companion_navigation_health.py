@@ -1,7 +1,7 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.navigation_health import NavigationHealth
+from vfguide.companion.distrust import NavigationHealth
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.companion.announcer import PlottedValues
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.plotted_values import PlottedValues
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import LeaderRole, role_of
-from vfguide.companion.shared_clock import SAME_CLOCK
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SAME_CLOCK
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.reports import PositionReport
 

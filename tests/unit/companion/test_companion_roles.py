@@ -8,13 +8,12 @@ import pytest
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan, FollowerTask, flight_plan
-from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.succession_role import SuccessionRole
+from vfguide.companion.roles import FollowerRole, LeaderRole, SuccessionRole, role_of
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.arrangement import Circle as HoldCircle
-from vfguide.guidance.virtual_leader import KnownLeader
+from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.link.order_codec import encode_order
 from vfguide.link.packed import (
@@ -27,9 +26,8 @@ from vfguide.link.packed import (
 )
 from vfguide.mavlink.reports import PositionReport
 from vfguide.mission.model import Mission
-from vfguide.paths.circle import Circle
+from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
-from vfguide.paths.helix import Helix
 from vfguide.state import HeardState
 
 MakePlan = Callable[..., FlightPlan]

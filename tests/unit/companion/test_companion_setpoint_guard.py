@@ -11,7 +11,7 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.role import RoleStep
-from vfguide.companion.setpoint_guard import SetpointGuard, is_flyable
+from vfguide.companion.steering import SetpointGuard, is_flyable
 from vfguide.mission.model import Mission
 from vfguide.state import Setpoint
 

@@ -7,7 +7,7 @@ from sitl_stub import Signing as AutopilotSigning
 from vfguide.companion.core import Companion
 from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
-from vfguide.mavlink.signing import Signing
+from vfguide.mavlink.framing import Signing
 from vfguide.mission.model import Mission
 
 KEY = bytes(range(32))

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.shared_clock import SAME_CLOCK
 from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.timing import SAME_CLOCK
 from vfguide.frames import LocalFrame
 
 LeaderBytes = Callable[..., bytes]

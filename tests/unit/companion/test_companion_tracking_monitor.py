@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.companion.tracking_monitor import TrackingMonitor
+from vfguide.companion.steering import TrackingMonitor
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 

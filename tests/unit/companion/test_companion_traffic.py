@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vfguide.companion.plan import FlightPlan, OtherVehicle
-from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, Viewpoint
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
-from vfguide.companion.sightings import SILENT_S
+from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint
 from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.companion.traffic import FORGET_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-import vfguide.companion.setpoint_guard
+import vfguide.companion.steering
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.setpoint_guard import is_flyable
+from vfguide.companion.steering import is_flyable
 from vfguide.companion.supervisor import Mode
 from vfguide.state import Setpoint
 
@@ -33,7 +33,7 @@ class Gate:
 def gate(monkeypatch: pytest.MonkeyPatch) -> Gate:
     """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
     made = Gate()
-    monkeypatch.setattr(vfguide.companion.setpoint_guard, "is_flyable", made)
+    monkeypatch.setattr(vfguide.companion.steering, "is_flyable", made)
     return made
 
 

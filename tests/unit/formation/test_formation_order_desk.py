@@ -26,8 +26,8 @@ from vfguide.lab.ordering import (
 )
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
+from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.link.watch import WatchedFormation
 from vfguide.mission import Mission, load_mission
 
 MISSIONS = Path(__file__).parents[3] / "missions"

@@ -20,8 +20,8 @@ from vfguide.lab.ordering import OrderDesk, rehearse_order
 from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
+from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.link.watch import WatchedFormation
 from vfguide.mission import load_mission
 from vfguide.mission.order_plan import formation_of_mission, resolve
 

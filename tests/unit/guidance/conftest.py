@@ -8,8 +8,7 @@ from typing import TypedDict, Unpack
 import pytest
 
 from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.observer import ObserverGains
-from vfguide.guidance.settings import GuidanceSettings, SlidingGains, SpeedSource
+from vfguide.guidance.settings import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource
 from vfguide.state import LeaderState, VehicleState
 
 

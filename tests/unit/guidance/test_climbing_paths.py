@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from vfguide.mission.flight_path import path_of, shape_of
-from vfguide.paths.circle import Circle
+from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
-from vfguide.paths.helix import Helix
 
 RISE = Climb(slope=0.1, end=60.0)
 """Its slope alone takes 600 m to the end; 100 m more are eased."""

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.guidance.following import follower_step
-from vfguide.guidance.formation import Slot
-from vfguide.guidance.give_way import SlotLimits
+from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.path import Path

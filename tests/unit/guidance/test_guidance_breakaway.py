@@ -4,8 +4,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from vfguide.guidance.breakaway import breakaway_course
-from vfguide.guidance.formation import Slot
+from vfguide.guidance.formation import Slot, breakaway_course
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.guidance.formation import Slot
-from vfguide.guidance.give_way import SlotLimits, airspeed_that_gives_way, slot_airspeed
+from vfguide.guidance.formation import Slot, SlotLimits, airspeed_that_gives_way, slot_airspeed
 from vfguide.state import Airframe, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=300)

@@ -13,9 +13,8 @@ from vfguide.guidance.height import (
     held_height,
     path_height,
 )
-from vfguide.paths.circle import Circle
+from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
-from vfguide.paths.helix import Helix
 from vfguide.paths.line import Line
 from vfguide.state import LeaderState
 

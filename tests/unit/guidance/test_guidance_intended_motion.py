@@ -8,6 +8,7 @@ import pytest
 
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
+    KnownLeader,
     bent_course,
     intended_at_first,
     intended_motion,
@@ -15,7 +16,6 @@ from vfguide.guidance.intended_motion import (
 )
 from vfguide.guidance.path import PathPoint
 from vfguide.guidance.settings import PathGains
-from vfguide.guidance.virtual_leader import KnownLeader
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.state import LeaderState

@@ -9,8 +9,8 @@ from typing import Protocol
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.limits import bank_limited_turn_rate, saturation, speed_range
-from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
+from vfguide.guidance.path import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.sliding_laws import (
     acceleration_toward,

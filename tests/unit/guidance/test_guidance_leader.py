@@ -7,8 +7,7 @@ from typing import Protocol
 
 import pytest
 
-from vfguide.guidance.formation import Slot
-from vfguide.guidance.give_way import SlotLimits
+from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderTask, PathField, leader_step

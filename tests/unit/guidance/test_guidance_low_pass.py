@@ -2,7 +2,7 @@
 
 import pytest
 
-from vfguide.guidance.low_pass import low_pass
+from vfguide.elementwise import low_pass
 
 
 def test_a_low_pass_moves_by_its_share() -> None:

@@ -9,13 +9,13 @@ import pytest
 
 from vfguide.angles import wrap_angle
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
-from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
-from vfguide.guidance.path import Path
-from vfguide.guidance.path_field import (
+from vfguide.guidance.path import (
+    Path,
     desired_course,
     desired_course_rate_per_speed,
     desired_course_slope,
 )
+from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
 from vfguide.guidance.sliding_laws import (
     boundary_layer,
     course_command,

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.guidance.following import keeper
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot, slot_motion
-from vfguide.guidance.limits import GRAVITY
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.mpc import MpcGains, Programme, predicted_slot, regulator
 from vfguide.state import Airframe, LeaderState, VehicleState

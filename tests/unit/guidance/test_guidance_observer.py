@@ -7,9 +7,8 @@ from typing import Protocol
 import pytest
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.observer import ObserverGains, speed_estimate_rate
-from vfguide.guidance.path import Path
-from vfguide.guidance.path_field import desired_course, desired_course_rate_per_speed
+from vfguide.guidance.path import Path, desired_course, desired_course_rate_per_speed
+from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
 from vfguide.guidance.sliding_laws import course_command, sliding_course_rate
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.path import Direction, Path
-from vfguide.guidance.path_field import (
+from vfguide.guidance.path import (
+    Direction,
+    Path,
     desired_course,
     desired_course_rate_per_speed,
     desired_course_slope,

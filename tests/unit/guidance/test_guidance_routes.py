@@ -13,8 +13,7 @@ from pydantic import ValidationError
 
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.chain import ChainedPath
-from vfguide.paths.fillet import Bend, circle_entry, eased_turn, tangent_length, turn_back
-from vfguide.paths.pieces import Pieces
+from vfguide.paths.pieces import Bend, Pieces, circle_entry, eased_turn, tangent_length, turn_back
 
 CORNERS = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 800.0), (0.0, 800.0))
 """Of a rectangle, in m north and east, flown clockwise."""

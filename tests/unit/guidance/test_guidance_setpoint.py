@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.guidance.limits import bank_limited_turn_rate
-from vfguide.guidance.setpoint import cruise_setpoint, heading_hold, setpoint_for
+from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.sliding_laws import cruise_setpoint, heading_hold, setpoint_for
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import Airframe, VehicleState
 

@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from vfguide.guidance.intended_motion import KnownLeader, extrapolate_along_path
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import PathGains
-from vfguide.guidance.virtual_leader import KnownLeader, extrapolate_along_path
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.guidance.height_step import ENOUGH, Neighbour, best_step, clearance, deepest
+from vfguide.guidance.height import ENOUGH, Neighbour, best_step, clearance, deepest
 
 UP, DOWN = 20.0, -20.0
 STEPS = (0.0, UP, DOWN)

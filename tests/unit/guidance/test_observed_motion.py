@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vfguide.guidance.formation import extrapolate_by_rates
-from vfguide.guidance.observed_motion import (
+from vfguide.guidance.leader_motion import (
     Observation,
     ObservedMotion,
     RateLimits,

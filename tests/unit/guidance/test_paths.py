@@ -13,9 +13,8 @@ from vfguide.guidance.path import Path
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
-from vfguide.paths.circle import Circle
+from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
-from vfguide.paths.helix import Helix
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from vfguide.elementwise import FloatArray
-from vfguide.identification.fit import Response, fit_response
-from vfguide.identification.models import Samples, course_response, mean_told, speed_response
+from vfguide.identification.fit import (
+    Response,
+    Samples,
+    course_response,
+    fit_response,
+    mean_told,
+    speed_response,
+)
 from vfguide.identification.recording import as_seen
 from vfguide.state import Airframe
 

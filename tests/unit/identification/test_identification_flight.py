@@ -13,7 +13,7 @@ from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
-from vfguide.identification.steps import Phase, course_step, described, segments, speed_step
+from vfguide.identification.recording import Phase, course_step, described, segments, speed_step
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
 

@@ -7,8 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.link.clock_codec import Ask, Tell, decode_ask, decode_tell, encode_ask, encode_tell
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import (
+    Ask,
+    LinkDataError,
+    Tell,
+    decode_ask,
+    decode_tell,
+    encode_ask,
+    encode_tell,
+)
 
 ASK = Ask(number=7, originate_s=1.5)
 TELL = Tell(number=7, originate_s=1.5, receive_s=3.5, transmit_s=3.75)

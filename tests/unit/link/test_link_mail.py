@@ -4,9 +4,8 @@ from collections import Counter
 from aiomqtt import Message
 
 from vfguide.backoff import retry_delay
-from vfguide.link.echo import Echo
-from vfguide.link.inbox import MOST_TOPICS, Inbox, NewestOnly
-from vfguide.link.topics import Topics
+from vfguide.link.client import MOST_TOPICS, Echo, Inbox, NewestOnly
+from vfguide.link.session import Topics
 
 TOPICS = Topics(prefix="p/q", formation="circle", vehicle="f1")
 

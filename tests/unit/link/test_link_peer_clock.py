@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.link.clock_codec import Tell, encode_tell
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import LinkDataError, Tell, encode_tell
 from vfguide.link.peer_clock import DRIFT, PeerClock
 
 TICK_S = 1e-6

@@ -9,10 +9,14 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.mavlink.follow_target import follow_target
-from vfguide.mavlink.leader_messages import READERS, LeaderCodec, LeaderReport
+from vfguide.mavlink.codec import traffic_report
+from vfguide.mavlink.leader_messages import (
+    READERS,
+    LeaderCodec,
+    LeaderReport,
+    follow_target_message,
+)
 from vfguide.mavlink.reports import TimeReport
-from vfguide.mavlink.traffic_messages import traffic_report
 from vfguide.state import LeaderState
 
 
@@ -236,7 +240,7 @@ def test_own_follow_target_says_what_the_motion_is() -> None:
         turn_rate=0.1,
         turn_acceleration=0.0,
     )
-    message = follow_target(
+    message = follow_target_message(
         motion, latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=588.0, heading=math.pi / 2.0
     )
     # East at 20 m/s, faster by 0.5 m/s², turning right: 20 * 0.1 = 2 m/s² toward south.

@@ -1,7 +1,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.mavlink.acknowledgements import Acknowledgements
 from vfguide.mavlink.adapter import Vehicle, command_int, command_long
+from vfguide.mavlink.announcements import Acknowledgements
 from vfguide.mavlink.reports import CommandReport
 
 VEHICLE = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)

@@ -3,9 +3,8 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.datagram import UdpPeer
+from vfguide.mavlink.framing import Introduction, Signing
 from vfguide.mavlink.framing import frames_of as frames
-from vfguide.mavlink.introduction import Introduction
-from vfguide.mavlink.signing import Signing
 
 OWN, STRANGER = ("10.0.0.1", 14550), ("10.0.0.2", 14550)
 KEY = bytes(range(32))

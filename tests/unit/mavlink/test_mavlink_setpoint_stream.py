@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, SetpointStream, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mavlink.setpoint_stream import SetpointStream
 
 Make = Callable[..., Any]
 

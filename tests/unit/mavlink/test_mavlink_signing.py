@@ -5,8 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.errors import InputError
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.framing import frames_of
-from vfguide.mavlink.signing import EPOCH_S, UNITS_PER_S, Signing, signing_key
+from vfguide.mavlink.framing import EPOCH_S, UNITS_PER_S, Signing, frames_of, signing_key
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])

@@ -12,10 +12,9 @@ from vfguide.laws.field_findings import error_for_correction
 from vfguide.mission import Finding, Mission, check_mission, parse_mission, read_mission, report_on
 from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.feasibility import least_guarantee
+from vfguide.mission.flight_limits import bank_for, field_turn_rate, giving_way
 from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
 from vfguide.mission.rehearsal import ArticleWind
-from vfguide.mission.slot_limits import giving_way
-from vfguide.mission.turn_limits import bank_for, field_turn_rate
 
 FOLDER = Path(__file__).parents[3] / "missions"
 MISSIONS = sorted(FOLDER.glob("*.yaml"))

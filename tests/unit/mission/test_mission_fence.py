@@ -12,13 +12,13 @@ from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.mission.conditions import conditions_of
-from vfguide.mission.fence import Fence, FenceCircle, FencePolygon
 from vfguide.mission.fence_check import beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.load import load_mission
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 from vfguide.mission.path_frame import least_radius
+from vfguide.mission.place import Fence, FenceCircle, FencePolygon
 
 SQUARE = [
     {"north_m": north, "east_m": east}

@@ -3,7 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import sitl_stub
-from vfguide.companion.outgoing import Snapshot
+from vfguide.companion.role import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
 from vfguide.mission import load_mission

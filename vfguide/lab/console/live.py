@@ -16,9 +16,8 @@ from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import TileSource
 from vfguide.lab.ordering import OrderDesk, ask_for_order
-from vfguide.link.opening import Link, open_link
+from vfguide.link.opening import Link, WatchedFormation, open_link, watching_member
 from vfguide.link.presence import Presence
-from vfguide.link.watch import WatchedFormation, watching_member
 from vfguide.mission import Mission
 
 SAMPLE_S = 0.1

@@ -25,9 +25,8 @@ from vfguide.lab.ordering import (
     give_rehearsed,
     rehearse_order,
 )
-from vfguide.link.opening import Link
+from vfguide.link.opening import Link, check_connected
 from vfguide.link.order_codec import Verdict
-from vfguide.link.watch import check_connected
 from vfguide.mission import Mission
 from vfguide.mission.orders import WrittenOrder
 

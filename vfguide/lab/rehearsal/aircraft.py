@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
-from vfguide.companion.outgoing import Event
 from vfguide.companion.plan import adapter_of, flight_plan
-from vfguide.companion.shared_clock import SAME_CLOCK, SharedClock
+from vfguide.companion.role import Event
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader, LeaderAnswers, arrival_of
 from vfguide.lab.rehearsal.operator import OPERATOR, order_mail

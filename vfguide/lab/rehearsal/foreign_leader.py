@@ -7,7 +7,7 @@ from struct import Struct
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.outgoing import Event
+from vfguide.companion.role import Event
 from vfguide.lab.rehearsal.emulators import BOOTED_S, foreign_leader_of
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder
 from vfguide.link.memory import Mail

@@ -28,7 +28,7 @@ from vfguide.link.keys import (
     read_private_key,
     read_roster,
 )
-from vfguide.link.watch import WatchedFormation
+from vfguide.link.opening import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.events import read_events

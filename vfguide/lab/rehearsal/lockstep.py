@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from vfguide.companion.follower_role import PUBLISH_S
-from vfguide.companion.outgoing import Event, flight_event
+from vfguide.companion.role import Event, flight_event
 from vfguide.lab.rehearsal.aircraft import Candidates, Instant, fly_window
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.rehearsal.worker_process import WorkerProcess, launch, outcome_of

@@ -17,7 +17,7 @@ from pathlib import Path
 from vfguide.errors import VfguideError
 from vfguide.extras import require
 
-PROGRAM = "vfguide.link.broker_program"
+PROGRAM = "vfguide.link.broker"
 
 
 @asynccontextmanager

@@ -16,7 +16,7 @@ from random import Random
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from vfguide.companion.plan import flight_plan
-from vfguide.companion.shared_clock import SharedClock
+from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality

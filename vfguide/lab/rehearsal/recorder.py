@@ -9,7 +9,7 @@ import numpy as np
 import pymap3d
 
 import sitl_stub
-from vfguide.companion.outgoing import Snapshot
+from vfguide.companion.role import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import Point

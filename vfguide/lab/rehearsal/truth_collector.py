@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import sitl_stub
-from vfguide.companion.outgoing import Snapshot
+from vfguide.companion.role import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError

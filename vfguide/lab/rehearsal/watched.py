@@ -16,7 +16,7 @@ from random import Random
 
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.rehearsal.truth_collector import TruthCollector
-from vfguide.link.watch import WatchedFormation, presences
+from vfguide.link.opening import WatchedFormation, presences
 from vfguide.mission.model import Mission
 from vfguide.record.latency import Latency, latency_of
 

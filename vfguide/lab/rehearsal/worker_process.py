@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
-from vfguide.companion.outgoing import Event
+from vfguide.companion.role import Event
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.aircraft import Aircraft, Instant, aircraft_of, fly_window
 from vfguide.lab.rehearsal.foreign_leader import ForeignLeader

@@ -30,15 +30,15 @@ from vfguide.lab.studies.array_followers import followers_of
 from vfguide.lab.studies.array_ground import Report
 from vfguide.lab.studies.array_plant import Fleet
 from vfguide.laws.leader import leader_step
+from vfguide.mavlink.adapter import DIGITS
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.setpoint_stream import DIGITS
 from vfguide.state import LeaderState, VehicleState
 
 
 class Stream:
     """Setpoints on their way to ArduPlane: rounded, and sent where they change or have not been for a while.
 
-    As `vfguide.mavlink.setpoint_stream` does it, for each vehicle and for course and speed apart.
+    As `vfguide.mavlink.adapter` does it, for each vehicle and for course and speed apart.
     """
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from vfguide.angles import wrap_angle
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.lab.studies.array_ground import Ground, Place
 from vfguide.lab.studies.array_wind import SwingingWind

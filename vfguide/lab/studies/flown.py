@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.limits import GRAVITY
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window
 from vfguide.lab.report.geometry import slot_error

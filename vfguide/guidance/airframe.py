@@ -1,19 +1,68 @@
-"""How an autopilot answers to its setpoints: after a dead time, with a lag; forwards and backwards.
+"""What a fixed-wing aircraft cannot exceed, and how its autopilot answers to setpoints.
 
-Course: a course error asks for a bank, the roll follows with a lag, the bank turns the aircraft. Where no
-lag is declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is
-one, for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small errors
-at the cruise airspeed.
-Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag where one is declared.
+How an autopilot answers to its setpoints: after a dead time, with a lag; forwards and backwards. Course: a
+course error asks for a bank, the roll follows with a lag, the bank turns the aircraft. Where no lag is
+declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is one,
+for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small errors at
+the cruise airspeed. Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag where one
+is declared.
 """
 
 import math
 from dataclasses import dataclass, replace
 
 from vfguide.angles import wrap_angle
-from vfguide.guidance.limits import GRAVITY
-from vfguide.guidance.wind_triangle import airspeed_for_ground_velocity, polar
+from vfguide.elementwise import Number, clip, like
+from vfguide.guidance.wind_triangle import (
+    airspeed_for_ground_velocity,
+    ground_speed_on_course,
+    polar,
+)
 from vfguide.state import Airframe, VehicleState
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s²."""
+
+
+def saturation(value: Number) -> Number:
+    """sat(.) of the sliding-mode laws: the value itself inside [-1, 1], its sign outside."""
+    return clip(value, -1.0, 1.0)
+
+
+def bank_limited_turn_rate(max_bank: float, speed: Number) -> Number:
+    """Greatest turn rate (rad/s) of a coordinated turn: g tan(phi_max) / V.
+
+    Args:
+        max_bank: bank limit phi_max, rad, in (0, pi/2).
+        speed: speed V through the medium that is turned in, m/s, positive.
+    """
+    return GRAVITY * math.tan(max_bank) / speed
+
+
+def speed_range(state: VehicleState[Number], airframe: Airframe) -> tuple[Number, Number]:
+    """(slowest, fastest) that a vehicle's speed hold may be told, m/s.
+
+    Of a heading hold it is the airspeed range; of a course hold the ground speeds that the airspeed range
+    comes to on the present course, in the present wind.
+    """
+    if airframe.hold == "course-hold":
+        return ground_speed_range(state.course, state.wind_north, state.wind_east, airframe)
+    return (
+        like(airframe.airspeed_min, state.airspeed),
+        like(airframe.airspeed_max, state.airspeed),
+    )
+
+
+def ground_speed_range(
+    course: Number, wind_north: Number, wind_east: Number, airframe: Airframe
+) -> tuple[Number, Number]:
+    """(slowest, fastest) ground speed on a course (rad) in a wind (m/s, toward), m/s: the wind triangle."""
+    slowest = like(airframe.airspeed_min, course)
+    fastest = like(airframe.airspeed_max, course)
+    return (
+        ground_speed_on_course(slowest, course, wind_north, wind_east),
+        ground_speed_on_course(fastest, course, wind_north, wind_east),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

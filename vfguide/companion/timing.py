@@ -1,18 +1,84 @@
-"""When messages of an aircraft were true, whose clock nobody can read.
+"""The formation's shared clock, the clock of a leader that none can read, and stops of this process.
 
-Each message carries the sender's time. No message is read before it was sent, so the least difference
-between the reader's clock and the stamps is the one with the least delay in it. Later ones are late by the
-rest, and that is known to milliseconds. How long the fastest message took is not in the messages: a delay
-that all of them have looks like a clock that is behind. An autopilot that answers TIMESYNC shows it: no
-question is answered before it was asked, so the greatest difference between asking and the answer's stamp is
-the one with the least delay on the way there, and the truth lies midway between both, as far as the fastest
-each way take alike. Of one that does not answer the mission may tell it (`leader.least_delay_s`); what is
-missing there puts followers behind their slots by that time at the formation's speed.
+When messages of an aircraft were true, whose clock nobody can read. Each message carries the sender's time.
+No message is read before it was sent, so the least difference between the reader's clock and the stamps is
+the one with the least delay in it. Later ones are late by the rest, and that is known to milliseconds. How
+long the fastest message took is not in the messages: a delay that all of them have looks like a clock that
+is behind. An autopilot that answers TIMESYNC shows it: no question is answered before it was asked, so the
+greatest difference between asking and the answer's stamp is the one with the least delay on the way there,
+and the truth lies midway between both, as far as the fastest each way take alike. Of one that does not
+answer the mission may tell it (`leader.least_delay_s`); what is missing there puts followers behind their
+slots by that time at the formation's speed.
 """
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedClock:
+    """From one's own clock to the formation's and back."""
+
+    to_own: Callable[[float], float] = float
+    """A time of the shared clock on one's own, s; NaN while not known."""
+    from_own: Callable[[float], float] = float
+    """A time of one's own clock on the shared one, s; NaN while not known."""
+
+
+SAME_CLOCK = SharedClock()
+"""Where all companions read one clock."""
+
+
+HANG_S = 2.0
+"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
+
+STALL_S = 0.5
+"""After longer than this between two calls modes are commanded only once a new question was answered: what is
+read first has waited."""
+
+AWAKE_S = 1.0
+"""For so long after a hang what waited in buffers arrives."""
+
+
+class Wakefulness:
+    """When one companion was called last, and what that means for what it hears now; times in s."""
+
+    def __init__(self) -> None:
+        """Was never called."""
+        self._called = -math.inf
+        self._awake = -math.inf
+        self._stalled = -math.inf
+        self.since = math.inf
+        """Since when it is called without a hang."""
+
+    def note_call(self, now: float) -> float:
+        """Note a call.
+
+        Returns:
+            For how long it hung before, s; 0 if it did not.
+        """
+        before, self._called = self._called, now
+        away = now - before
+        if away > HANG_S:
+            self.since = now
+        if not STALL_S < away < math.inf:
+            return 0.0
+        self._stalled = now
+        if away <= HANG_S:
+            return 0.0
+        self._awake = now + AWAKE_S
+        return away
+
+    def is_waking(self, now: float) -> bool:
+        """Whether what arrives now has waited: then nothing goes by it."""
+        return now < self._awake
+
+    def is_stale(self, stamp: float) -> bool:
+        """Whether something was true at a time (s) before the last stall."""
+        return stamp < self._stalled
+
 
 DRIFT = 100e-6
 """s/s by which two clocks may run apart: the least difference grows with it, and does not rule for ever."""

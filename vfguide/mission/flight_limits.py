@@ -1,0 +1,295 @@
+"""What a mission asks of its vehicles on turns, climbs and slots, against what they can fly.
+
+Before take-off: does anything have to turn faster than its bank limit allows? Nelson et al., Vector field
+path following for miniature air vehicles, IEEE T-RO 2007, for the field.
+
+Before take-off: can everybody climb as the path does, and fly faster in its slot meanwhile? The fastest
+climb that a vehicle keeps up at cruise is its whole excess of power. What a climb leaves of it is an
+acceleration a = g (climb_max - climb) / V, all that a follower has to get back into its slot with.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate
+from vfguide.guidance.formation import Slot
+from vfguide.mission.conditions import Conditions
+from vfguide.mission.finding import Finding
+from vfguide.mission.flight_path import Location
+from vfguide.mission.model import Follower, Mission
+
+FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
+"""0.385: greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
+
+
+def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
+    """Greatest turn rate (rad/s) of the field around a straight path: 0.385 k V_g (2/pi) chi_inf.
+
+    On the field the course is chi_inf (2/pi) atan(k e) off the path, the error shrinks at V_g times the sine
+    of that, and the field's course changes by chi_inf (2/pi) k / (1 + (k e)^2) for each metre. Exact for
+    chi_inf = pi/2 and an upper bound below.
+
+    Args:
+        gain: k, 1/m.
+        ground_speed: V_g, m/s.
+        approach: chi_inf, rad, at most pi/2.
+    """
+    return FIELD_TURN_CONSTANT * gain * ground_speed * (2.0 / math.pi) * approach
+
+
+def bank_for(ground_speed: float, turn_rate: float) -> float:
+    """Bank (rad) of a turn: atan(V omega / g), with V in m/s and omega in rad/s."""
+    return math.atan(ground_speed * abs(turn_rate) / GRAVITY)
+
+
+def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Arcs of the path that the leader or a slot's vehicle cannot fly."""
+    airspeed = mission.leader.airspeed_m_s
+    turn_rate = conditions.turn_rate(airspeed)
+    for location, name, slot in _everyone(mission):
+        speed = np.hypot(*conditions.slot_velocity(airspeed, slot))
+        worst = int(np.argmax(speed * np.abs(turn_rate)))
+        bank = math.degrees(bank_for(float(speed[worst]), float(turn_rate[worst])))
+        allowed = mission.vehicles[name].max_bank_deg
+        if bank > allowed:
+            message = (
+                f"'{name}' has to bank {bank:.0f}° on the turn at up to {speed[worst]:.1f} m/s "
+                f"over ground, its limit is {allowed:g}°"
+            )
+            remedy = (
+                "widen the path's turns, fly slower, or move the slot to the inside of the turn"
+            )
+            yield Finding("error", location, message, remedy)
+
+
+def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot[float]]]:
+    """(where the mission places it, vehicle, offset from the leader) of the leader and each follower."""
+    yield ("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0)
+    for index, follower in enumerate(mission.followers):
+        slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
+        yield ("followers", index, "slot"), follower.vehicle, slot
+
+
+def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """A path field that turns faster than the leader can while it joins the path."""
+    path = mission.path
+    speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).max())
+    curvature = float(np.abs(conditions.curvature).max())
+    max_bank = math.radians(mission.leader_vehicle.max_bank_deg)
+    allowed = bank_limited_turn_rate(max_bank, speed)
+    field = field_turn_rate(path.gain, speed, path.approach_angle)
+    needed = field + speed * curvature
+    if needed <= allowed:
+        return
+    message = (
+        f"joining the path, the field turns at up to {needed:.2f} rad/s at {speed:.1f} m/s over ground, "
+        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: "
+        "the leader cannot keep to it there"
+    )
+    room = allowed - speed * curvature
+    if room > 0.0:
+        remedy = (
+            f"lower gain to {math.floor(1000.0 * path.gain * room / field) / 1000.0:g} 1/m or less"
+        )
+    else:
+        remedy = "widen the path's turns or fly slower"
+    yield Finding("warning", ("path", "gain"), message, remedy)
+
+
+EXCESS_M_S2 = 0.25
+"""Less than this, and a follower that has lost 1 m/s takes more than 4 s to get it back."""
+
+
+def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Climbs and descents that are too fast for a vehicle, or that leave it nothing to keep its slot with."""
+    rates = conditions.ground_speed(mission.leader.airspeed_m_s) * conditions.slope
+    climb, sink = float(np.max(rates, initial=0.0)), float(-np.min(rates, initial=0.0))
+    names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
+    for name in sorted(names):
+        lowest, highest = mission.vehicles[name].climb_range_m_s
+        for needed, limit, doing in ((climb, highest, "climbs"), (sink, -lowest, "descends")):
+            yield from _finding(mission, name, needed, limit, doing)
+
+
+def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Paths that lead a vehicle of the formation below the origin."""
+    lowest = float(np.min(conditions.height, initial=0.0))
+    slots = [0.0, *(follower.slot.up_m for follower in mission.followers)]
+    height = mission.height_above_origin_m + lowest + min(slots)
+    if lowest < 0.0 and height <= 0.0:
+        yield Finding(
+            "error",
+            ("path",),
+            f"it leads the lowest vehicle {-height:.0f} m below the origin",
+            "raise the lowest height of the path, or height_above_origin_m",
+        )
+
+
+def _finding(
+    mission: Mission, name: str, needed: float, limit: float, doing: str
+) -> Iterator[Finding]:
+    """What to say of one vehicle that climbs or descends at a rate (m/s), and of its limit."""
+    if needed <= 0.0:
+        return
+    location = ("vehicles", name, "climb_range_m_s")
+    remedy = "make the path climb less steeply, or fly slower"
+    what = f"the path {doing} at up to {needed:.1f} m/s"
+    if needed > limit:
+        yield Finding("error", location, f"{what}, '{name}' at {limit:g} at most", remedy)
+        return
+    excess = GRAVITY * (limit - needed) / mission.leader.airspeed_m_s
+    if excess < EXCESS_M_S2:
+        change = "faster" if doing == "climbs" else "slower"
+        yield Finding(
+            "warning",
+            location,
+            f"{what}, which leaves '{name}' {excess:.2f} m/s² to fly {change} for its slot: its height will"
+            " give way to that",
+            remedy,
+        )
+
+
+AIRSPEED_STEPS = 41
+"""How finely the leader's airspeed range is searched for one that suits all followers."""
+
+TOLERANCE_M_S = 0.05
+"""An airspeed this little out of range is not worth a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlotNeed:
+    """A follower, and the airspeeds its slot takes while the leader keeps the mission's airspeed."""
+
+    index: int
+    follower: Follower
+    slot: Slot[float]
+    lowest: float
+    """m/s."""
+    highest: float
+    """m/s."""
+    range_m_s: tuple[float, float]
+    """What its vehicle can fly, m/s."""
+
+    @property
+    def location(self) -> Location:
+        """Where the mission gives the slot."""
+        return ("followers", self.index, "slot")
+
+    @property
+    def fits(self) -> bool:
+        """Whether the vehicle can fly all of it."""
+        least, most = self.range_m_s
+        return self.lowest >= least - TOLERANCE_M_S and self.highest <= most + TOLERANCE_M_S
+
+    @property
+    def text(self) -> str:
+        """The need in words."""
+        least, most = self.range_m_s
+        return (
+            f"this slot needs {self.lowest:.1f} to {self.highest:.1f} m/s of airspeed, "
+            f"'{self.follower.vehicle}' flies {least:g} to {most:g}"
+        )
+
+
+def leader_in_wind(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Wind that the leader cannot make way against."""
+    strongest = float(np.hypot(conditions.wind_north, conditions.wind_east).max())
+    airspeed = mission.leader.airspeed_m_s
+    if strongest >= airspeed:
+        message = f"the declared wind reaches {strongest:.1f} m/s, the leader's airspeed is {airspeed:g} m/s"
+        remedy = "raise leader.airspeed_m_s well above the wind, or wait for less of it"
+        yield Finding("error", ("wind",), message, remedy)
+
+
+def slots_beyond_centre(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Slots that would move backwards on a turn: V_l - omega g_y = V_l (1 - g_y / R) <= 0."""
+    for index, follower in enumerate(mission.followers):
+        least = float((1.0 - conditions.curvature * follower.slot.right_m).min())
+        if least <= 0.0:
+            yield Finding(
+                "error",
+                ("followers", index, "slot", "right_m"),
+                "on the turn this slot lies at or beyond the centre, where no aircraft can keep it",
+                "move the slot nearer to the leader, or to its other side, or widen the path's turns",
+            )
+
+
+def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Slots that need an airspeed their vehicles do not have, and whether the leader can help."""
+    needs = [_need(mission, conditions, index, one) for index, one in enumerate(mission.followers)]
+    misfits = [need for need in needs if not need.fits]
+    if not misfits:
+        return
+    lowest, highest = mission.leader_vehicle.airspeed_range_m_s
+    cruise = mission.leader.airspeed_m_s
+    searched = np.linspace(lowest, highest, AIRSPEED_STEPS)
+    airspeeds = np.union1d(searched, [cruise])[:, np.newaxis]
+    flyable = [_flyable(conditions, airspeeds, need) for need in needs]
+    hopeless = [need for need in misfits if not flyable[need.index].any(axis=0).all()]
+    for need in hopeless:
+        remedy = "move the slot nearer to the leader, widen the turn or the airspeed range"
+        message = f"{need.text}, and no airspeed of the leader changes that"
+        yield Finding("error", need.location, message, remedy)
+    if hopeless:
+        return
+    together = np.logical_and.reduce(flyable)
+    if not together.any(axis=0).all():
+        names = ", ".join(f"'{need.follower.vehicle}'" for need in misfits)
+        message = f"no airspeed of the leader suits all slots at once; out of range now: {names}"
+        remedy = "bring the slots closer together, widen the turn or the airspeed ranges"
+        yield Finding("error", ("followers",), message, remedy)
+        return
+    given = giving_way(together, airspeeds, cruise)
+    yield from (_misfit(mission, need, given) for need in misfits)
+
+
+def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tuple[float, float]:
+    """(most the leader must fly slower, most it must fly faster) than cruise, m/s, neither negative.
+
+    Args:
+        flyable: which airspeed (row) suits every slot in which condition (column).
+        airspeeds: the airspeed of each row, m/s, as a column.
+        cruise: the leader's airspeed in the mission, m/s.
+    """
+    change = np.where(flyable, airspeeds - cruise, np.inf)
+    nearest = np.take_along_axis(
+        change, np.abs(change).argmin(axis=0, keepdims=True), axis=0
+    ).ravel()
+    return float(-min(nearest.min(), 0.0)), float(max(nearest.max(), 0.0))
+
+
+def _need(mission: Mission, conditions: Conditions, index: int, follower: Follower) -> SlotNeed:
+    slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
+    airspeed = conditions.slot_airspeed(mission.leader.airspeed_m_s, slot)
+    span = mission.vehicles[follower.vehicle].airspeed_range_m_s
+    return SlotNeed(index, follower, slot, float(airspeed.min()), float(airspeed.max()), span)
+
+
+def _flyable(conditions: Conditions, airspeeds: FloatArray, need: SlotNeed) -> BoolArray:
+    """Which leader airspeed (row) lets the follower keep its slot in which condition (column)."""
+    least, most = need.range_m_s
+    airspeed = conditions.slot_airspeed(airspeeds, need.slot)
+    return (airspeed >= least - TOLERANCE_M_S) & (airspeed <= most + TOLERANCE_M_S)
+
+
+def _misfit(mission: Mission, need: SlotNeed, given: tuple[float, float]) -> Finding:
+    slower, faster = given
+    changes = [
+        f"{amount:.1f} m/s {way}"
+        for amount, way in ((faster, "faster"), (slower, "slower"))
+        if amount > 0.0
+    ]
+    change = " and ".join(changes) or "a little"
+    if mission.controller.give_way:
+        message = f"{need.text}; the leader gives way by up to {change}"
+        remedy = "to keep the leader's airspeed, move the slot nearer to it or widen the turn"
+    else:
+        message = f"{need.text}, and will fall out of its slot"
+        remedy = (
+            f"set controller.give_way: true (the leader would fly up to {change}), or move the slot"
+        )
+    return Finding("warning", need.location, message, remedy)
