@@ -12,11 +12,9 @@ fly by. It steers by no slot until one of them has repeated the order, as the op
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from vfguide.companion.order_limits import (
-    LATEST_S,
-    RouteEnd,
     age_objection,
     circle_objection,
     joining_objection,
@@ -26,20 +24,16 @@ from vfguide.companion.order_limits import (
     slot_objection,
     time_objection,
 )
-from vfguide.companion.plan import FlightPlan, KnownPath
+from vfguide.companion.ordered_flight import Order, OrderedFlight, leader_name
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import (
-    MAIN_PATH,
     Arrangement,
     Manoeuvre,
-    Point,
     agreed_number,
 )
-from vfguide.formation.transition import nearest_on
 from vfguide.formation.wording import order_in_words
-from vfguide.guidance.formation import Slot
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.laws.leader import LeaderTask
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
     Reply,
@@ -49,7 +43,6 @@ from vfguide.link.order_codec import (
     decode_reply,
     encode_reply,
 )
-from vfguide.paths.circle import Circle
 from vfguide.state import HeardState
 
 REPLY_S = 0.25
@@ -60,9 +53,6 @@ SETTLE_S = 0.5
 
 LATE_S = 30.0
 """For so long after its time an order that this companion has agreed to may turn out to be flown."""
-
-JUMP_S = 2.0
-"""A formation's clock that steps further is another one: the computer of its leader was started anew."""
 
 NO_TIME_S = 1e-3
 """Less than this is what numbers are rounded by."""
@@ -79,62 +69,11 @@ APPOINTED_S = 1.0
 PATIENCE_S = 3.0
 """An order that is known to be flown and was not repeated for so long is worth a text."""
 
-AHEAD_S = 8.0
-"""How near slots come is looked at for so long ahead."""
-
-LAYERED_M = 8.0
-"""Who is meant to be this much higher or lower flies in another layer ..."""
-
-LAYER_CLEAR_M = 7.0
-"""... and is out of the way while it is so much higher or lower."""
-
 ROUTE_ENDED = "the route is at its end: its flight is over"
 """Why nothing is steered any more."""
 
 CALLED_OFF = "everything was called off: no order brings the formation back, restart all companions"
 """Why no order but another abort is taken up any more."""
-
-GONE_M = 1000.0
-"""In place of the spacing to a vehicle that has no slot."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherSlot:
-    """The slot of another vehicle, as keeping clear of it needs it."""
-
-    slot: complex
-    """Forward + j right of the leader, m."""
-    rate: complex
-    """How it moves in the formation, m/s."""
-    spacing: float
-    """How near it comes to one's own soon, level, m."""
-    layered: bool
-    """Whether it is far enough above or below for that not to count."""
-
-
-@dataclass(slots=True)
-class Order:
-    """An order on its way: what it is, and what is known of it."""
-
-    arrangement: Arrangement
-    """What it asks for."""
-    signed: bytes
-    """As it came, to be repeated."""
-    check: int
-    """CRC-32 of its bytes: what it is told by from another of the same number."""
-    confirmed: bool = False
-    """Whether the leader has said that it is flown."""
-    offset_s: float = math.nan
-    """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
-
-    def is_meant_by(self, reply: Reply) -> bool:
-        """Whether an answer is about it, and not about another order of its number."""
-        return (reply.number, reply.check) == (self.arrangement.number, self.check)
-
-    def begins(self, time_s: float) -> bool:
-        """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
-        ahead_s = self.arrangement.time_s - time_s
-        return ahead_s <= 0.0 or ahead_s > LATEST_S
 
 
 class Arrangements:
@@ -150,9 +89,9 @@ class Arrangements:
         self._plan = plan
         self._clock = clock
         self._names = {plan.name, *(one.name for one in plan.others)}
-        self._leader = plan.name if plan.leads else next(
-            (one.name for one in plan.others if one.leads), ""
-        )  # fmt: skip
+        self._leader = leader_name(plan)
+        self.flight = OrderedFlight(plan, clock)
+        """By what is ordered."""
         self.coordinator = plan.timekeeper if plan.foreign_leader is not None else self._leader
         """Who decides whether an order is flown: the leader, or the deputy in its place.
 
@@ -160,19 +99,10 @@ class Arrangements:
         """
         self.joining_m = 0.0
         """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
-        self._flown: Order | None = None
         self._next: Order | None = None
-        self._circle: Circle | None = None
-        self._route: KnownPath | None = None
-        self.turn_radius = 0.0
-        """Radius of the last hold's circle, m; 0 before the first. Onto that circle, and from it back to the
-        path, a leader that is carried on turns no tighter."""
         self._appointed_s = -math.inf
-        self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._returned = self._moving = False
         self._last_up: float | None = None
-        self._route_end = RouteEnd()
-        self._ended: int | None = None
         self._refused: tuple[Order, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
@@ -188,69 +118,11 @@ class Arrangements:
         """Orders and answers that were not used, by reason."""
 
     @property
-    def flown(self) -> Arrangement | None:
-        """What is flown; None for the slots of the mission."""
-        return None if self._flown is None else self._flown.arrangement
-
-    @property
     def number(self) -> int:
         """Of what is flown or is certain to be: what the own states carry."""
         if self._next is not None and self._next.confirmed:
             return self._next.arrangement.number
-        return 0 if self._flown is None else self._flown.arrangement.number
-
-    @property
-    def has_left(self) -> bool:
-        """Whether this vehicle is to be left to its autopilot: it has no place, or all was called off."""
-        flown = self.flown
-        if self.called_off is not None:
-            return True
-        if flown is None:
-            return False
-        return not self._plan.leads and flown.place_of(self._plan.name) is None
-
-    @property
-    def called_off(self) -> int | None:
-        """Number of the order with which everything has ended, 0 for none before; None while it goes on."""
-        if self._ended is not None:
-            return self._ended
-        flown = self.flown
-        return flown.number if flown is not None and flown.flown is Manoeuvre.ABORT else None
-
-    @property
-    def _has_aborted(self) -> bool:
-        return self._flown is not None and self._flown.arrangement.flown is Manoeuvre.ABORT
-
-    def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
-        """Take where the leader is on its path: at the end everybody goes back to the autopilot, for good.
-
-        Args:
-            path: that it follows.
-            point: of the path, where it is nearest to the leader.
-            steered: whether its companion steers it.
-        """
-        at_end = self._circle is None and self._route_end.passed(path, point, steered=steered)
-        if not at_end or self.called_off is not None:
-            return
-        self._ended = 0 if self._flown is None else self._flown.arrangement.number
-        self._say("the route is at its end: everybody back to the autopilot", warning=True)
-
-    @property
-    def circle(self) -> Circle | None:
-        """Where the leader circles by a hold; None on the mission's path."""
-        return self._circle
-
-    @property
-    def route(self) -> KnownPath | None:
-        """The path that an order has chosen, also during a hold; None before the first of them."""
-        return self._route
-
-    @property
-    def path(self) -> str | None:
-        """Name of the path that the leader follows; None in a hold, and once all was called off."""
-        if self._circle is not None or self.called_off is not None:
-            return None
-        return MAIN_PATH if self.flown is None else self.flown.path
+        return self.flight.number
 
     def leads_by_order(self, now: float) -> bool:
         """Whether this vehicle is to lead by an order that has just begun."""
@@ -287,36 +159,19 @@ class Arrangements:
         order = self._next
         if order is None or order.arrangement.number < number:
             return False
-        return self._time_of(order, now) < order.arrangement.time_s
+        return self.flight.time_of(order, now) < order.arrangement.time_s
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
-        if self._ended is not None:
+        if self.flight.is_over:
             return ROUTE_ENDED
-        if self.called_off is not None:
+        if self.flight.called_off is not None:
             return "everything was called off"
-        if self.has_left:
+        if self.flight.has_left:
             return "ordered out of the formation"
         if self.waits(now):
             return "the others fly by an order that is not known to it: see that all are heard"
         return None
-
-    def slot(self, vehicle: str, now: float) -> Slot[float] | None:
-        """The slot that an order has given to a follower, at a time (s of one's own clock), and its rates.
-
-        None by the mission's own slots, and for a vehicle that has left.
-        """
-        order = self._flown
-        if order is None or order.arrangement.place_of(vehicle) is None:
-            return None
-        return order.arrangement.slot(vehicle, self._time_of(order, now))
-
-    def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
-        """(height above the leader in m, its rate in m/s) of a slot that an order has given; see `slot`."""
-        order = self._flown
-        if order is None or order.arrangement.place_of(vehicle) is None:
-            return None
-        return order.arrangement.height(vehicle, self._time_of(order, now))
 
     def own_up(self, now: float) -> float:
         """Height of the own slot above the leader, m; after an abort the one it had when that began."""
@@ -324,45 +179,18 @@ class Arrangements:
             return self._last_up
         if self._plan.leads or self.coordinator == self._plan.name != self._plan.timekeeper:
             return 0.0
-        height = self.height(self._plan.name, now)
+        height = self.flight.height(self._plan.name, now)
         return self._plan.up if height is None else height[0]
-
-    def others(self, now: float) -> list[OtherSlot] | None:
-        """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
-        if self._flown is None:
-            return None
-        flown = self._flown.arrangement
-        if self._settled is not None and self._settled[0] is flown:
-            return self._settled[1]
-        own, own_later = (self.point(self._plan.name, time_s) for time_s in (now, now + AHEAD_S))
-        found = []
-        for other in self._plan.others:
-            here, later = (self.point(other.name, time_s) for time_s in (now, now + AHEAD_S))
-            moving = self.slot(other.name, now)
-            rate = 0j if moving is None else complex(moving.forward_rate, moving.right_rate)
-            if here is None or later is None or own is None or own_later is None:
-                place = 0j if here is None else complex(here.forward, here.right)
-                found.append(OtherSlot(slot=place, rate=rate, spacing=GONE_M, layered=False))
-                continue
-            before, after = here.minus(own), later.minus(own_later)
-            _, spacing = nearest_on(
-                Point(before.forward, before.right), Point(after.forward, after.right)
-            )
-            found.append(
-                OtherSlot(
-                    slot=complex(here.forward, here.right),
-                    rate=rate,
-                    spacing=max(spacing, 1.0),
-                    layered=abs(before.up) >= LAYERED_M,
-                )
-            )
-        if self._time_of(self._flown, now) > flown.time_s + flown.duration_s:
-            self._settled = flown, found
-        return found
 
     def adopt(self, plan: FlightPlan) -> None:
         """Go by another plan of the same vehicle from now on."""
         self._plan = plan
+        self.flight.adopt(plan)
+
+    def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
+        """At the end of the route everybody goes back to the autopilot, for good; see `OrderedFlight`."""
+        if self.flight.watch_route(path, point, steered=steered):
+            self._say("the route is at its end: everybody back to the autopilot", warning=True)
 
     def returns_to_formation(self) -> bool:
         """Whether an order has just brought this vehicle back; asked once."""
@@ -394,7 +222,7 @@ class Arrangements:
                 if not self._is_known(given):
                     self._refuse(given, objection)
                 return
-            if self._shared(now) < order.time_s:
+            if self.flight.shared_time(now) < order.time_s:
                 given.offset_s = math.inf
             self._begin(given, now)
         elif repeated:
@@ -409,7 +237,7 @@ class Arrangements:
         if order.number <= self.number and not calls_off:
             self.counters["order: not newer"] += 1
             return
-        if order.number <= self.number and self._has_aborted:
+        if order.number <= self.number and self.flight.has_aborted:
             self._reply(given, Verdict.FLOWN)
             return
         objection = (
@@ -468,7 +296,7 @@ class Arrangements:
         order = self._next
         if order is None:
             return
-        time_s = self._time_of(order, now)
+        time_s = self.flight.time_of(order, now)
         due_s = order.arrangement.time_s
         leads = self.coordinator == self._plan.name
         if leads and not order.confirmed:
@@ -489,10 +317,10 @@ class Arrangements:
 
     def _tell_of_rest(self, now: float) -> None:
         """Say once that what was ordered is carried out."""
-        if self._moving and self._flown is not None and self._left(now) <= 0.0:
+        if self._moving and self.flight.order is not None and self.flight.left(now) <= 0.0:
             self._moving = False
             self._say(
-                f"order {self._flown.arrangement.number} is carried out: all slots are at rest"
+                f"order {self.flight.order.arrangement.number} is carried out: all slots are at rest"
             )
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
@@ -506,44 +334,20 @@ class Arrangements:
         words, self._words = self._words, []
         return words
 
-    def _shared(self, now: float) -> float:
-        """A time on the formation's clock, s; where it is not known, after all motions."""
-        time_s = self._clock.from_own(now)
-        return time_s if math.isfinite(time_s) else math.inf
-
-    def _time_of(self, order: Order, now: float) -> float:
-        """The same on the clock by which an order is flown: slots do not jump where the clock does."""
-        time_s, expected_s = self._shared(now), now + order.offset_s
-        if math.isnan(expected_s) or abs(time_s - expected_s) <= JUMP_S:
-            order.offset_s = time_s - now if math.isfinite(time_s) else order.offset_s
-            return time_s
-        return expected_s
-
-    def point(self, vehicle: str, now: float) -> Point | None:
-        """Where a slot is that was ordered; None by the mission's own, and for a vehicle that has left."""
-        if self.flown is None:
-            return None
-        if vehicle == self._leader:
-            return Point(0.0, 0.0)
-        slot, height = self.slot(vehicle, now), self.height(vehicle, now)
-        if slot is None or height is None:
-            return None
-        return Point(slot.forward, slot.right, height[0])
-
     def _is_known(self, given: Order) -> bool:
         """Whether an order of this number was taken already; it is answered again where that is not to come.
 
         Another order of the same number is refused: whoever flies by the number would not fly the same.
         """
         refused = None if self._refused is None else self._refused[0]
-        for known in (self._next, self._flown, refused):
+        for known in (self._next, self.flight.order, refused):
             if known is None or known.arrangement.number != given.arrangement.number:
                 continue
             if known.check != given.check and given.arrangement.flown is Manoeuvre.ABORT:
                 continue
             if known.check != given.check:
                 self._reply(given, Verdict.REFUSED, "another order has this number: give it again")
-            elif known is self._flown:
+            elif known is self.flight.order:
                 self._reply(given, Verdict.FLOWN)
             elif self._refused is not None and known is refused:
                 self._reply(given, Verdict.REFUSED, self._refused[1])
@@ -553,11 +357,11 @@ class Arrangements:
     def _is_missed(self, given: Order, now: float) -> bool:
         """Whether an order is one that others fly by already."""
         order = given.arrangement
-        if self.called_off is not None and order.flown is not Manoeuvre.ABORT:
+        if self.flight.called_off is not None and order.flown is not Manoeuvre.ABORT:
             return False
         flying = self._newest(now) == order.number
-        due = order.flown is Manoeuvre.ABORT or given.begins(self._shared(now))
-        newer = self._flown is None or order.number > self._flown.arrangement.number
+        due = order.flown is Manoeuvre.ABORT or given.begins(self.flight.shared_time(now))
+        newer = self.flight.order is None or order.number > self.flight.order.arrangement.number
         return flying and due and newer
 
     def _begin(self, order: Order, now: float) -> None:
@@ -568,44 +372,20 @@ class Arrangements:
         if order.arrangement.flown is Manoeuvre.ABORT:
             # An abort tells the mission's slots: it is given without knowing the present ones.
             self._last_up = self.own_up(now)
-        had_left = self.has_left
-        self._flown, self._next = order, None
-        self._returned, self._moving = had_left and not self.has_left, False
-        self._circle = self._circle_of(order.arrangement)
-        if self._circle is not None:
-            self.turn_radius = self._circle.radius
-        self._route = self._route_of(order.arrangement)
+        had_left = self.flight.has_left
+        self.flight.begin(order)
+        self._next = None
+        self._returned, self._moving = had_left and not self.flight.has_left, False
         self._older.clear()
         self._reply(order, Verdict.FLOWN)
         number, what = order.arrangement.number, order.arrangement.flown
         if what is Manoeuvre.ABORT:
             self._say(f"order {number}: everybody back to the autopilot", warning=True)
-        elif self.has_left:
+        elif self.flight.has_left:
             self._say(f"order {number}: out of the formation, back to the autopilot", warning=True)
         else:
             self._say(f"order {number} is flown from now on: {order_in_words(order.arrangement)}")
-            self._moving = self._left(now) > 0.0
-
-    def _circle_of(self, order: Arrangement) -> Circle | None:
-        """The circle of a hold, as a path."""
-        found = order.circle
-        if found is None:
-            return None
-        north, east = self._plan.frame.to_local(found.latitude_deg, found.longitude_deg)
-        return Circle(
-            north=north,
-            east=east,
-            radius=found.radius_m,
-            direction=1 if found.clockwise else -1,
-        )
-
-    def _route_of(self, order: Arrangement) -> KnownPath | None:
-        """The path that an order has chosen; its field leads onto it by turns of the order's radius."""
-        known, radius = self._plan.paths.get(order.path), order.turn_radius_m
-        if known is None or radius <= 0.0:
-            return None
-        gains = replace(known.gains, gain=min(known.gains.gain, 1.0 / radius))
-        return KnownPath(known.path, gains, least_radius=radius)
+            self._moving = self.flight.left(now) > 0.0
 
     def _void(self, order: Order, reason: str) -> None:
         self._next, self._refused = None, (order, reason)
@@ -648,7 +428,7 @@ class Arrangements:
 
     def _note_older(self, vehicle: str, number: int, now: float) -> None:
         """Repeat the order that is flown for a vehicle that does not know it, not all companions at once."""
-        flown = self._flown
+        flown = self.flight.order
         if flown is None or number >= flown.arrangement.number:
             self._older.pop(vehicle, None)
             return
@@ -660,8 +440,8 @@ class Arrangements:
 
     def _objection(self, order: Arrangement, now: float) -> str | None:
         """Why this companion cannot carry out an order, in words; None if it can."""
-        if self.called_off is not None:
-            return CALLED_OFF if self._ended is None else ROUTE_ENDED
+        if self.flight.called_off is not None:
+            return ROUTE_ENDED if self.flight.is_over else CALLED_OFF
         time_s = self._clock.from_own(now)
         if not math.isfinite(time_s):
             return "the formation's time is not known to this companion yet"
@@ -680,12 +460,12 @@ class Arrangements:
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
-        left_s = self._left(now) - (order.time_s - self._clock.from_own(now))
+        left_s = self.flight.left(now) - (order.time_s - self._clock.from_own(now))
         if left_s > NO_TIME_S:
             return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
         if (objection := nearness_objection(order, self._leader)) is not None:
             return objection
-        circle = self._circle_of(order)
+        circle = self.flight.circle_of(order)
         if circle is not None:
             places = self._places.values() if self._places else [(0.0, 0.0)]
             objection = circle_objection(circle, self._plan.airframe, places)
@@ -698,29 +478,13 @@ class Arrangements:
         if objection is not None:
             return objection
         # Slots may still be on their way now, and at rest at its time.
-        begin = self._own_slot(now + order.time_s - self._clock.from_own(now))
+        begin = self.flight.own_slot(now + order.time_s - self._clock.from_own(now))
         return slot_objection(order, place, self._plan, begin)
 
     def _steered(self, vehicle: str, now: float) -> bool | None:
         """Whether a vehicle's companion steers it, by what it said last; None where it is not heard."""
         _, steered, time_s = self._numbers.get(vehicle, (0, False, -math.inf))
         return steered if now - time_s <= HEARD_S else None
-
-    def _left(self, now: float) -> float:
-        """How long the slots still move by what is flown, s; not positive once they have arrived."""
-        if self._flown is None:
-            return -math.inf
-        flown = self._flown.arrangement
-        return flown.time_s + flown.duration_s - self._time_of(self._flown, now)
-
-    def _own_slot(self, now: float) -> Point | None:
-        """Where the own slot is at a time (s of one's own clock); None for a vehicle that has left."""
-        if self._flown is not None:
-            return self.point(self._plan.name, now)
-        if isinstance(self._plan.task, LeaderTask):
-            return None
-        slot = self._plan.task.slot
-        return Point(slot.forward, slot.right, self._plan.up)
 
     def _reply(self, order: Order, verdict: Verdict, text: str = "") -> None:
         number = order.arrangement.number

@@ -185,8 +185,8 @@ class Companion:
             setpoint=self._steering.setpoint,
             lyapunov=self._lyapunov,
             slot=self._slot,
-            left=self._arrangements.has_left,
-            path=self._arrangements.path,
+            left=self._arrangements.flight.has_left,
+            path=self._arrangements.flight.path,
             lead=self._role.lead if self._mode.steers else None,
         )
 
@@ -200,7 +200,7 @@ class Companion:
     @property
     def arrangement(self) -> Arrangement | None:
         """What it flies by; None for the slots of the mission."""
-        return self._arrangements.flown
+        return self._arrangements.flight.flown
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link, or a datagram of a leader without a companion."""
@@ -368,7 +368,7 @@ class Companion:
 
         Infinite, too, where there is no slot to steer by: ordered away, or the order is not known.
         """
-        if self._stands_back or self._arrangements.has_left or self._arrangements.waits(now):
+        if self._stands_back or self._arrangements.flight.has_left or self._arrangements.waits(now):
             return math.inf
         return self._role.leader_age(now)
 
@@ -507,7 +507,7 @@ class Companion:
         self._interval = navigated.interval
         self._distance, self._slot = step.distance, step.slot
         # Who has left the formation has no slot to be away from.
-        if not self._arrangements.has_left:
+        if not self._arrangements.flight.has_left:
             self._plotted.note(step, now)
         out.share(step)
         self._tell_followers(step, navigated, out)
@@ -585,7 +585,7 @@ class Companion:
         if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
-        told = self._stopped or self._arrangements.has_left
+        told = self._stopped or self._arrangements.flight.has_left
         if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not told:
             out.warn(
                 "nothing to steer by: handed back to the autopilot, watch that it loiters;"
@@ -600,7 +600,7 @@ class Companion:
         young = self._own.greatest_age(now) <= YOUNG_S
         return self._loiter_height.due(
             up=self._arrangements.own_up(now),
-            called_off=self._arrangements.called_off,
+            called_off=self._arrangements.flight.called_off,
             returned=control is Control.RETURNED and young,
             engaged=control is Control.GUIDED,
             altitude_amsl=self._own_altitude,
@@ -619,7 +619,7 @@ class Companion:
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._role.leader_age(now) < math.inf
-        gone = gone or self._arrangements.has_left
+        gone = gone or self._arrangements.flight.has_left
         if gone or self._steering.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter

@@ -219,7 +219,7 @@ class FollowerRole(Role):
         known = self._routed_leader()
         if isinstance(known, ForeignLeader):
             return held_height(known.height)
-        if self._arrangements.circle is not None and self._leader_height is not None:
+        if self._arrangements.flight.circle is not None and self._leader_height is not None:
             return held_height(self._leader_height)
         found = path_height(known.path, point, leader, flying=known.height, ahead_s=ahead_s)
         self._leader_height = found.height
@@ -252,7 +252,7 @@ class FollowerRole(Role):
 
     def _slot_height(self, time_s: float) -> tuple[float, float]:
         """(height of the slot above the leader in m, its rate in m/s) at a time of the own clock, s."""
-        return self._arrangements.height(self._plan.name, time_s) or (self._plan.up, 0.0)
+        return self._arrangements.flight.height(self._plan.name, time_s) or (self._plan.up, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
@@ -344,19 +344,19 @@ class FollowerRole(Role):
 
     def slot_at(self, time_s: float) -> Slot[float]:
         """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
-        return self._arrangements.slot(self._plan.name, time_s) or self._task.slot
+        return self._arrangements.flight.slot(self._plan.name, time_s) or self._task.slot
 
     def _known_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader: on a path of the mission, or on the circle of a hold."""
-        known, circle = self._routed_leader(), self._arrangements.circle
+        known, circle = self._routed_leader(), self._arrangements.flight.circle
         if circle is None or isinstance(known, ForeignLeader):
             return known
-        return replace(known, path=circle, least_radius=self._arrangements.turn_radius)
+        return replace(known, path=circle, least_radius=self._arrangements.flight.turn_radius)
 
     def _routed_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader, whether it holds now or not."""
-        known, route = self._task.leader, self._arrangements.route
-        radius = self._arrangements.turn_radius
+        known, route = self._task.leader, self._arrangements.flight.route
+        radius = self._arrangements.flight.turn_radius
         if isinstance(known, ForeignLeader) or (route is None and radius == 0.0):
             return known
         if route is None:
@@ -369,7 +369,7 @@ class FollowerRole(Role):
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
         self._note_wind(navigated)
-        self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
+        self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
         leader = self._leader_at(navigated)
         if leader is None:
             return RoleStep(
@@ -429,7 +429,7 @@ class FollowerRole(Role):
             along_track=error.along_track,
             cross_track=error.cross_track,
             up=math.nan if breaks_away else self._up(navigated),
-            slot=self._arrangements.point(self._plan.name, navigated.state.time_s),
+            slot=self._arrangements.flight.point(self._plan.name, navigated.state.time_s),
         )
 
     def _up(self, navigated: NavigatedState) -> float:

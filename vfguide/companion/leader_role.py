@@ -72,7 +72,7 @@ class LeaderRole(Role):
         if navigated.moved or task.path is not self._task.path:
             self._memory = FIRST
         self._task = task
-        self._traffic.arrange(self._arrangements.others(navigated.state.time_s))
+        self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:
@@ -83,7 +83,7 @@ class LeaderRole(Role):
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
-        if self._arrangements.circle is None:
+        if self._arrangements.flight.circle is None:
             target = path_height(
                 self._task.path,
                 guidance.point,
@@ -124,12 +124,12 @@ class LeaderRole(Role):
 
     def _ordered_task(self, now: float) -> LeaderTask:
         """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""
-        if self._arrangements.flown is None:
+        if self._arrangements.flight.flown is None:
             return self._mission_task
         task, circle, route = (
             self._mission_task,
-            self._arrangements.circle,
-            self._arrangements.route,
+            self._arrangements.flight.circle,
+            self._arrangements.flight.route,
         )
         if route is not None:
             task = replace(
@@ -138,7 +138,7 @@ class LeaderRole(Role):
                 path_gains=route.gains,
                 least_radius=0.0 if circle is not None else route.least_radius,
             )
-        slots = [self._arrangements.slot(name, now) for name in self._plan.neighbours]
+        slots = [self._arrangements.flight.slot(name, now) for name in self._plan.neighbours]
         return replace(
             task,
             path=task.path if circle is None else circle,

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vfguide.companion.arrangements import LAYER_CLEAR_M, OtherSlot
 from vfguide.companion.leader_telemetry import LeaderTelemetry
+from vfguide.companion.ordered_flight import LAYER_CLEAR_M, OtherSlot
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
     ALONG_S,

@@ -103,7 +103,7 @@ class Formation:
     def flown(self) -> dict[str, int]:
         """Number of what each flies."""
         return {
-            name: 0 if member.flown is None else member.flown.number
+            name: 0 if member.flight.flown is None else member.flight.flown.number
             for name, member in self.members.items()
         }
 
@@ -160,7 +160,7 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
     formation.run(10.05)
     assert formation.flown == dict.fromkeys(NAMES, 1)
     # Half of the way at half of the time.
-    slot = formation.members["leader"].slot("f1", 15.0)
+    slot = formation.members["leader"].flight.slot("f1", 15.0)
     assert slot is not None
     assert slot.forward == pytest.approx(1.25 * slots["f1"].forward)
     assert {name for name, reply in formation.said if reply.verdict is Verdict.FLOWN} == set(NAMES)
@@ -289,7 +289,7 @@ def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
         Arrangement(number=4, time_s=0.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
     )
     assert formation.flown == dict.fromkeys(NAMES, 4)
-    assert all(member.has_left for member in formation.members.values())
+    assert all(member.flight.has_left for member in formation.members.values())
 
 
 @pytest.mark.parametrize("restarted", NAMES)
@@ -330,13 +330,13 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order(
     stay = tuple(Place(vehicle=name, begin=slots[name], end=slots[name]) for name in ("f1", "f3"))
     formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
     formation.run(20.0)
-    assert [name for name in NAMES if formation.members[name].has_left] == ["f2"]
+    assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
     everybody = tuple(Place(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
     formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
     formation.run(30.1)
-    assert not formation.members["f2"].has_left
+    assert not formation.members["f2"].flight.has_left
     assert formation.members["f2"].returns_to_formation()
     assert not formation.members["f2"].returns_to_formation()
 
@@ -406,18 +406,18 @@ def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
     abort = called_off(number=4, time_s=99.0)
     for data in (abort, encode_order(further(slots, time_s=104.0))):
         member.receive_order(data, data, 100.0, repeated=True)
-    assert member.flown is None
+    assert member.flight.flown is None
     assert member.to_say() == ([], [])
     member.hear("leader", heard(100.0, 4), 100.0)
     member.receive_order(abort, abort, 100.1, repeated=True)
-    assert member.has_left
+    assert member.flight.has_left
 
 
 @pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
 def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> None:
     member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
     member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
-    assert member.has_left is flown
+    assert member.flight.has_left is flown
     (data,), _ = member.to_say()
     reply = decode_reply(data)
     assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
@@ -427,7 +427,7 @@ def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
     unknown = SharedClock(from_own=lambda _: math.nan)
     member = Arrangements(plan(vehicle="f1"), unknown)
     member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
-    assert member.has_left
+    assert member.flight.has_left
 
 
 @pytest.mark.parametrize("number", [3, 4])
@@ -446,14 +446,14 @@ def test_an_abort_is_flown_whatever_its_number(
         abort = called_off(number=number, time_s=formation.now)
         member.receive_order(abort, abort, formation.now)
         member.receive_order(abort, abort, formation.now)
-        assert member.has_left
+        assert member.flight.has_left
         replies = [decode_reply(data) for data in member.to_say()[0]]
         expected = (number, Verdict.FLOWN, check_of(abort))
         assert [(one.number, one.verdict, one.check) for one in replies] == [expected] * 2
     # By the greater number, and what was pending is flown by nobody.
     formation.run(20.0)
     assert set(formation.flown.values()) == {4 if now > 10.0 else number}
-    assert all(member.has_left for member in formation.members.values())
+    assert all(member.flight.has_left for member in formation.members.values())
 
 
 def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: MakePlan) -> None:
@@ -487,7 +487,7 @@ def test_an_old_abort_of_a_lower_number_is_not_flown(
     formation.give(
         Arrangement(number=3, time_s=9.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
     )
-    assert not any(member.has_left for member in formation.members.values())
+    assert not any(member.flight.has_left for member in formation.members.values())
 
 
 def test_no_order_brings_a_formation_back_after_an_abort(
@@ -512,7 +512,7 @@ def test_no_order_brings_a_formation_back_after_an_abort(
     member.hear("leader", heard(15.0, 6), 15.0)
     for repeated in (True, False):
         member.receive_order(order, order, 15.1, repeated=repeated)
-        assert member.called_off == 4
+        assert member.flight.called_off == 4
     # The same abort is answered as before, and a further one is flown.
     formation.give(
         Arrangement(number=7, time_s=15.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
@@ -539,10 +539,10 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
     member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
     member.hear("leader", heard(6.0, 1), 6.0)
     member.step(10.0)
-    before = member.slot("f1", at_s)
+    before = member.flight.slot("f1", at_s)
     clock.ahead_s = -20.0
     member.step(at_s)
-    after = member.slot("f1", at_s)
+    after = member.flight.slot("f1", at_s)
     assert before is not None
     assert after is not None
     assert after.forward == pytest.approx(before.forward)
@@ -583,7 +583,7 @@ def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_other
     data = encode_order(further(slots, number=7, time_s=100010.0))
     leader.receive_order(data, data, 20.0, repeated=True)
     assert not leader.waits(20.0)
-    slot = leader.slot("f1", 20.0)
+    slot = leader.flight.slot("f1", 20.0)
     assert slot is not None
     assert slot.forward == 1.5 * slots["f1"].forward
 
@@ -620,7 +620,7 @@ def test_the_number_of_one_vehicle_stops_nobody(plan: MakePlan) -> None:
     # Nor does it bring back what was called off in another flight.
     old = called_off(number=2**32 - 1, time_s=5.0)
     member.receive_order(old, old, 5.0, repeated=True)
-    assert member.flown is None
+    assert member.flight.flown is None
 
 
 @pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
@@ -712,7 +712,7 @@ def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) 
     formation.run(60.0)
     formation.start("f2")
     formation.run(64.0)
-    assert formation.members["f2"].has_left
+    assert formation.members["f2"].flight.has_left
 
 
 def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time(
@@ -753,9 +753,9 @@ def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentl
     formation.run(5.0)
     formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
     formation.run(9.9)
-    assert [one.route for one in formation.members.values()] == [None] * len(NAMES)
+    assert [one.flight.route for one in formation.members.values()] == [None] * len(NAMES)
     formation.run(10.05)
-    routes = [one.route for one in formation.members.values()]
+    routes = [one.flight.route for one in formation.members.values()]
     assert all(one is not None and one.least_radius == pytest.approx(125.0) for one in routes)
     # 1 / 125 m is less than the path's own 0.03 1/m.
     assert {one.gains.gain for one in routes if one is not None} == {0.008}

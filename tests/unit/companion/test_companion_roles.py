@@ -400,5 +400,5 @@ def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has(plan:
     )  # fmt: skip
     arrangements.hear("f1", state, 3.0)
     arrangements.receive_order(encode_order(hold), b"", 3.0, repeated=True)
-    assert arrangements.circle is not None
+    assert arrangements.flight.circle is not None
     assert role.step(at[1], Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from vfguide.companion.order_limits import RouteEnd
+from vfguide.companion.ordered_flight import RouteEnd
 from vfguide.guidance.path import PathPoint
 from vfguide.mission.feasibility import hand_back_at_the_end
 from vfguide.mission.model import Mission
