@@ -41,6 +41,8 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
         InputError: it cannot be read, is something else, or tells of none of the vehicles.
     """
     ending = path.suffix.lower()
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; name the logs in it, one for each vehicle")
     if ending == ".tlog":
         return read_telemetry_log(path, mission)
     if ending == ".bin":
@@ -105,6 +107,10 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecor
                 f"{log.path}: is of {names[log.system_id]!r}, as {earlier.path} is; "
                 "give one log for each vehicle"
             )
+    leader = mission.leader
+    if mission.leader_vehicle.system_id not in by_system:
+        told = ", ".join(f"{log.path} is of {names[log.system_id]!r}" for log in by_system.values())
+        raise InputError(f"{told}; give the log of the leader {leader.vehicle!r}, too")
     shifts, clock = common_clock(logs)
     found = FlightRecordings(
         mission=mission,
