@@ -1,7 +1,8 @@
 """How a report's replay loads, plays and scrolls in a headless Chromium without a graphics card.
 
-`python tests/benchmarks/replay.py REPORT.html` (or the address that `vfguide console --replay DIR` prints) tells
-the size of the file, the time until the picture stands, pictures a second while it plays and while it is scrolled, and what the page keeps in memory.
+`python tests/benchmarks/replay.py REPORT.html` tells the file's size, the time until the picture stands,
+pictures a second while it plays and while it is scrolled, and what the page keeps in memory. The address that
+`vfguide console --replay DIR` prints may stand in place of the file.
 """
 
 import argparse
