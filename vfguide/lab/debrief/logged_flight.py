@@ -25,6 +25,9 @@ GROUND_CLOCK = (
     "the vehicles' speed times the difference of their clocks"
 )
 
+NO_ORDERS = "slots and path are the mission's own: an autopilot's log tells of no orders"
+"""What a reader has to know of a flight on which slots were ordered elsewhere."""
+
 ASKED_S = 2.0
 """s for which a setpoint holds where the log tells no other."""
 
@@ -117,7 +120,7 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecor
         recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in logs),
         shifts_s=shifts,
         clock=clock,
-        notes=(),
+        notes=(NO_ORDERS,),
     )
     record = flight_of(found)
     return replace(
