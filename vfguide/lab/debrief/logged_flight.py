@@ -11,7 +11,7 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
-from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
+from vfguide.lab.debrief.telemetry import Telemetry, read_setpoints, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
@@ -84,7 +84,9 @@ def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
                     autopilot="telemetry",
                     system_id=vehicle.system_id,
                     telemetry=telemetry,
-                    setpoints=np.empty((0, 3)),
+                    setpoints=read_setpoints(
+                        path, system_id=vehicle.system_id, start_s=first.time_s
+                    ),
                 )
             )
     if not found:
