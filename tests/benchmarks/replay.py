@@ -1,7 +1,8 @@
 """How a report's replay loads, plays and scrolls in a headless Chromium without a graphics card.
 
 `python tests/benchmarks/replay.py REPORT.html` tells the file's size, the time until the picture stands,
-pictures a second while it plays and while it is scrolled, and what the page keeps in memory.
+pictures a second while it plays and while it is scrolled, and what the page keeps in memory. The address that
+`vfguide console --replay DIR` prints may stand in place of the file.
 """
 
 import argparse
@@ -32,16 +33,22 @@ FRAMES = """([seconds, scroll]) => new Promise((done) => {
 """Pictures a second, as they come; while it is scrolled there and back in 6 s."""
 
 
-def measure(page: Page, file: Path) -> None:
-    """Open a report and print what it takes."""
-    began = time.monotonic()
-    page.goto(file.resolve().as_uri(), wait_until="load")
+def measure(page: Page, place: str) -> None:
+    """Open a report or a console and print what it takes."""
+    began, file = time.monotonic(), Path(place)
+    served = "://" in place
+    # The console's stream of events never ends.
+    page.goto(place if served else file.resolve().as_uri(), wait_until="load")
+    # The console's policy lets no waiting function of the driver's be evaluated in the page.
+    while not page.evaluate("() => Boolean(document.getElementById('replay')?.player)"):
+        page.wait_for_timeout(20)
     page.evaluate(
         "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
     )
-    tell(
-        f"{file}: {file.stat().st_size / 1e6:.2f} MB, stands after {time.monotonic() - began:.1f} s"
-    )
+    taken_s = time.monotonic() - began
+    size = "the console" if served else f"{file}: {file.stat().st_size / 1e6:.2f} MB"
+    tell(f"{size}, stands after {taken_s:.1f} s")
+    page.evaluate("() => document.getElementById('replay').player.pause()")
     tell(f"length: {float(page.locator('[data-part=slider]').get_attribute('max') or 0.0):.0f} s")
     page.locator("[data-part=play]").click()
     before = page.locator("[data-part=slider]").input_value()
@@ -62,19 +69,19 @@ def tell(text: str) -> None:
 
 
 def main() -> None:
-    """Measure the reports that are given."""
+    """Measure the reports and consoles that are given."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("reports", nargs="+", type=Path)
+    parser.add_argument("places", nargs="+", metavar="REPORT.html|URL")
     chosen = parser.parse_args()
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=program, args=["--disable-dev-shm-usage"]
         )
-        for file in chosen.reports:
+        for place in chosen.places:
             page = browser.new_page(viewport={"width": 1280, "height": 900})
             page.set_default_timeout(PATIENCE_MS)
-            measure(page, file)
+            measure(page, place)
             page.close()
         browser.close()
 

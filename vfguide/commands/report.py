@@ -72,8 +72,9 @@ def animate_flight(
         InputError: there is no flight in them, nothing to show, or the file cannot be written.
     """
     # Here, for the same reason as below.
-    from vfguide.lab.report.animation import write_animation
+    from vfguide.lab.report.animation import format_of, write_animation
 
+    format_of(file)
     refuse_file(file, force=force)
     record = read_flight(directories)
     with whole_file(file) as partial:
@@ -137,6 +138,8 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
             (partial / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
             write_report(record, partial)
     except OSError as error:
+        if isinstance(error, FileExistsError | NotADirectoryError):
+            raise InputError(f"{where}: is a file; give a directory with --out") from error
         raise InputError(
             f"{where}: cannot be written to ({error.strerror}); {WRITE_REMEDY}"
         ) from error

@@ -169,6 +169,8 @@ def with_doubt(response: Response, model: Model, seen: FloatArray) -> Response:
 def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice) -> str:
     """Why nothing can be told of a loop; empty where something can."""
     lasts_s = float(np.ptp(time_s[stretch])) if len(time_s[stretch]) else 0.0
+    if lasts_s == 0.0:
+        return "the record holds no setpoints of it with their answers"
     if lasts_s < LEAST_S:
         return f"{lasts_s:.0f} s of setpoints and answers are too short"
     told = vehicle.course_setpoint_rad if loop == "course" else vehicle.airspeed_setpoint_m_s

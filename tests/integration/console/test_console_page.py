@@ -26,6 +26,7 @@ from vfguide.lab.rehearsal.live import watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.mission import Mission, load_mission
+from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 
 OpenPage = Callable[..., AbstractAsyncContextManager[Page]]
@@ -81,6 +82,9 @@ def test_a_link_on_another_site_opens_the_page_at_the_first_press(
 def test_a_recorded_flight_plays_and_its_names_stay_text(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
+    said = FlightEvent(time_s=1.0, vehicle=HOSTILE, kind="order", text=f"order 1 {HOSTILE}")
+    record = replace(record, events=(said,))
+
     async def look() -> None:
         async with (
             served(RecordedFlight(record), Address(port=0), title=record.mission) as url,
@@ -97,6 +101,11 @@ def test_a_recorded_flight_plays_and_its_names_stay_text(
                 arg=before,
             )
             await expect(page.locator("#freshness")).to_contain_text("recorded flight")
+            await page.evaluate("document.getElementById('replay').player.pause()")
+            entry = page.locator("[data-part=events] button.order")
+            await expect(entry).to_contain_text(HOSTILE)
+            await entry.click()
+            assert float(await slider.input_value()) == 1.0
 
     asyncio.run(look())
 
@@ -185,6 +194,13 @@ def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_page: Ope
             await page.evaluate("document.getElementById('replay').player.seek(2)")
             await expect(flies).to_have_text("leader leads · the mission's formation")
             assert await page.evaluate(path) == "main"
+            # The order is an entry of the time line, too: it was heard of at the sample at 4.9 s.
+            entry = page.locator("[data-part=events] button")
+            await expect(entry).to_have_count(1)
+            await expect(entry).to_contain_text("order 7: ")
+            await entry.click()
+            assert await page.get_by_label("Time", exact=True).input_value() == "4.9"
+            await expect(flies).to_contain_text("order 7")
             await page.get_by_role("button", name="Back to now").click()
             await expect(flies).to_contain_text("order 7")
             assert await page.evaluate(path) == "other"

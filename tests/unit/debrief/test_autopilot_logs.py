@@ -19,6 +19,7 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
 from vfguide.lab.debrief.logged_flight import logged_flight, read_log
+from vfguide.lab.debrief.telemetry import read_setpoints
 from vfguide.lab.debrief.ulog import read_ulog, roll_of
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission.model import Mission
@@ -138,6 +139,38 @@ def test_a_ground_stations_log_tells_of_all_vehicles(mission: Mission, tmp_path:
     # Positions are told to 1.1 cm.
     assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
     assert any("the clock of the computer" in note for note in record.notes)
+
+
+def test_a_companions_log_tells_what_it_asked_for(tmp_path: Path) -> None:
+    log = TelemetryLog(foreign.BEGIN_UNIX_S)
+
+    def command(
+        time_s: float, number: int, *parameters: float, sender: tuple[int, int] = (1, 191)
+    ) -> None:
+        system_id, component = sender
+        padded = (*parameters, *(0.0,) * (4 - len(parameters)))
+        message = mavlink.MAVLink_command_int_message(
+            system_id, 1, 0, number, 0, 0, *padded, 0, 0, 0.0
+        )
+        packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component)
+        log.add(time_s, message.pack(packer))
+
+    # A course of 350 degrees alone is no setpoint yet; 0 is the type of a course, and of an airspeed.
+    command(1.0, 43002, 0, 350.0)
+    command(1.5, 43000, 0, 21.0)
+    command(2.0, 43002, 0, 90.0)
+    command(2.5, 178, 0, 22.0)
+    # A ground speed, another command, a ground station's command, another vehicle's companion.
+    command(3.0, 178, 1, 30.0)
+    command(3.5, 43001, 0, 100.0)
+    command(4.0, 43002, 0, 10.0, sender=(255, 190))
+    command(4.5, 43002, 0, 10.0, sender=(2, 191))
+    log.write(tmp_path / "a.tlog")
+    begin = foreign.BEGIN_UNIX_S
+    found = read_setpoints(tmp_path / "a.tlog", system_id=1, start_s=begin)
+    told = [(time_s - begin, math.degrees(course), speed) for time_s, course, speed in found]
+    wanted = [(1.5, -10.0, 21.0), (2.0, 90.0, 21.0), (2.5, 90.0, 22.0)]
+    assert np.array(told) == pytest.approx(np.array(wanted), abs=1e-5)
 
 
 def test_the_roll_of_an_attitude_is_the_right_wing_down() -> None:

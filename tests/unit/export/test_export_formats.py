@@ -24,6 +24,7 @@ from vfguide.lab.export.comma_separated import write_csv
 from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.lab.export.parquet import write_parquet
+from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord, Origin
 
 MakeFlight = Callable[..., FlightRecord]
@@ -137,6 +138,25 @@ def test_every_message_of_the_mcap_is_what_its_schema_says(
         # Joining at first and tracking after a second, each of two vehicles.
         "/log": 4,
     }
+
+
+def test_orders_and_warnings_are_lines_of_the_log(make_flight: MakeFlight, tmp_path: Path) -> None:
+    events = (
+        FlightEvent(time_s=0.5, vehicle="f1", kind="order", text="order 1 is understood"),
+        FlightEvent(time_s=1.0, vehicle="f1", kind="mode", text="joining -> tracking"),
+        FlightEvent(time_s=1.5, vehicle="f1", kind="text", text="take over", warning=True),
+    )
+    record = replace(make_flight(begin_unix_s=1_790_000_000.0), events=events)
+    write_mcap(record, tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = [
+            (message.log_time, json.loads(message.data))
+            for _, _, message in make_reader(file).iter_messages(topics=["/log"])
+        ]
+    told = [(when, one["level"], one["message"]) for when, one in found]
+    assert (1_790_000_000_500_000_000, 2, "f1: order 1 is understood") in told
+    assert (1_790_000_001_500_000_000, 3, "f1: take over") in told
+    assert not any("->" in text for _, _, text in told)
 
 
 def closed(schema: object) -> object:

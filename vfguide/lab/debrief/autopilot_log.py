@@ -1,5 +1,6 @@
 """What an autopilot's own log tells of a flight, whichever autopilot wrote it."""
 
+import errno
 import os
 import struct
 from collections.abc import Iterator
@@ -72,6 +73,9 @@ def foreign_file(path: Path, kind: str, damage: type[Exception]) -> Iterator[Non
     except InputError:
         raise
     except OSError as error:
+        # What a damaged log says of its own length is no place in the file.
+        if error.errno == errno.EINVAL:
+            raise InputError(f"{path}: is no {kind}, or a damaged one; {REMEDY}") from error
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; {REMEDY}") from error
     except (*DAMAGE, damage) as error:
         raise InputError(f"{path}: is no {kind}, or a damaged one; {REMEDY}") from error

@@ -11,7 +11,7 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
-from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
+from vfguide.lab.debrief.telemetry import Telemetry, read_setpoints, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
@@ -24,6 +24,9 @@ GROUND_CLOCK = (
     "the clock of the computer that wrote the telemetry logs; on several computers distances are off by "
     "the vehicles' speed times the difference of their clocks"
 )
+
+NO_ORDERS = "slots and path are the mission's own: an autopilot's log tells of no orders"
+"""What a reader has to know of a flight on which slots were ordered elsewhere."""
 
 ASKED_S = 2.0
 """s for which a setpoint holds where the log tells no other."""
@@ -41,6 +44,8 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
         InputError: it cannot be read, is something else, or tells of none of the vehicles.
     """
     ending = path.suffix.lower()
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; name the logs in it, one for each vehicle")
     if ending == ".tlog":
         return read_telemetry_log(path, mission)
     if ending == ".bin":
@@ -79,7 +84,9 @@ def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
                     autopilot="telemetry",
                     system_id=vehicle.system_id,
                     telemetry=telemetry,
-                    setpoints=np.empty((0, 3)),
+                    setpoints=read_setpoints(
+                        path, system_id=vehicle.system_id, start_s=first.time_s
+                    ),
                 )
             )
     if not found:
@@ -105,13 +112,17 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecor
                 f"{log.path}: is of {names[log.system_id]!r}, as {earlier.path} is; "
                 "give one log for each vehicle"
             )
+    leader = mission.leader
+    if mission.leader_vehicle.system_id not in by_system:
+        told = ", ".join(f"{log.path} is of {names[log.system_id]!r}" for log in by_system.values())
+        raise InputError(f"{told}; give the log of the leader {leader.vehicle!r}, too")
     shifts, clock = common_clock(logs)
     found = FlightRecordings(
         mission=mission,
         recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in logs),
         shifts_s=shifts,
         clock=clock,
-        notes=(),
+        notes=(NO_ORDERS,),
     )
     record = flight_of(found)
     return replace(

@@ -152,8 +152,8 @@ FINEST_STEP_S = 0.2
 ARROW_M = 6.0
 """Length of an aircraft in the scene, m."""
 
-INFO = 2
-"""Foxglove's level of an ordinary message."""
+INFO, WARNING = 2, 3
+"""Levels of a line of the log, as Foxglove counts them."""
 
 Message = dict[str, object]
 
@@ -173,6 +173,12 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         put_path(record, topics, begin_ns)
         for part in parts_of(record):
             put_part(record, part, topics, begin_ns)
+        for event in record.events:
+            # Modes are those of the samples, of records of all versions.
+            if event.kind != "mode":
+                level = WARNING if event.warning else INFO
+                time_ns = begin_ns + round(event.time_s * 1e9)
+                put_line(topics, event.vehicle, event.text, time_ns, level=level)
         writer.add_metadata("flight", {"mission": record.mission, "mode": record.mode})
         writer.finish()  # type: ignore[no-untyped-call] # the library leaves it without types
 
@@ -241,7 +247,7 @@ def put_part(record: FlightRecord, part: Part, topics: Topics, begin_ns: int) ->
             f"/{vehicle.name}/state", "vfguide.VehicleState", time_ns, state(part, number, time_ns)
         )
         if number == 0 and first == 0:
-            tell_mode(topics, vehicle, part.modes[0], time_ns)
+            put_line(topics, vehicle.name, part.modes[0], time_ns)
         if number % every == 0:
             put_place(record, part, number, topics, time_ns)
             message = arrows_of(record, vehicle, sample, time_ns)
@@ -249,7 +255,7 @@ def put_part(record: FlightRecord, part: Part, topics: Topics, begin_ns: int) ->
                 topics.put(f"/scene/{vehicle.name}", "foxglove.SceneUpdate", time_ns, message)
     for time_s, (before, after) in zip(part.time_s[1:].tolist(), pairwise(part.modes), strict=True):
         if before != after:
-            tell_mode(topics, vehicle, after, begin_ns + round(time_s * 1e9))
+            put_line(topics, vehicle.name, after, begin_ns + round(time_s * 1e9))
 
 
 def state(part: Part, number: int, time_ns: int) -> Message:
@@ -263,13 +269,13 @@ def state(part: Part, number: int, time_ns: int) -> Message:
     }
 
 
-def tell_mode(topics: Topics, vehicle: VehicleRecord, mode: str, time_ns: int) -> None:
-    """A line of the log."""
+def put_line(topics: Topics, vehicle: str, text: str, time_ns: int, *, level: int = INFO) -> None:
+    """A line of the log, of a vehicle's companion."""
     message: Message = {
         "timestamp": stamp(time_ns),
-        "level": INFO,
-        "message": f"{vehicle.name}: {mode}",
-        "name": vehicle.name,
+        "level": level,
+        "message": f"{vehicle}: {text}",
+        "name": vehicle,
         "file": "",
         "line": 0,
     }

@@ -115,15 +115,25 @@ def write_animation(
         InputError: another ending, or nothing to show.
         OSError: it cannot be written.
     """
-    kind = FORMATS.get(path.suffix.lower())
-    if kind is None:
-        raise InputError(f"{path}: an animation is a .gif, .webp or .png; give such a name")
+    kind = format_of(path)
     if record.time_s.size < 2:
         raise InputError("the flight broke at once: there is nothing to animate")
     span = choose_span(record, begin_s, end_s)
     pictures = list(draw_frames(record, span))
     save_pictures(pictures, path, kind)
     return span
+
+
+def format_of(path: Path) -> str:
+    """The format that a file's ending names.
+
+    Raises:
+        InputError: it names none.
+    """
+    kind = FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise InputError(f"{path}: an animation is a .gif, .webp or .png; give such a name")
+    return kind
 
 
 def save_pictures(pictures: list[Image.Image], path: Path, kind: str) -> None:

@@ -59,7 +59,7 @@ class LiveFlight extends Flight {
       const row = this.vehicles.findIndex((vehicle) => vehicle.name === leads);
       return changed && number === last.number
         ? { time: t, kind: "lead", rows: row < 0 ? [] : [row], text: `leads the formation${row > 0 ? " in the leader's place" : ""}` }
-        : { time: t, kind: "order", rows: [], text: `order ${number} is flown: ${order}${changed ? `, ${leads} leads` : ""}` };
+        : { time: t, kind: "order", rows: [], text: `order ${number}: ${order}${changed ? `, ${leads} leads` : ""}` };
     });
     this.found = null;
   }

@@ -88,6 +88,8 @@ class Timeline {
     const { canvas, still } = this;
     const ratio = sharpness();
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    // A page that is still being laid out has no room for it yet, and draws it again then.
+    if (!width || !height) return;
     fitCanvas(canvas, ratio);
     const drawn = [width, height, ratio, this.from, this.to, theme.name, chosen, quantity.key].join(" ");
     if (drawn !== this.drawn) {
