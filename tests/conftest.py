@@ -38,6 +38,9 @@ REAL_TIME = {
 failed is tried again: it may have been the machine. Whole formations in containers take too long for twice.
 """
 
+LIVE = ("autopilots", "docker", "integration/console", "integration/live")
+"""Those of them that fly whole formations, or show one in a browser: they take about a processor each."""
+
 LONGEST = (
     "autopilots",
     "integration/live/test_live_mixed_autopilots.py",
@@ -71,6 +74,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if is_below(item, place):
                 item.add_marker("real_time")
                 item.add_marker(pytest.mark.flaky(reruns=reruns, reruns_delay=PAUSE_S))
+        if any(is_below(item, place) for place in LIVE):
+            item.add_marker("live")
     items.sort(key=rank)
 
 

@@ -124,15 +124,6 @@ def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle() -> Non
     assert set(frame["mode"]) <= set(flight.record.mode_names)
 
 
-def test_a_live_flight_is_flown_from_python_with_real_programs() -> None:
-    mission = vfguide.load_mission(MISSION)
-    flight = vfguide.fly(mission, live=True, speedup=2.0, duration_s=6.0)
-    assert (flight.summary.mode, list(flight.tracks)) == ("live", ["leader", "f1", "f2", "f3"])
-    assert flight.summary.duration_s == pytest.approx(6.0, abs=1.0)
-    with pytest.raises(InputError, match="speedup: 0 is not above 0"):
-        vfguide.fly(mission, live=True, speedup=0.0)
-
-
 def test_the_notebook_prints_the_articles_table(tmp_path: Path, installed: Path) -> None:
     cells = json.loads((ROOT / "examples" / "article_table.ipynb").read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
