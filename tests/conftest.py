@@ -53,9 +53,14 @@ LONGEST = (
 )
 """What comes first, so that no process is left with a long test when the others have no more."""
 
-TOGETHER = ("integration/live", "unit/report/replay")
+TOGETHER = (
+    "integration/live",
+    "closed_loop/formation/test_impossible_positions.py",
+    "closed_loop/formation/test_turbulence.py",
+    "unit/report",
+)
 """What one process runs, a test after the other, like each file of tests in real time: two formations that
-fly live want more than two processors, and a page that many tests open takes long to make."""
+fly live want more than two processors, and a flight or page that many tests look at takes long to make."""
 
 PAUSE_S = 5.0
 """What kept the processor may have ended by then."""
