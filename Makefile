@@ -1,6 +1,7 @@
 # `make help` lists what can be made.
 
 PYTHON ?= python3
+PYTHONS ?= python3.12 python3.13
 VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
@@ -9,7 +10,7 @@ OUT ?= flights/$(basename $(notdir $(MISSION)))
 .PHONY: help fly test test-lockstep test-sockets test-containers test-fast test-versions docs image accuracy live sitl bench lint clean
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
 
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
@@ -33,6 +34,14 @@ test-containers: $(VENV)/.dev
 
 test-fast: $(VENV)/.dev ## the unit tests alone
 	$(BIN)/pytest -n auto -q tests/unit
+
+test-versions: ## the unit tests on each of PYTHONS="python3.12 python3.13", before a release
+	set -e; for python in $(PYTHONS); do \
+	  place=$(VENV)-$$(basename $$python); \
+	  $$python -m venv $$place; \
+	  $$place/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'; \
+	  $$place/bin/pytest -n auto -q tests/unit; \
+	done
 
 docs: $(VENV)/.dev ## the API pages from the sources, in site/
 	$(BIN)/python docs/make_api.py site
@@ -76,4 +85,4 @@ $(VENV)/.dev: $(VENV)/.runtime
 	@touch $@
 
 clean: ## removes .venv, flights and caches
-	rm -rf $(VENV) flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-* flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
