@@ -1,29 +1,47 @@
 # `make help` lists what can be made.
 
 PYTHON ?= python3
+PYTHONS ?= python3.12 python3.13
 VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-fast docs image accuracy live sitl bench lint clean
+.PHONY: help fly test test-lockstep test-sockets test-containers test-fast test-versions docs image accuracy live sitl bench lint clean
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
 
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# First what takes all of the processor, then what needs it in time, with nothing beside it that takes much. The image
-# may be under way by then, and may be missing where there is no Docker engine: tests/docker says so.
+# First what takes all of the processor, with the least priority; what waits more than it computes runs beside it, and goes
+# before it. Then the formations that fly live, with nothing beside them. A part's words come when it is over.
 test: lint ## the whole test suite, as continuous integration runs it
-	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m 'not real_time'
+	+$(MAKE) --no-print-directory --jobs=3 --keep-going --output-sync=target test-lockstep test-sockets test-containers
+	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
+
+test-lockstep: $(VENV)/.dev
+	nice -n 19 $(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m 'not real_time'
+
+test-sockets: $(VENV)/.dev
+	$(BIN)/pytest -m 'real_time and not live'
+
+# The image may be under way by then, and may be missing where there is no Docker engine: tests/docker says so.
+test-containers: $(VENV)/.dev
 	-tests/docker/make-image
-	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m real_time --ignore tests/docker
 	$(BIN)/pytest tests/docker
 
 test-fast: $(VENV)/.dev ## the unit tests alone
 	$(BIN)/pytest -n auto -q tests/unit
+
+test-versions: ## the unit tests on each of PYTHONS="python3.12 python3.13", before a release
+	set -e; for python in $(PYTHONS); do \
+	  place=$(VENV)-$$(basename $$python); \
+	  $$python -m venv $$place; \
+	  $$place/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'; \
+	  $$place/bin/pytest -n auto -q tests/unit; \
+	done
 
 docs: $(VENV)/.dev ## the API pages from the sources, in site/
 	$(BIN)/python docs/make_api.py site
@@ -67,4 +85,4 @@ $(VENV)/.dev: $(VENV)/.runtime
 	@touch $@
 
 clean: ## removes .venv, flights and caches
-	rm -rf $(VENV) flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-* flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

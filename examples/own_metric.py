@@ -11,6 +11,8 @@ import numpy as np
 
 import vfguide
 
+DURATION_S = 60.0
+
 
 def roll_rate_deg_s(flight: vfguide.Flight) -> float:
     """Root mean square of the followers' roll rates over the last half of the flight, degrees a second."""
@@ -26,7 +28,9 @@ def main() -> None:
     """Compare three laws by it."""
     mission = vfguide.load_mission(sys.argv[1])
     laws = ["slot", "article", "pid"]
-    for one in vfguide.compare(mission, laws=laws, metrics=[roll_rate_deg_s], duration_s=60.0):
+    for one in vfguide.compare(
+        mission, laws=laws, metrics=[roll_rate_deg_s], duration_s=DURATION_S
+    ):
         error = one.summary.formation.mean_error_m
         print(f"{one.law}: {error:.3f} m, {one.metrics['roll_rate_deg_s']:.1f} degrees a second")
 

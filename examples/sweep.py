@@ -11,6 +11,7 @@ import sys
 import vfguide
 
 GAINS = {"controller.k_x": [0.2, 0.4], "controller.k_y": [0.15, 0.28]}
+DURATION_S = 60.0
 COLUMNS = (*GAINS, "seed", "mean_error_m", "max_error_m", "settle_1m_s")
 
 
@@ -21,7 +22,7 @@ def main() -> None:
         mission,
         settings=GAINS,
         seeds=[1, 2],
-        duration_s=60.0,
+        duration_s=DURATION_S,
         processes=2,
         scheduler=sys.argv[2] if len(sys.argv) > 2 else None,
     )

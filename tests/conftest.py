@@ -38,6 +38,9 @@ REAL_TIME = {
 failed is tried again: it may have been the machine. Whole formations in containers take too long for twice.
 """
 
+LIVE = ("autopilots", "docker", "integration/console", "integration/live")
+"""Those of them that fly whole formations, or show one in a browser: they take about a processor each."""
+
 LONGEST = (
     "autopilots",
     "integration/live/test_live_mixed_autopilots.py",
@@ -50,9 +53,14 @@ LONGEST = (
 )
 """What comes first, so that no process is left with a long test when the others have no more."""
 
-TOGETHER = ("integration/live", "unit/report/replay")
+TOGETHER = (
+    "integration/live",
+    "closed_loop/formation/test_impossible_positions.py",
+    "closed_loop/formation/test_turbulence.py",
+    "unit/report",
+)
 """What one process runs, a test after the other, like each file of tests in real time: two formations that
-fly live want more than two processors, and a page that many tests open takes long to make."""
+fly live want more than two processors, and a flight or page that many tests look at takes long to make."""
 
 PAUSE_S = 5.0
 """What kept the processor may have ended by then."""
@@ -71,6 +79,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if is_below(item, place):
                 item.add_marker("real_time")
                 item.add_marker(pytest.mark.flaky(reruns=reruns, reruns_delay=PAUSE_S))
+        if any(is_below(item, place) for place in LIVE):
+            item.add_marker("live")
     items.sort(key=rank)
 
 

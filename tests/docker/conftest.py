@@ -3,7 +3,8 @@
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -83,7 +84,7 @@ def all_flights(
     image: dict[str, Any],
     missions: Callable[..., dict[str, Any]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> AllFlights:
+) -> Iterator[AllFlights]:
     """All that the collected modules have to be flown."""
     assert image
     items = (item for item in request.session.items if isinstance(item, pytest.Function))
@@ -91,9 +92,10 @@ def all_flights(
     for module in dict.fromkeys(item.module for item in items):
         if "docker_flights" in vars(module):
             scenarios |= module.docker_flights(missions)
-    return AllFlights(
-        lambda name: fly(compose, name, tmp_path_factory.mktemp(name), scenarios[name])
-    )
+    with ThreadPoolExecutor(max_workers=1) as remover:
+        yield AllFlights(
+            lambda name: fly(compose, name, tmp_path_factory.mktemp(name), scenarios[name], remover)
+        )
 
 
 @pytest.fixture

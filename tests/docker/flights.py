@@ -1,7 +1,7 @@
 """Scenarios, and what became of each."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,16 @@ Settings = dict[str, Any]
 
 
 def fly(
-    compose: tuple[str, ...], name: str, directory: Path, flight: tuple[Scenario, Settings]
+    compose: tuple[str, ...],
+    name: str,
+    directory: Path,
+    flight: tuple[Scenario, Settings],
+    remover: Executor,
 ) -> Flown:
-    """One scenario, with a mission and containers of its own; nothing of it stays, however it ends."""
+    """One scenario, with a mission and containers of its own; nothing of it stays, however it ends.
+
+    Its containers are removed by `remover`, which the next flight does not wait for.
+    """
     scenario, settings = flight
     mission = directory / "mission.yaml"
     mission.write_text(yaml.safe_dump(settings["mission"], sort_keys=False))
@@ -29,7 +36,7 @@ def fly(
     try:
         return scenario(formation)
     finally:
-        formation.remove()
+        remover.submit(formation.remove)
 
 
 class AllFlights:

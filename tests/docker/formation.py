@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ SERVICES = ("broker", "keys", *EMULATORS, *VEHICLES, "judge")
 
 DIRECT_SERVICES = ("keys", *EMULATORS, *(f"direct-{name}" for name in VEHICLES), "direct-judge")
 
+NUMBERS = count(1)
+"""Of formations, in the order in which they start."""
+
 SIGNAL = "/var/lib/vfguide/start/signal"
 FLIGHT = "/var/lib/vfguide/flight"
 
@@ -37,7 +41,8 @@ class Formation:
     ) -> None:
         self.began_s = 0.0
         """Unix time at which it was told to start."""
-        self._name = f"vfguide-test-{name}-{os.getpid()}"
+        # A flight that is flown again starts while the containers of the first are removed.
+        self._name = f"vfguide-test-{name}-{os.getpid()}-{next(NUMBERS)}"
         self.directory = directory
         self._files = [str(COMPOSE_FILE)]
         self._compose = compose

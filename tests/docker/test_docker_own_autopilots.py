@@ -1,4 +1,4 @@
-"""Companions in containers, and autopilots that are not: the profile `sitl`."""
+"""Companions and a console in containers, autopilots that are not: the profiles `sitl` and `console`."""
 
 import math
 import subprocess
@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tests.docker.console import free_port, look_at_console
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
@@ -49,7 +50,7 @@ def slot_errors(mission: Mission, truth: Path) -> dict[str, float]:
 
 
 def own_autopilots(formation: Formation) -> Flown:
-    """Fly until all are where they belong, for a while; how far they were from that at last."""
+    """Fly until all are where they belong, for a while; how far off they were at last, and the console."""
     formation.compose("up", "--detach")
     mission = load_mission(formation.directory / "mission.yaml")
     truth = formation.directory / "truth.jsonl"
@@ -63,19 +64,35 @@ def own_autopilots(formation: Formation) -> Flown:
                     astray = slot_errors(mission, truth)
                 if max(astray.values()) < IN_SLOT_M:
                     break
+            console = look_at_console(formation)
         finally:
             stub.terminate()
-    return formation.unjudged(COMPANIONS, astray)
+    return formation.unjudged(COMPANIONS, {"astray": astray, "console": console})
 
 
 def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
-    settings = {"COMPOSE_PROFILES": "sitl", "ENGAGE": "--engage"}
+    settings = {
+        "COMPOSE_PROFILES": "sitl,console",
+        "CONSOLE_PORT": str(free_port()),
+        "ENGAGE": "--engage",
+    }
     return {"own": (own_autopilots, {"mission": missions("circle-calm"), **settings})}
 
 
 def test_companions_in_containers_lead_autopilots_of_ones_own(flights: Flights) -> None:
     flown = flights["own"]
-    assert max(flown.seen.values()) < IN_SLOT_M, (flown.seen, flown.logs)
+    astray = flown.seen["astray"]
+    assert max(astray.values()) < IN_SLOT_M, (astray, flown.logs)
     for name in COMPANIONS:
         assert "tracking" in flown.modes(name), name
+
+
+def test_the_printed_address_opens_the_page_and_no_other_does(flights: Flights) -> None:
+    console = flights["own"].seen["console"]
+    published = console.published
+    port = published[0]["HostPort"]
+    assert published == [{"HostIp": "127.0.0.1", "HostPort": port}]
+    assert console.address == f"http://127.0.0.1:{port}"
+    assert console.refusal == 403
+    assert b"circle-calm" in console.page

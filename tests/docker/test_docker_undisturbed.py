@@ -15,8 +15,9 @@ from tests.docker.formation import Formation
 
 Tell = Callable[[str], None]
 
-FLIGHT_S = 64.0
-"""Everyone has to be in the slots within 60 s."""
+FLIGHT_S = {"windy": 64.0, "direct": 48.0}
+"""Everyone has to be in the slots within 60 s. Without a broker they start there: companions take over some
+seconds later, and all are back for the second half."""
 
 MEASURED_S = (20.0, 36.0)
 """When nobody rejoins any more, and the judge does not draw yet."""
@@ -114,17 +115,18 @@ def plain(formation: Formation) -> Flown:
 
 def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
-    duration = {"DURATION": str(FLIGHT_S)}
+    duration = {name: str(flight_s) for name, flight_s in FLIGHT_S.items()}
+    direct = missions("circle-wind", in_slots=True)
     return {
-        "windy": (measured, {"mission": missions("circle-wind"), **duration}),
+        "windy": (measured, {"mission": missions("circle-wind"), "DURATION": duration["windy"]}),
         "direct": (
             plain,
-            {"mission": missions("circle-wind"), "COMPOSE_PROFILES": "direct", **duration},
+            {"mission": direct, "COMPOSE_PROFILES": "direct", "DURATION": duration["direct"]},
         ),
     }
 
 
-@pytest.mark.parametrize("name", ["windy", "direct"])
+@pytest.mark.parametrize("name", FLIGHT_S)
 def test_a_formation_in_containers_keeps_the_missions_figures(
     flights: Flights, tell: Tell, name: str
 ) -> None:
@@ -133,7 +135,7 @@ def test_a_formation_in_containers_keeps_the_missions_figures(
     assert flown.summary["accepted"], flown.summary["rejections"]
     assert flown.status == 0
     assert flown.summary["mode"] == "live"
-    assert flown.summary["duration_s"] >= FLIGHT_S
+    assert flown.summary["duration_s"] >= FLIGHT_S[name]
     assert flown.summary["latency"]
 
 

@@ -28,13 +28,13 @@ Fly = Callable[..., FormationSummary]
 
 @pytest.fixture(scope="module")
 def late() -> Fly:
-    """Flies two minutes of a mission at 25 Hz, leader states 100 ms old; errors are of the second one."""
+    """Flies 80 s of a mission at 25 Hz, leader states 100 ms old; errors are of the second half."""
 
     def fly(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary:
         content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
         content |= {"wind": wind, "acceptance": {}}
         content["rehearsal"] |= {
-            "duration_s": 120.0,
+            "duration_s": 80.0,
             "rate_hz": 25.0,
             "link_delay_s": 0.1,
             "emulator": EMULATOR | emulator,

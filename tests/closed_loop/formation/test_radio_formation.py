@@ -13,7 +13,7 @@ CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0,
 
 
 def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots() -> None:
-    figures = fly(replace(CASE, size=12, seconds=90.0))
+    figures = fly(replace(CASE, size=12, seconds=75.0))
     assert figures.air_bytes_s < 2100.0
     assert figures.collisions == 0
     assert figures.mean_error_m < 0.05

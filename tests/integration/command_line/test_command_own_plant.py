@@ -20,14 +20,14 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
     return elsewhere
 
 
-def test_a_mission_is_flown_by_it_and_its_numbers_count(run: Run, tmp_path: Path) -> None:
+def test_a_mission_is_flown_by_it_and_its_numbers_count(run: Run) -> None:
     figures = []
-    for place, damping in (("usual", 0.8), ("swinging", 0.2)):
+    for damping in (0.8, 0.2):
         option = f"rehearsal.emulator.plant_options.course_damping={damping}"
         own = ("--plugin", "own_plant.py", "--plant", "measured", "--set", option)
-        flown = run("vfguide", "fly", "circle-calm", *own, "--duration", "60", "--out", place)
+        flown = run("vfguide", "fly", "circle-calm", *own, "--duration", "40", "--json")
         assert flown.returncode in (0, 1), flown.stderr
-        summary = json.loads((tmp_path / place / "summary.json").read_text())
+        summary = json.loads(flown.stdout)
         assert summary["plant"] == "measured"
         figures.append(summary["formation"]["mean_error_m"])
     usual, swinging = figures

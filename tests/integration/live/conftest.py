@@ -116,6 +116,8 @@ class Watched:
         self.directory = directory
         self.heard_s: list[float] = []
         """When states of the leader came over the link."""
+        self.is_over = False
+        """Whether companions have been told to stop."""
 
     @staticmethod
     async def until(condition: Callable[[], object]) -> None:
@@ -125,6 +127,12 @@ class Watched:
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
         await wait_until(lambda: self.flight.truth_collector.time_s >= time_s)
+
+    async def stop_companions(self) -> None:
+        """Tell companions, who have to run until then, to stop."""
+        assert all(companion.running for companion in self.flight.companions.values())
+        self.is_over = True
+        await self.flight.stop_companions()
 
     async def settle(self) -> None:
         """Wait until everyone is in the slots."""
@@ -259,7 +267,8 @@ def flown(
             watched = Watched(flight, broker, tmp_path)
             yield watched
             flight.check()
-            assert all(companion.running for companion in flight.companions.values())
+            if not watched.is_over:
+                await watched.stop_companions()
             least_m = watched.least_separation_m()
         logs = {log.name: log.read_text() for log in tmp_path.glob("*.log")}
         assert not [name for name, text in logs.items() if "Traceback" in text]

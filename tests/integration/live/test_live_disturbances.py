@@ -17,7 +17,7 @@ from pymavlink import mavutil
 from vfguide.lab.rehearsal.live import RECORDINGS
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.record.guidance_log import read_guidance
-from vfguide.record.recording import files_of, find_recordings, read_start
+from vfguide.record.recording import files_of, find_recordings, guidance_files, read_start
 
 Flown = Callable[..., Any]
 
@@ -32,7 +32,9 @@ LOST_S = 3.0
 """Of a recording whose companion is killed, at most: it is written every second."""
 
 
-def test_formation_outlives_a_broker_that_is_killed(flown: Flown) -> None:
+def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_hang_and_reboot(
+    flown: Flown,
+) -> None:
     async def fly() -> None:
         async with flown() as watched:
             await watched.settle()
@@ -45,67 +47,13 @@ def test_formation_outlives_a_broker_that_is_killed(flown: Flown) -> None:
                 await watched.until_followers_are("tracking")
                 assert await watched.recovery_s(ended_s) <= RECOVERY_S
 
-    asyncio.run(fly())
-
-
-def test_with_a_second_link_a_broker_that_is_killed_costs_nothing(flown: Flown) -> None:
-    """A UDP group carries on: nobody predicts the leader, and the pilot is told."""
-    group = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
-
-    async def fly() -> None:
-        async with flown(beside_broker=[group]) as watched:
-            await watched.settle()
-            before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
-            began_s = watched.flight.truth_collector.time_s
-            await watched.broker.kill()
-            await watched.wait(15.0)
-            await watched.reach(began_s + 15.0)
-            for name in FOLLOWERS:
-                assert watched.log(name).count("-> predicting") == before[name]
-                assert "is lost: the other goes on" in watched.log(name)
-            assert watched.errors(began_s)[1].max() < IN_SLOT_M
-            await watched.broker.start()
-            await watched.until(
-                lambda: all("is back: nothing to do" in watched.log(name) for name in FOLLOWERS)
-            )
-
-    asyncio.run(fly())
-
-
-def test_companions_that_are_killed_take_their_places_again(flown: Flown, speedup: float) -> None:
-    async def fly() -> None:
-        async with flown() as watched:
-            await watched.settle()
-            companions = watched.flight.companions
-            # It flies straight on meanwhile: f1, outside of the turn, away from the others; f2, inside of it,
-            # through the places of the others.
-            for name in ("f1", "f2"):
-                killed_s = time.time()
-                await companions[name].kill()
-                assert killed_s - recorded_until_s(watched.directory, name, speedup) < LOST_S
-                await watched.wait(3.0)
-                await watched.start_again(name)
-                assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
-
-            await companions["leader"].kill()
-            heard = len(watched.heard_s)
-            await companions["leader"].start()
-            await watched.until(lambda: len(watched.heard_s) > heard)
-            assert await watched.recovery_s(watched.heard_s[heard]) <= RECOVERY_S
-
-    asyncio.run(fly())
-
-
-def test_formation_outlives_autopilots_that_hang_and_reboot(flown: Flown) -> None:
-    async def fly() -> None:
-        async with flown() as watched:
-            await watched.settle()
             emulators = watched.flight.emulators
+            before = watched.log("f1").count("-> predicting")
             emulators["leader"].signal(signal.SIGSTOP)
             await watched.wait(3.0)
             emulators["leader"].signal(signal.SIGCONT)
             assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
-            assert "predicting" in watched.log("f1")
+            assert watched.log("f1").count("-> predicting") > before
 
             emulators["f2"].signal(signal.SIGHUP)
             # It stays where it came up: a reboot gives a companion no right to take it.
@@ -114,6 +62,64 @@ def test_formation_outlives_autopilots_that_hang_and_reboot(flown: Flown) -> Non
             assert "rebooted: it is not engaged again by itself" in watched.log("f2")
 
     asyncio.run(fly())
+
+
+def test_a_second_link_carries_on_and_companions_that_are_killed_take_their_places_again(
+    flown: Flown, speedup: float
+) -> None:
+    group = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
+
+    async def fly() -> None:
+        async with flown(beside_broker=[group]) as watched:
+            await watched.settle()
+            await broker_is_not_missed(watched)
+
+            companions = watched.flight.companions
+            # It flies straight on meanwhile, inside of the turn, through the places of the others.
+            killed_s = time.time()
+            await companions["f2"].kill()
+            assert killed_s - recorded_until_s(watched.directory, "f2", speedup) < LOST_S
+            await watched.wait(3.0)
+            await watched.start_again("f2")
+            assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
+
+            await companions["leader"].kill()
+            heard = len(watched.heard_s)
+            await companions["leader"].start()
+            await watched.until(lambda: len(watched.heard_s) > heard)
+            assert await watched.recovery_s(watched.heard_s[heard]) <= RECOVERY_S
+
+            await watched.stop_companions()
+            # By themselves: one that has to be killed after some seconds ends with -9.
+            assert {one.exit_code for one in companions.values()} == {0}
+            truths = watched.flight.truth_collector.truths
+            await watched.until(
+                lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4
+            )
+            for name in watched.flight.names:
+                assert "stopping: handing back" in watched.log(name)
+                recorded = guidance_files(watched.directory / RECORDINGS, name)
+                assert recorded
+                assert all(file.stat().st_size > 0 for file in recorded)
+
+    asyncio.run(fly())
+
+
+async def broker_is_not_missed(watched: Any) -> None:  # noqa: ANN401 - the fixture's
+    """The UDP group carries on: nobody predicts the leader, and the pilot is told."""
+    before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
+    began_s = watched.flight.truth_collector.time_s
+    await watched.broker.kill()
+    await watched.wait(15.0)
+    await watched.reach(began_s + 15.0)
+    for name in FOLLOWERS:
+        assert watched.log(name).count("-> predicting") == before[name]
+        assert "is lost: the other goes on" in watched.log(name)
+    assert watched.errors(began_s)[1].max() < IN_SLOT_M
+    await watched.broker.start()
+    await watched.until(
+        lambda: all("is back: nothing to do" in watched.log(name) for name in FOLLOWERS)
+    )
 
 
 def recorded_until_s(directory: Path, vehicle: str, speedup: float) -> float:

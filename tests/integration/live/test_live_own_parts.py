@@ -27,7 +27,7 @@ def vfguide(python: Path, directory: Path, *arguments: str) -> subprocess.Comple
 
 
 def test_a_formation_flies_by_them_and_leaves_no_socket_behind(
-    tmp_path: Path, installed: Path
+    tmp_path: Path, installed: Path, speedup: float
 ) -> None:
     sockets = tmp_path / "sockets"
     parts = {
@@ -40,7 +40,8 @@ def test_a_formation_flies_by_them_and_leaves_no_socket_behind(
     }
     settings = [word for field, value in parts.items() for word in ("--set", f"{field}={value}")]
     live = ("--live", "--link", f"unix://{sockets}", "--duration", "40", "--out", "flight")
-    flown = vfguide(installed, tmp_path, "fly", "circle-calm", *live, *settings)
+    fast = ("--speedup", f"{speedup:g}")
+    flown = vfguide(installed, tmp_path, "fly", "circle-calm", *live, *fast, *settings)
     # Half of so short a flight is the way into the slots, which its acceptance does not allow for.
     assert flown.returncode in (0, 1), flown.stderr
     summary = json.loads((tmp_path / "flight" / "summary.json").read_text())

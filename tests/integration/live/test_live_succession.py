@@ -79,12 +79,12 @@ class Logs:
 
 @pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
 def test_a_deputy_leads_when_the_leaders_companion_is_killed(
-    kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker
+    kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
 ) -> None:
     async def fly() -> None:
         async with (
             link_of(kind, tmp_path, broker_in) as link,
-            live_flight(with_deputies, directory=tmp_path, links=[link]) as flight,
+            live_flight(with_deputies, directory=tmp_path, links=[link], speedup=speedup) as flight,
         ):
             logs = Logs(flight, tmp_path)
             await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))

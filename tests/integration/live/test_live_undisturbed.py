@@ -10,10 +10,6 @@ from typing import Any
 
 import yaml
 
-from vfguide.lab.rehearsal.live import RECORDINGS, LiveFlight, live_flight
-from vfguide.mission import Mission
-from vfguide.record.recording import guidance_files
-
 MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
 ALLOWANCE_M = 0.1
@@ -60,34 +56,3 @@ def test_live_flight_is_as_good_as_the_mission_asks(
     # Companions and emulators of four vehicles, and the judge.
     assert len(latency["processes"]) == 9
     assert all(one["cpu_share"] > 0.0 for one in latency["processes"].values())
-
-
-def test_companions_that_are_told_to_stop_hand_their_vehicles_back(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]],
-    until: Callable[..., Any],
-    mission: Mission,
-    tmp_path: Path,
-    speedup: float,
-) -> None:
-    async def fly() -> None:
-        async with (
-            broker_in(tmp_path) as broker,
-            live_flight(mission, directory=tmp_path, links=[broker.url], speedup=speedup) as flight,
-        ):
-            await until(lambda: modes(flight) == ["GUIDED"] * 4)
-            await flight.stop_companions()
-            # By themselves: one that has to be killed after some seconds ends with -9.
-            assert {one.exit_code for one in flight.companions.values()} == {0}
-            await until(lambda: modes(flight) == ["LOITER"] * 4)
-        for name in flight.names:
-            log = (tmp_path / f"{name}.companion.log").read_text()
-            assert "stopping: handing back" in log
-            recorded = guidance_files(tmp_path / RECORDINGS, name)
-            assert [file.stat().st_size > 0 for file in recorded] == [True]
-
-    asyncio.run(fly())
-
-
-def modes(flight: LiveFlight) -> list[str]:
-    """Of each vehicle's autopilot, now."""
-    return [truths[max(truths)].mode for truths in flight.truth_collector.truths.values()]

@@ -91,7 +91,9 @@ def table_of(log: Any, topic: str, *names: str) -> FloatArray:  # noqa: ANN401
     """Time in s and some fields of a topic; no rows where the log has no such topic or field."""
     for data in log.data_list:
         if data.name == topic and data.multi_id == 0 and all(name in data.data for name in names):
-            columns = [np.asarray(data.data[name], dtype=np.float64) for name in names]
+            # A damaged number may be a signalling NaN, of which NumPy would warn.
+            with np.errstate(invalid="ignore"):
+                columns = [np.asarray(data.data[name], dtype=np.float64) for name in names]
             times = 1e-6 * np.asarray(data.data["timestamp"], dtype=np.float64)
             return in_order(np.column_stack([times, *columns]))
     return np.empty((0, 1 + len(names)))

@@ -1,0 +1,62 @@
+"""What a browser on this computer gets of a console in a container."""
+
+import re
+import socket
+import time
+import urllib.error
+import urllib.request
+from dataclasses import dataclass
+from typing import Any
+
+from tests.docker.formation import Formation
+from tests.docker.programs import log_of
+
+PATIENCE_S = 90.0
+PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+)/\?token=(\S+)")
+
+
+def free_port() -> int:
+    """A TCP port of the loopback interface that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Console:
+    """What a browser finds at the address that the console has printed."""
+
+    address: str
+    """As printed, without the token."""
+    refusal: int
+    """HTTP status without the token."""
+    page: bytes
+    """With it."""
+    published: Any
+    """Where on this computer Docker publishes its port."""
+
+
+def printed_address(formation: Formation) -> tuple[str, str]:
+    """(address, token) that the console has printed; empty if it has printed none."""
+    ends = time.monotonic() + PATIENCE_S
+    while time.monotonic() < ends:
+        if found := PRINTED.search(log_of(formation.container("console"))):
+            return found.group(1), found.group(2)
+        time.sleep(0.5)
+    return "", ""
+
+
+def look_at_console(formation: Formation) -> Console:
+    """Open the page without the token and with it."""
+    address, token = printed_address(formation)
+    assert address, f"no address is printed: {log_of(formation.container('console'))}"
+    refusal = 0
+    try:
+        urllib.request.build_opener().open(f"{address}/", timeout=20.0)
+    except urllib.error.HTTPError as error:
+        refusal = error.code
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with opener.open(f"{address}/?token={token}", timeout=20.0) as page:
+        content = page.read()
+    ports = formation.inspect("console")["NetworkSettings"]["Ports"]
+    return Console(address=address, refusal=refusal, page=content, published=ports["8080/tcp"])
