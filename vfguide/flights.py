@@ -27,7 +27,7 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import SlotError, slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
-from vfguide.lab.studies.spread import executor_on, flown_by
+from vfguide.lab.studies.flown import executor_on, flown_by
 from vfguide.laws.base import Law
 from vfguide.link.address import parse_links
 from vfguide.link.opening import WatchedFormation

@@ -11,7 +11,7 @@ from typing import Any
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
-from vfguide.lab.rehearsal.truth_collector import TruthCollector
+from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
 

@@ -21,9 +21,8 @@ from vfguide.lab.studies.comparison import (
     row_json,
     short_table,
 )
-from vfguide.lab.studies.flown import Tracks
+from vfguide.lab.studies.flown import Tracks, executor_on
 from vfguide.lab.studies.scale import step_costs
-from vfguide.lab.studies.spread import executor_on
 from vfguide.registry import laws
 
 CONDITIONS = ("shipped", "bad link")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from vfguide.commands.bench_studies import write
 from vfguide.commands.terminal import Terminal
+from vfguide.lab.studies.flown import executor_on, flown_by
 from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures, fly
-from vfguide.lab.studies.spread import executor_on, flown_by
 
 
 def show_radio(

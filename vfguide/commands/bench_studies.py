@@ -9,14 +9,18 @@ from typing import Any
 
 from vfguide.commands.bench_compare import flown_laws, machine
 from vfguide.commands.terminal import Terminal
-from vfguide.lab.studies.ablations import ablation_cases, parts_of
-from vfguide.lab.studies.article import MISSIONS
-from vfguide.lab.studies.comparison import metres, seconds
-from vfguide.lab.studies.flown import fly
-from vfguide.lab.studies.monte_carlo import batches, sampled, summary_of
-from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
+from vfguide.lab.studies.comparison import ablation_cases, metres, parts_of, seconds
+from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
+from vfguide.lab.studies.monte_carlo import (
+    SWEEPS,
+    Found,
+    batches,
+    fly_point,
+    points,
+    sampled,
+    summary_of,
+)
 from vfguide.lab.studies.scale import measure_all
-from vfguide.lab.studies.spread import executor_on, flown_by
 from vfguide.registry import laws
 
 SCALE_COLUMNS = (

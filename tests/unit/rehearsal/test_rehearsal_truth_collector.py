@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import sitl_stub
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.truth_collector import TruthCollector, decode_truth
+from vfguide.lab.rehearsal.watched import TruthCollector, decode_truth
 from vfguide.mission import load_mission
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
