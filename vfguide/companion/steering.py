@@ -13,11 +13,10 @@ from collections import Counter
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
-from vfguide.elementwise import low_pass
+from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream

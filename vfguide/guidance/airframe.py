@@ -11,8 +11,7 @@ is declared.
 import math
 from dataclasses import dataclass, replace
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip, like
+from vfguide.elementwise import Number, clip, like, wrap_angle
 from vfguide.guidance.wind_triangle import (
     airspeed_for_ground_velocity,
     ground_speed_on_course,

@@ -15,8 +15,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, atan, atan2, clip, cos, greater_of, hypot, like, sin, where
+from vfguide.elementwise import (
+    Number,
+    atan,
+    atan2,
+    clip,
+    cos,
+    greater_of,
+    hypot,
+    like,
+    sin,
+    where,
+    wrap_angle,
+)
 from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 

@@ -17,8 +17,7 @@ turbulence the meant one (the weight is that of a Wiener filter, signal power ov
 import math
 from dataclasses import dataclass
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip, like, low_pass
+from vfguide.elementwise import Number, clip, like, low_pass, wrap_angle
 from vfguide.guidance.navigation import fading_memory_2
 from vfguide.guidance.path import (
     Path,

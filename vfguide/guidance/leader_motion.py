@@ -16,8 +16,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip
+from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.navigation import fading_memory_2, fading_memory_3

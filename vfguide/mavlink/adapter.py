@@ -15,7 +15,7 @@ from typing import ClassVar, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_course
+from vfguide.elementwise import wrap_course
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 from vfguide.registry import autopilots

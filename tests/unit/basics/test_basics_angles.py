@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.angles import wrap_angle, wrap_course
+from vfguide.elementwise import wrap_angle, wrap_course
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=300)
 ANGLES = st.floats(-1e4, 1e4)

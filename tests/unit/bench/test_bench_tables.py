@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vfguide.commands.bench_studies import maps, without_nan
+from vfguide.commands.bench import maps, without_nan
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,

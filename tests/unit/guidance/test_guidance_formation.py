@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import (
     Slot,
     SlotMotion,

@@ -1,7 +1,7 @@
 """Rehearsals in lockstep: in one process, or with the vehicles spread over several.
 
 Aircraft that fly in a process of their own, a little behind the leader's. Nobody has to know at once what a
-follower publishes (`exchange.py`), so the formation splits: this process is handed what was published
+follower publishes, so the formation splits: this process is handed what was published
 elsewhere and needs nothing else. The instants, the seeds and therefore the bytes are the same as in one
 process.
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.plan import airframe_of, guidance_settings, leader_task
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.errors import VfguideError
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.settings import GuidanceSettings

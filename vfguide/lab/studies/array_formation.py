@@ -21,10 +21,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.random import Generator
 
-from vfguide.angles import TURN, wrap_angle
 from vfguide.companion.autopilot_clock import AutopilotClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
-from vfguide.elementwise import FloatArray, clip, hypot
+from vfguide.elementwise import TURN, FloatArray, clip, hypot, wrap_angle
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first

@@ -15,8 +15,7 @@ import numpy as np
 import pymap3d
 from pymap3d import rcurve
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.frames import WGS84, LocalFrame
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.wind_triangle import ground_speed_on_course
