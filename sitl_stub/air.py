@@ -1,17 +1,13 @@
 """The air: its density, the airspeed that a pitot tube shows in it, steady winds, gusts and turbulence.
 
-The air at a place and a time: a wind, and what the standards add to it. Turbulence is a field that drifts
-with the wind (see `turbulence`). A discrete gust is the standards' "one minus cosine", at the same time for
-all. Shear is MIL-F-8785C's logarithmic profile, by which the wind grows with height.
+A wind is the vector that the air moves toward, as a function of simulation time. Turbulence is a field
+that drifts with it. A discrete gust is the standards' "one minus cosine", at the same time for all. Shear
+is MIL-F-8785C's logarithmic profile, by which the wind grows with height.
 
-Winds to fly in: the vector the air moves toward, as a function of simulation time.
-
-Gusts as the standards describe them, in one field that all aircraft of a formation fly through.
-
-Dryden's spectra with the lengths and intensities that MIL-F-8785C gives for low altitudes. The standard tells
-what one aircraft meets along its way. Here the gusts are a frozen pattern that drifts with the wind: a sum of
-plane waves, isotropic and without divergence, whose energy spectrum is the one from which both of Dryden's
-spectra follow (Batchelor, The Theory of Homogeneous Turbulence, 1953):
+Gusts have Dryden's spectra with the lengths and intensities that MIL-F-8785C gives for low altitudes. The
+standard tells what one aircraft meets along its way. Here the gusts are a frozen pattern that drifts with
+the wind: a sum of plane waves, isotropic and without divergence, whose energy spectrum is the one from
+which both of Dryden's spectra follow (Batchelor, The Theory of Homogeneous Turbulence, 1953):
 
     E(k) = (8 sigma² L / pi) (k L)^4 / (1 + (k L)²)^3
     along the way f(r) = exp(-r / L), across it g(r) = (1 - r / (2 L)) exp(-r / L)

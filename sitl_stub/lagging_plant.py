@@ -1,9 +1,8 @@
 """The aircraft whose roll and speed lag, and its integration step.
 
-The aircraft whose roll and speed have states of their own, flown through the air. `bank` is what
-ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag, then the turn of
-that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration, and height that
-gives way meanwhile. Either may be flown without the other.
+`bank` is what ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag,
+then the turn of that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration,
+and height that gives way meanwhile. Either may be flown without the other.
 
 Source of the structure: ArduPlane's guided mode and its GUIDED_P (an AC_PID without integral whose 5 Hz
 filter, 0.03 s, is left out beside the roll's 0.4 s). Source of the speed's figures: flights of ArduPlane

@@ -1,7 +1,6 @@
 """An autopilot's reports in MAVLink's units: motion, position for others, status.
 
-Where the aircraft is and how it moves, in MAVLink's units; nothing else knows these units. Height above the
-ellipsoid and above mean sea level are one here.
+Nothing else knows these units. Height above the ellipsoid and above mean sea level are one here.
 """
 
 import math

@@ -1,7 +1,6 @@
 """The parameters of an autopilot: names, types, values, the protocol that asks for them, and PX4's own.
 
-The parameters of an autopilot: names, types, values; stored until the emulator ends. The parameter
-protocol: ground stations load the list before they show a vehicle.
+They are stored until the emulator ends. Ground stations load the list before they show a vehicle.
 """
 
 import math

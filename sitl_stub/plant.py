@@ -1,10 +1,9 @@
 """What an aircraft remembers from one step to the next, and the two plants of first order.
 
-What the aircraft and its inner loops do: pure functions over a frozen state. Two plants of first order,
-chosen by name; `lagging_plant` has the one whose roll and speed lag. `heading-hold` is the air-relative
-truth: the loops act on heading and airspeed, and the wind carries the aircraft. `course-hold` is the
-article's model: the loops act on course and ground speed, and the wind only enters where an airspeed is
-held.
+All are pure functions over a frozen state. Two plants of first order, chosen by name; `lagging_plant` has
+the one whose roll and speed lag. `heading-hold` is the air-relative truth: the loops act on heading and
+airspeed, and the wind carries the aircraft. `course-hold` is the article's model: the loops act on course
+and ground speed, and the wind only enters where an airspeed is held.
 
 Both fly in the horizontal plane; height is a hold of second order beside it, and the climb angle's share
 in the ground speed (below 1 % at 3 m/s of climb) is left out.

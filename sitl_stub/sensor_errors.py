@@ -1,9 +1,8 @@
 """What is wrong with real sensors, and what goes wrong with reports while the aircraft flies on.
 
-What is wrong with real sensors: GNSS positions that wander, airspeed, barometer and clock. GNSS positions
-wander for minutes, and receivers that stand close together wander alike: satellites' orbits and clocks,
-ionosphere and troposphere are the same for them. What is left between two of them is their own
-(reflections, the receivers' noise). Each part is a Gauss-Markov process.
+GNSS positions wander for minutes, and receivers that stand close together wander alike: satellites'
+orbits and clocks, ionosphere and troposphere are the same for them. What is left between two of them is
+their own (reflections, the receivers' noise). Each part is a Gauss-Markov process.
 
 Sizes: u-blox, ZED-F9P data sheet (CEP 1.5 m alone, 1.0 m with SBAS, 0.01 m + 1 ppm with RTK; velocity
 0.05 m/s); a CEP is 1.18 standard deviations per axis. How slowly they wander, and the noise of compass,
@@ -11,9 +10,8 @@ airspeed and barometer: Beard and McLain, Small Unmanned Aircraft, chapter 7 (11
 What is left between neighbours is nobody's figure: with GNSS alone 0.28 m per aircraft, 0.4 m between two.
 The barometer's drift, the airspeed's scale and the clock's rate are usual ones.
 
-What goes wrong with an autopilot's reports while the aircraft flies on: for tests and measurements. The
-autopilot itself flies by the truth meanwhile, as one with two receivers does: what is measured is what
-becomes of a companion that is told the wrong thing.
+Faults of reports are for tests and measurements. The autopilot itself flies by the truth meanwhile, as
+one with two receivers does: what is measured is what becomes of a companion that is told the wrong thing.
 """
 
 import math

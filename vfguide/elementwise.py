@@ -1,11 +1,9 @@
 """Elementary functions for floats and NumPy arrays alike: angles and the low-pass filter among them.
 
-Elementary functions under one name for floats and for NumPy arrays, and the low-pass filter. Elementary
-functions under one name for floats and for NumPy arrays. The laws are written once and serve two callers: a
-companion, which steps one vehicle at a time and wants the speed of `math` (50 ns a call), and a study,
-which steps thousands of formations at once on arrays. Each function here takes a float or an array, and
-gives back what it was given. A rule that chooses between values is written with `where`, which evaluates
-both: an array has no one branch.
+The laws are written once and serve two callers: a companion, which steps one vehicle at a time and wants
+the speed of `math` (50 ns a call), and a study, which steps thousands of formations at once on arrays.
+Each function here takes a float or an array, and gives back what it was given. A rule that chooses
+between values is written with `where`, which evaluates both: an array has no one branch.
 """
 
 import math

@@ -1,10 +1,10 @@
 """Why a companion does not carry out an order, and whether a route is flown to its end.
 
-Whether a route is flown to its end, where everybody is handed back to the autopilot. Each companion finds
-that out by itself, from the leader's place: nobody has to be told, and who hears nobody at that moment
-carries the leader on along the route and finds the same. Where the end is counts as known once the leader
-has flown a quarter of the circle there: a leg that touches or crosses that circle leaves it long before,
-and so does a vehicle that gathers near it.
+At the end of a route everybody is handed back to the autopilot. Each companion finds that end by itself,
+from the leader's place: nobody has to be told, and who hears nobody at that moment carries the leader on
+along the route and finds the same. Where the end is counts as known once the leader has flown a quarter
+of the circle there: a leg that touches or crosses that circle leaves it long before, and so does a
+vehicle that gathers near it.
 """
 
 import math

@@ -1,14 +1,13 @@
 """What an operator orders, the one arrangement that it comes to, and who takes which slot of it.
 
-Who goes to which slot: so that the sum of the squares of all ways is least. Interchangeable vehicles that
-go straight to slots assigned like that, all by one time law, never come nearer to each other than the least
-distance of slots over the square root of two (Turpin, Michael, Kumar, "CAPT: Concurrent assignment and
-planning of trajectories for multiple robots", International Journal of Robotics Research 33(1), 2014,
-theorem 4.3). The leader is not interchangeable: it stays where it is.
+Who goes to which slot is chosen so that the sum of the squares of all ways is least. Interchangeable
+vehicles that go straight to slots assigned like that, all by one time law, never come nearer to each
+other than the least distance of slots over the square root of two (Turpin, Michael, Kumar, "CAPT:
+Concurrent assignment and planning of trajectories for multiple robots", International Journal of Robotics
+Research 33(1), 2014, theorem 4.3). The leader is not interchangeable: it stays where it is.
 
-What an operator orders, and the one arrangement that it comes to. Every order, be it a shape, another
-spacing, a swap or a vehicle that leaves, comes to a whole arrangement here, on the operator's side.
-Companions know arrangements only.
+Every order, be it a shape, another spacing, a swap or a vehicle that leaves, comes to a whole arrangement
+here, on the operator's side. Companions know arrangements only.
 """
 
 from collections.abc import Mapping, Sequence

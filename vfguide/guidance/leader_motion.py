@@ -1,15 +1,15 @@
 """A leader's motion, estimated: by the leader itself, and by followers who only see where it is.
 
-How a vehicle's motion changes, estimated by itself for those who follow it. Followers feed dV_g/dt and
-omega forward, so a late estimate is an error of theirs. A filter that tracks a rate and how it changes
-itself is not late where the rate grows steadily, as it does in a wind that swings; a first-order one is
-late by its time constant. Fading-memory filters as in `navigation`.
+By itself: followers feed dV_g/dt and omega forward, so a late estimate is an error of theirs. A filter
+that tracks a rate and how it changes itself is not late where the rate grows steadily, as it does in a
+wind that swings; a first-order one is late by its time constant. Fading-memory filters as in
+`navigation`.
 
-How an aircraft moves that tells only where it is, and perhaps its velocity: found by those who follow it.
-At one to ten reports a second the rates matter as much as the place: between two reports a follower flies
-by them. Third-order fading-memory filters: a turn that grows steadily leaves no error, and the place is
-carried along the arc between reports. With velocities, course and speed are tracked; with positions alone,
-the place, and what is left of it in the direction of flight and across it corrects speed and course.
+By followers, of an aircraft that tells only where it is and perhaps its velocity: at one to ten reports a
+second the rates matter as much as the place: between two reports a follower flies by them. Third-order
+fading-memory filters: a turn that grows steadily leaves no error, and the place is carried along the arc
+between reports. With velocities, course and speed are tracked; with positions alone, the place, and what
+is left of it in the direction of flight and across it corrects speed and course.
 """
 
 import math

@@ -1,12 +1,11 @@
 """What a vehicle would have done with some response, and the response that fits what it did.
 
-What a vehicle would have done with some response: the models of `vfguide.guidance.airframe`, on arrays.
-What was told and what was seen, as arrays.
+The models are those of `vfguide.guidance.airframe`, on arrays.
 
-Bandwidth, dead time and lag of a response, with their confidence: least squares over all of it. SciPy's
-trust-region method within bounds; the intervals are those of linear regression at the solution, with as
-many independent samples as the residuals' correlation leaves (Ljung, System Identification, 1999, chapter
-9).
+Bandwidth, dead time and lag are found by least squares over all of the flight, with their confidence.
+SciPy's trust-region method within bounds; the intervals are those of linear regression at the solution,
+with as many independent samples as the residuals' correlation leaves (Ljung, System Identification, 1999,
+chapter 9).
 """
 
 import math

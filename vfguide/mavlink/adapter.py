@@ -1,7 +1,6 @@
 """What differs between autopilots, behind one interface, and the stream of setpoints that goes through it.
 
-What differs between autopilots, behind one interface; one file for each of them. Which autopilot speaks: by
-what its heartbeat says.
+Each autopilot has a file of its own. Which of them speaks is known by its heartbeat.
 """
 
 import math

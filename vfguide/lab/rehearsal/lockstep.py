@@ -1,12 +1,10 @@
 """Rehearsals in lockstep: in one process, or with the vehicles spread over several.
 
-Aircraft that fly in a process of their own, a little behind the leader's. Nobody has to know at once what a
-follower publishes, so the formation splits: this process is handed what was published
-elsewhere and needs nothing else. The instants, the seeds and therefore the bytes are the same as in one
-process.
+Followers may fly in processes of their own, a little behind the leader's. Nobody has to know at once what
+a follower publishes, so the formation splits: this process is handed what was published elsewhere and
+needs nothing else. The instants, the seeds and therefore the bytes are the same as in one process.
 
-The formation in virtual time: as fast as the computer goes, and the same bytes for the same seed.
-Followers' states on their way to the other followers, in virtual time.
+Time is virtual: a flight goes as fast as the computer, with the same bytes for the same seed.
 
 The aircraft of a formation may be flown by several processes. They exchange what followers publish at the
 end of each window of some instants; it is handed to the links at the beginning of the window after next, so

@@ -1,7 +1,6 @@
 """Programs that a live flight starts and ends, and what they take of the computer.
 
-The processes of a live rehearsal, and how they are started, killed and waited for. The broker of a live
-rehearsal: a process of its own, which nobody else's work keeps waiting.
+The broker is a process of its own, which nobody else's work keeps waiting.
 """
 
 import asyncio

@@ -1,7 +1,7 @@
 """What the emulators of a live flight tell of the truth, and flights whose programs run elsewhere.
 
-A live rehearsal whose programs run elsewhere, as in containers: waited for, started and watched. The start
-of a flight whose programs share nothing but a file: a judge writes it, emulators wait for it.
+Programs that run elsewhere, as in containers, share nothing but a file: a judge writes it, emulators wait
+for it.
 
 The file holds one number: Unix time of simulation time 0, s. One that is left from an earlier flight lies in
 the past, and nobody who waits now takes it for his own.

@@ -1,16 +1,12 @@
 """Many formations at once, as arrays: the followers, and the step of all of them.
 
-The followers' laws on arrays: the same objects that companions fly, one for each batch. A law that takes no
+The followers' laws are the same objects that companions fly, one for each batch. A law that takes no
 arrays is stepped vehicle by vehicle.
 
-Thousands of formations at once: the laws on arrays, a plant on arrays, and nothing in between. What a
-lockstep flight does through MAVLink bytes and companions is done here directly, step for step: every
-vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are called,
-with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a formation.
-
-Setpoints on their way from the companions to the autopilots, on arrays.
-
-The companions' calibration of airspeeds, for thousands at once: the same arithmetic on arrays.
+What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step:
+every vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are
+called, with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a
+formation.
 """
 
 import math

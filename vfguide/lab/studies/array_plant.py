@@ -1,10 +1,9 @@
 """The ground, the wind and the aircraft of many formations at once, as arrays.
 
-Where vehicles are, for thousands at once: on the ellipsoid as the emulator flies, or on a plane. Written
-apart from the emulator on purpose: that both come to the same is a test, not an import.
+Places are on the ellipsoid, as the emulator flies, or on a plane.
 
-The emulator's two ideal plants, for thousands of vehicles at once. Written apart from the emulator on
-purpose: that both come to the same is a test, not an import.
+The plants are the emulator's two ideal ones. All is written apart from the emulator on purpose: that both
+come to the same is a test, not an import.
 """
 
 import math

@@ -1,7 +1,6 @@
 """The article's comparison: every law on every mission, and the own law without its parts.
 
-The article's comparison: missions, laws, plants, twice: as shipped, and over a bad link with noise. The
-comparison as text.
+Every case is flown twice: as shipped, and over a bad link with noise.
 """
 
 import math
