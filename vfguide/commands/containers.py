@@ -7,14 +7,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from vfguide.commands.credentials import KeyFiles, check_flies
+from vfguide.commands.credentials import KeyFiles, check_flies, watched_formation
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.watched import WatchedFlight, await_start, watched_flight
-from vfguide.link.address import parse_links
 from vfguide.link.opening import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
@@ -55,14 +54,7 @@ def judge_flight(
         VfguideError: an emulator has fallen silent.
     """
     port, credentials = truth_port(truth), keys.of_operator()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:

@@ -1,4 +1,4 @@
-"""A formation's members on the command line: their keys, and whether they fly in the mission."""
+"""A formation's members on the command line: their keys, who flies in the mission, and who watches it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from pathlib import Path
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress
+from vfguide.link.address import LinkAddress, parse_links
 from vfguide.link.keys import OPERATOR, Roster, key_places, read_private_key, read_roster
+from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
 
 REMEDY = "make keys with `vfguide keys make MISSION`, or type --insecure to believe anybody"
@@ -106,3 +107,21 @@ def check_deputies(mission: Mission, links: Sequence[LinkAddress]) -> None:
         raise InputError(
             f"{mission.name}: deputies cannot lead over serial://; use another link, or remove `deputies`"
         )
+
+
+def watched_formation(
+    mission: Mission, links: Sequence[str], credentials: Credentials
+) -> WatchedFormation:
+    """The formation of a mission, for an operator who watches it over some links.
+
+    Raises:
+        InputError: an address is wrong.
+    """
+    return WatchedFormation(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.timekeeper,
+        deputies=mission.deputies,
+        roster=credentials.roster,
+        key=credentials.key,
+    )
