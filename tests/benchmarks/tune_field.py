@@ -11,10 +11,10 @@ from concurrent.futures import ProcessPoolExecutor
 from random import Random
 
 import numpy as np
-from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 
 from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.laws.field_findings import fields_beyond_the_loop, integral_too_fast
 from vfguide.mission.conditions import conditions_of
 
 CANDIDATES = 32
