@@ -28,7 +28,7 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 class MotionEstimate(Generic[Number]):
     """What is known of a vehicle's motion."""
 
-    told: LeaderState[Number]
+    state: LeaderState[Number]
     """What the others are told of it."""
     jerk: Number
     """d²V_g/dt², m/s³: no follower needs it, the next estimate does."""
@@ -38,7 +38,8 @@ def motion_at_first(state: VehicleState[Number]) -> MotionEstimate[Number]:
     """From one navigated state alone: nothing is known of its changes yet."""
     still = state.course * 0.0
     return MotionEstimate(
-        told=_told(state, acceleration=still, turn_rate=still, turn_acceleration=still), jerk=still
+        state=_leader_state(state, acceleration=still, turn_rate=still, turn_acceleration=still),
+        jerk=still,
     )
 
 
@@ -59,7 +60,7 @@ def estimated_motion(
         airframe: limits of the vehicle.
         time_constant: of the filters, s.
     """
-    before = previous.told
+    before = previous.state
     period = state.time_s - before.time_s
     turn_limit = bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min)
     turn_rate, turn_acceleration = _tracked(
@@ -78,7 +79,7 @@ def estimated_motion(
         time_constant,
     )
     return MotionEstimate(
-        told=_told(
+        state=_leader_state(
             state,
             acceleration=acceleration,
             turn_rate=turn_rate,
@@ -105,7 +106,7 @@ def _tracked(
     )
 
 
-def _told(
+def _leader_state(
     state: VehicleState[Number],
     *,
     acceleration: Number,

@@ -31,7 +31,7 @@ def estimates(
     motion = motion_at_first(states[0])
     for state in states[1:]:
         motion = estimated_motion(motion, state, AIRFRAME, time_constant)
-    return motion.told
+    return motion.state
 
 
 def moving(
@@ -51,7 +51,7 @@ def moving(
 
 
 def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
-    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).told
+    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).state
     assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
     assert (motion.course, motion.ground_speed) == (0.5, 22.0)
     assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
@@ -144,8 +144,8 @@ def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
             time_s=index * PERIOD,
         )
         motion = estimated_motion(motion, wild, AIRFRAME, FILTER)
-        assert abs(motion.told.turn_rate) <= 0.8173
-        assert abs(motion.told.acceleration) <= 6.0
+        assert abs(motion.state.turn_rate) <= 0.8173
+        assert abs(motion.state.acceleration) <= 6.0
 
 
 def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
@@ -154,7 +154,7 @@ def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
         motion_at_first(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
     )
     # 9.80665 tan(60 degrees)/12
-    assert motion.told.turn_rate == pytest.approx(1.41547, abs=1e-5)
+    assert motion.state.turn_rate == pytest.approx(1.41547, abs=1e-5)
 
 
 SPEED, RADIUS = 20.0, 200.0

@@ -250,10 +250,10 @@ def fly_formations(
         )
         north, east = conditions.ground.shifted(
             (said[0][0], said[1][0]),
-            motion.told.north - sample.north[0],
-            motion.told.east - sample.east[0],
+            motion.state.north - sample.north[0],
+            motion.state.east - sample.east[0],
         )
-        heard.append(replace(motion.told, north=north, east=east))
+        heard.append(replace(motion.state, north=north, east=east))
         if step < engaged:
             # As in a companion that waits: it is guided already, and has learnt nothing.
             followers.reset()
