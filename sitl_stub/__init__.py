@@ -17,7 +17,6 @@ from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.faults import Fault
 from sitl_stub.plants import (
     AirPlant,
     AirRates,
@@ -29,6 +28,7 @@ from sitl_stub.plants import (
     plant_of,
 )
 from sitl_stub.route import Route
+from sitl_stub.sensor_errors import Fault
 from sitl_stub.truth import Truth
 
 __all__ = [

@@ -1,17 +1,13 @@
-"""The air at a place and a time: a wind, and what the standards add to it.
+"""The air: its density, the airspeed that a pitot tube shows in it, steady winds, gusts and turbulence.
 
-Turbulence is a field that drifts with the wind (see `turbulence`). A discrete gust is the standards' "one
-minus cosine", at the same time for all. Shear is MIL-F-8785C's logarithmic profile, by which the wind grows
-with height.
+A wind is the vector that the air moves toward, as a function of simulation time. Turbulence is a field
+that drifts with it. A discrete gust is the standards' "one minus cosine", at the same time for all. Shear
+is MIL-F-8785C's logarithmic profile, by which the wind grows with height.
 
-Winds to fly in: the vector the air moves toward, as a function of simulation time.
-
-Gusts as the standards describe them, in one field that all aircraft of a formation fly through.
-
-Dryden's spectra with the lengths and intensities that MIL-F-8785C gives for low altitudes. The standard tells
-what one aircraft meets along its way. Here the gusts are a frozen pattern that drifts with the wind: a sum of
-plane waves, isotropic and without divergence, whose energy spectrum is the one from which both of Dryden's
-spectra follow (Batchelor, The Theory of Homogeneous Turbulence, 1953):
+Gusts have Dryden's spectra with the lengths and intensities that MIL-F-8785C gives for low altitudes. The
+standard tells what one aircraft meets along its way. Here the gusts are a frozen pattern that drifts with
+the wind: a sum of plane waves, isotropic and without divergence, whose energy spectrum is the one from
+which both of Dryden's spectra follow (Batchelor, The Theory of Homogeneous Turbulence, 1953):
 
     E(k) = (8 sigma² L / pi) (k L)^4 / (1 + (k L)²)^3
     along the way f(r) = exp(-r / L), across it g(r) = (1 - r / (2 L)) exp(-r / L)
@@ -29,6 +25,34 @@ from numpy.random import Generator, default_rng
 from numpy.typing import NDArray
 
 from sitl_stub.geometry import ECCENTRICITY_SQUARED, radii_m
+
+SEA_LEVEL_TEMPERATURE_K = 288.15
+LAPSE_K_M = 0.0065
+DENSITY_EXPONENT = 4.2559
+"""The standard atmosphere's: g M / (R L) - 1."""
+
+
+def density_ratio(altitude_amsl_m: float) -> float:
+    """Air density in parts of the sea level's: (1 - L h / T_0)^4.2559, ICAO standard atmosphere."""
+    share = 1.0 - LAPSE_K_M * altitude_amsl_m / SEA_LEVEL_TEMPERATURE_K
+    # The formula's own end; nothing that flies here gets near it.
+    return math.pow(max(share, 0.1), DENSITY_EXPONENT)
+
+
+@dataclass(frozen=True, slots=True)
+class AirData:
+    """From the airspeed that is flown to the one that is shown, limited and commanded."""
+
+    indicated: bool = False
+    """Whether indicated airspeed is shown: true airspeed times the root of the density ratio."""
+
+    calibration: float = 1.0
+    """What the sensor shows in parts of what it should; an uncalibrated one is some percent off."""
+
+    def shown_per_true(self, altitude_amsl_m: float) -> float:
+        """Shown airspeed in parts of the true one at this altitude."""
+        density = math.sqrt(density_ratio(altitude_amsl_m)) if self.indicated else 1.0
+        return self.calibration * density
 
 
 class Wind(Protocol):

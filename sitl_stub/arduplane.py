@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
     DO_CHANGE_ALTITUDE,
@@ -23,6 +22,7 @@ from sitl_stub.commands import (
     GUIDED_CHANGE_SPEED,
     NAV_LOITER_UNLIM,
     NAV_RETURN_TO_LAUNCH,
+    Arming,
     Command,
     Handler,
     Handlers,
@@ -47,7 +47,7 @@ from sitl_stub.parameters import (
     whole_if_possible,
 )
 from sitl_stub.targets import SpeedTarget, TurnTarget
-from sitl_stub.telemetry_ids import (
+from sitl_stub.telemetry import (
     ALTITUDE,
     ATTITUDE,
     ESTIMATOR_STATUS,

@@ -10,7 +10,6 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from sitl_stub.address import Address, AddressError
 from sitl_stub.air import Turbulence
 from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.bad_link import Emulated
@@ -24,6 +23,7 @@ from sitl_stub.fleet import (
     Weather,
     fleet_of,
 )
+from sitl_stub.links import Address, AddressError
 from sitl_stub.options import OptionError, checked, checked_epoch
 from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all

@@ -1,10 +1,11 @@
-"""Commands as the emulator sees them, whichever of MAVLink's two messages brought them."""
+"""Commands as the emulator sees them, arming, and what is answered whatever the aircraft does."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.flight import Flight
@@ -169,3 +170,117 @@ def height_target(
     if frame in ABOVE_HOME_FRAMES:
         return HeightTarget(flight.home.altitude_amsl_m + z, max_climb_rate_m_s)
     return None
+
+
+FORCED = 21196.0
+"""param2 that disarms in flight."""
+
+FORCED_ARMING = 2989.0
+"""param2 that arms against all checks."""
+
+
+class Arming:
+    """MAV_CMD_COMPONENT_ARM_DISARM, for one autopilot."""
+
+    def __init__(self, check: Callable[[Flight], str | None], *, refused: Result) -> None:
+        """Take the autopilot's own checks.
+
+        Args:
+            check: tells why arming is refused, or None.
+            refused: result of a refusal.
+        """
+        self.ready_from_us = 0
+        """Simulation time at which the sensors have settled."""
+        self._check = check
+        self._refused = refused
+
+    def is_ready(self, flight: Flight) -> bool:
+        """Whether the sensors have settled."""
+        return flight.time_us >= self.ready_from_us
+
+    def fault(self, flight: Flight) -> str | None:
+        """Why it would not arm now."""
+        if not self.is_ready(flight):
+            return "Waiting for GPS and estimator"
+        return self._check(flight)
+
+    def handle(self, flight: Flight, command: Command) -> Result:
+        """400: param1 = 1 arms, 0 disarms; param2 forces it."""
+        (wanted,) = command.used(1)
+        if wanted == 1.0:
+            return self._arm(flight, command)
+        if wanted == 0.0:
+            return self._disarm(flight, command)
+        return Result.UNSUPPORTED
+
+    def report(self, flight: Flight, _command: Command) -> Result:
+        """401: say what is wrong, without arming."""
+        fault = self.fault(flight)
+        if fault is not None:
+            flight.texts.append(f"PreArm: {fault}")
+        return Result.ACCEPTED
+
+    def _arm(self, flight: Flight, command: Command) -> Result:
+        fault = self.fault(flight)
+        if fault is not None and not flight.armed and command.parameters[1] != FORCED_ARMING:
+            flight.texts.append(f"Arm: {fault}")
+            return self._refused
+        flight.set_armed(armed=True)
+        return Result.ACCEPTED
+
+    def _disarm(self, flight: Flight, command: Command) -> Result:
+        if flight.armed and not flight.on_ground and command.parameters[1] != FORCED:
+            flight.texts.append("Disarming refused: in the air")
+            return self._refused
+        flight.set_armed(armed=False)
+        return Result.ACCEPTED
+
+
+def mission_reply(message: MAVLink_message) -> list[MAVLink_message]:
+    """Empty lists to who asks, of missions, fences and rally points alike; no room for who brings one."""
+    to = (message.get_srcSystem(), message.get_srcComponent())
+    kind = message.mission_type
+    name = message.get_type()
+    if name == "MISSION_REQUEST_LIST":
+        return [mavlink.MAVLink_mission_count_message(*to, 0, kind)]
+    if name == "MISSION_CLEAR_ALL" or (name == "MISSION_COUNT" and message.count == 0):
+        result = mavlink.MAV_MISSION_ACCEPTED
+    elif name == "MISSION_COUNT":
+        result = mavlink.MAV_MISSION_NO_SPACE
+    else:
+        result = mavlink.MAV_MISSION_INVALID_SEQUENCE
+    return [mavlink.MAVLink_mission_ack_message(*to, result, kind)]
+
+
+MISSION_MESSAGES = (
+    "MISSION_REQUEST_LIST",
+    "MISSION_REQUEST",
+    "MISSION_REQUEST_INT",
+    "MISSION_COUNT",
+    "MISSION_CLEAR_ALL",
+)
+"""What `mission_reply` answers."""
+
+
+LONGEST_TEXT = 50
+
+
+def timesync_reply(message: MAVLink_message, boot_ns: int) -> list[MAVLink_message]:
+    """A request has no time of the other side's: it comes back with this side's, in nanoseconds."""
+    if message.tc1 != 0:
+        return []
+    return [mavlink.MAVLink_timesync_message(boot_ns, message.ts1)]
+
+
+def ping_reply(message: MAVLink_message) -> list[MAVLink_message]:
+    """A request is addressed to nobody: it comes back to who sent it."""
+    if message.target_system or message.target_component:
+        return []
+    to = (message.get_srcSystem(), message.get_srcComponent())
+    return [mavlink.MAVLink_ping_message(message.time_usec, message.seq, *to)]
+
+
+def status_text(text: str) -> MAVLink_message:
+    """A STATUSTEXT of severity INFO."""
+    content = text.encode("ascii")[:LONGEST_TEXT]
+    return mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, content)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.faults import Fault
 from sitl_stub.route import Route
-from sitl_stub.sensor_errors import SensorGrade
+from sitl_stub.sensor_errors import Fault, SensorGrade
 
 PX4_VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
 """Those whose manners are told apart, oldest first."""

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from sitl_stub.address import Address, parse_address
 from sitl_stub.air import LEAST_HEIGHT_M, Air, Turbulence, air_of
 from sitl_stub.aircraft import PLANTS, PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
 from sitl_stub.codec import Signing, key_of
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.faults import Fault
 from sitl_stub.geometry import displace
+from sitl_stub.links import Address, parse_address
 from sitl_stub.options import (
     OptionError,
     checked,
@@ -25,7 +24,7 @@ from sitl_stub.options import (
     parse_wind,
 )
 from sitl_stub.plants import load_installed, load_plugins, options_of
-from sitl_stub.sensor_errors import SensorGrade
+from sitl_stub.sensor_errors import Fault, SensorGrade
 
 AutopilotName = Literal["ardupilot", "px4"]
 

@@ -9,25 +9,25 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-from sitl_stub.air import Air, Place, Wind, followed_wind_m_s
-from sitl_stub.air_data import AirData
+from sitl_stub.air import Air, AirData, Place, Wind, followed_wind_m_s
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import Home, ahead_of, radii_m, wrap_to_pi
 from sitl_stub.lagging_plant import CENTIDEGREE_RAD
 from sitl_stub.loops import GRAVITY_M_S2
 from sitl_stub.modes import Mode
-from sitl_stub.motion import Motion, rolling_motion
-from sitl_stub.plant_state import PlantState
-from sitl_stub.plants import plant_of
-from sitl_stub.route import Route, RouteFollower
-from sitl_stub.take_off import (
+from sitl_stub.motion import (
     REACHED_WITHIN_M,
+    Motion,
     Navigation,
     Phase,
     airborne,
     lifts_off,
     rolled,
+    rolling_motion,
 )
+from sitl_stub.plant import PlantState
+from sitl_stub.plants import plant_of
+from sitl_stub.route import Route, RouteFollower
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 FIELD_GAIN = 2.0

@@ -1,4 +1,4 @@
-"""The aircraft whose roll and speed have states of their own, flown through the air.
+"""The aircraft whose roll and speed lag, and its integration step.
 
 `bank` is what ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag,
 then the turn of that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration,
@@ -12,8 +12,9 @@ filter, 0.03 s, is left out beside the roll's 0.4 s). Source of the speed's figu
 import math
 from typing import NamedTuple
 
+from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.geometry import wrap_to_pi
+from sitl_stub.geometry import displace, wrap_to_pi, wrap_to_two_pi
 from sitl_stub.loops import (
     GRAVITY_M_S2,
     acceleration_m_s2,
@@ -23,6 +24,7 @@ from sitl_stub.loops import (
     climb_acceleration_m_s2,
     turn_rate_rad_s,
 )
+from sitl_stub.plant import PlantState
 from sitl_stub.targets import Targets, TurnTarget
 
 CENTIDEGREE_RAD = math.radians(0.01)
@@ -198,3 +200,77 @@ def shown_bank_rad(
     if parameters.rolls:
         return roll_rad
     return bank_of_rad(rates.turn_rate_rad_s, airspeed_m_s)
+
+
+MAX_LAGGING_STEP_S = 0.025
+"""Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
+
+
+def rates_of(
+    parameters: PlantParameters,
+    targets: Targets,
+    state: PlantState,
+    wind_m_s: tuple[float, float],
+) -> LaggingRates:
+    """How a state moves in this wind."""
+    return lagging_rates(
+        parameters,
+        targets,
+        heading_rad=state.direction_rad,
+        airspeed_m_s=state.speed_m_s,
+        roll_rad=state.roll_rad,
+        speed_integral_m_s2=state.speed_integral_m_s2,
+        speed_reference_m_s=reference_of(state),
+        altitude_amsl_m=state.altitude_amsl_m,
+        climb_m_s=state.climb_m_s,
+        wind_m_s=wind_m_s,
+    )
+
+
+def displace_by(
+    parameters: PlantParameters, state: PlantState, rates: LaggingRates, span_s: float
+) -> PlantState:
+    """The state after a span at constant rates, within what the aircraft can do."""
+    latitude_rad, longitude_rad = displace(
+        state.latitude_rad,
+        state.longitude_rad,
+        state.altitude_amsl_m,
+        north_m=span_s * rates.north_m_s,
+        east_m=span_s * rates.east_m_s,
+    )
+    speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
+    return PlantState(
+        wrap_to_two_pi(state.direction_rad + span_s * rates.turn_rate_rad_s),
+        max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)),
+        "airspeed",
+        latitude_rad,
+        longitude_rad,
+        state.altitude_amsl_m + span_s * rates.climb_m_s,
+        state.roll_rad + span_s * rates.roll_rate_rad_s,
+        state.speed_integral_m_s2 + span_s * rates.integral_rate_m_s3,
+        reference_of(state) + span_s * rates.reference_rate_m_s2,
+        climb_m_s=state.climb_m_s + span_s * rates.climb_acceleration_m_s2,
+    )
+
+
+def reference_of(state: PlantState) -> float:
+    """The airspeed that the `px4` hold holds; the present one where it has not held any."""
+    reference = state.speed_reference_m_s
+    return state.speed_m_s if reference is None else reference
+
+
+def lagging_stepped(
+    parameters: PlantParameters,
+    targets: Targets,
+    state: PlantState,
+    wind: Wind,
+    *,
+    time_s: float,
+    step_s: float,
+) -> PlantState:
+    """The state one midpoint (second-order Runge-Kutta) step later."""
+    half_s = 0.5 * step_s
+    start = rates_of(parameters, targets, state, wind.at(time_s))
+    middle = displace_by(parameters, state, start, half_s)
+    rates = rates_of(parameters, targets, middle, wind.at(time_s + half_s))
+    return displace_by(parameters, state, rates, step_s)

@@ -5,8 +5,7 @@ from typing import Protocol
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.arming import Arming
-from sitl_stub.commands import Handlers, Result, SystemStatus
+from sitl_stub.commands import Arming, Handlers, Result, SystemStatus
 from sitl_stub.flight import Flight
 from sitl_stub.modes import Mode
 from sitl_stub.parameters import Parameters

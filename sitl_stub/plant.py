@@ -1,15 +1,16 @@
-"""What the aircraft and its inner loops do: pure functions over a frozen state.
+"""What an aircraft remembers from one step to the next, and the two plants of first order.
 
-Two plants of first order, chosen by name; `lagging_plant` has the one whose roll and speed lag.
-`heading-hold` is the air-relative truth: the loops act on heading and airspeed, and the wind carries the
-aircraft. `course-hold` is the article's model: the loops act on course and ground speed, and the wind only
-enters where an airspeed is held.
+All are pure functions over a frozen state. Two plants of first order, chosen by name; `lagging_plant` has
+the one whose roll and speed lag. `heading-hold` is the air-relative truth: the loops act on heading and
+airspeed, and the wind carries the aircraft. `course-hold` is the article's model: the loops act on course
+and ground speed, and the wind only enters where an airspeed is held.
 
 Both fly in the horizontal plane; height is a hold of second order beside it, and the climb angle's share
 in the ground speed (below 1 % at 3 m/s of climb) is left out.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from sitl_stub.air import Wind
@@ -22,8 +23,50 @@ from sitl_stub.geometry import (
     wrap_to_two_pi,
 )
 from sitl_stub.loops import acceleration_m_s2, climb_acceleration_m_s2, turn_rate_rad_s
-from sitl_stub.plant_state import PlantState
+from sitl_stub.rigid_body import Body
 from sitl_stub.targets import HeightTarget, SpeedKind, Targets
+
+
+@dataclass(frozen=True, slots=True)
+class PlantState:
+    """Position, motion, and the states of loops that have some."""
+
+    direction_rad: float
+    """Heading (all others) or course (course-hold), in [0, 2 pi)."""
+
+    speed_m_s: float
+    """The speed that `speed_kind` names."""
+
+    speed_kind: SpeedKind
+    """Always `airspeed` but on the course-hold plant."""
+
+    latitude_rad: float
+    """Geodetic latitude."""
+
+    longitude_rad: float
+    """Longitude, in (-pi, pi]."""
+
+    altitude_amsl_m: float
+    """Altitude, also taken as height above the ellipsoid (the geoid's 100 m at most are 2e-5)."""
+
+    roll_rad: float = 0.0
+    """Bank of the bank plant, positive right."""
+
+    speed_integral_m_s2: float = 0.0
+    """Integral of the `tecs` speed hold; of `px4`'s its acceleration."""
+
+    speed_reference_m_s: float | None = None
+    """What the `px4` speed hold holds now, on its way to what is commanded; None before its first step."""
+
+    memory: tuple[float, ...] = ()
+    """Of the loops of a plant of one's own; empty before its first step."""
+
+    body: Body | None = None
+    """Of the `six-dof` plant; None before its first step in the air."""
+
+    climb_m_s: float = 0.0
+    """Of the height hold, positive up; the `six-dof` plant has its own in its body."""
+
 
 __all__ = [
     "MAX_STEP_S",

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.arming import Arming
 from sitl_stub.commands import (
     AMSL_FRAMES,
     CUSTOM_MODE_FLAG,
@@ -22,6 +21,7 @@ from sitl_stub.commands import (
     NAV_LOITER_UNLIM,
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
+    Arming,
     Command,
     Handlers,
     Result,
@@ -42,10 +42,10 @@ from sitl_stub.modes import (
     Mode,
     px4_custom_mode,
 )
-from sitl_stub.px4_parameters import px4_parameters
+from sitl_stub.parameters import px4_parameters
 from sitl_stub.px4_setpoints import KEEPS_COURSE, STEERS_BY_VELOCITY, Setpoint, setpoint_of
 from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
-from sitl_stub.telemetry_ids import (
+from sitl_stub.telemetry import (
     ALTITUDE,
     ATTITUDE,
     BATTERY_STATUS,

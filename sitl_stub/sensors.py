@@ -6,11 +6,10 @@ from typing import NamedTuple
 from numpy.random import default_rng
 
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.faults import Faults
 from sitl_stub.flight import Flight
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import Motion
-from sitl_stub.sensor_errors import SensorErrors
+from sitl_stub.sensor_errors import Faults, SensorErrors
 
 MICROSECOND = 1e-6
 

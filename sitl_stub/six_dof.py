@@ -15,7 +15,7 @@ from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import wanted_bank_rad
 from sitl_stub.loops import GRAVITY_M_S2, acceleration_m_s2, clamped, wanted_climb_m_s
-from sitl_stub.plant_state import PlantState
+from sitl_stub.plant import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
     Body,

@@ -27,8 +27,7 @@ from sitl_stub.commands import (
 from sitl_stub.flight import Flight
 from sitl_stub.modes import Mode
 from sitl_stub.personality import Personality
-from sitl_stub.telemetry import TELEMETRY
-from sitl_stub.telemetry_ids import (
+from sitl_stub.telemetry import (
     ATTITUDE,
     AUTOPILOT_VERSION,
     BATTERY_STATUS,
@@ -42,6 +41,7 @@ from sitl_stub.telemetry_ids import (
     NAV_CONTROLLER_OUTPUT,
     SYS_STATUS,
     SYSTEM_TIME,
+    TELEMETRY,
     VFR_HUD,
     WIND,
 )

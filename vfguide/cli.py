@@ -11,11 +11,9 @@ import typer
 from vfguide.commands.bench_options import bench
 from vfguide.commands.flight_options import emulate, fly, judge
 from vfguide.commands.inspection_options import analyse, check, console, export, report, status
-from vfguide.commands.keys_options import keys
-from vfguide.commands.order_options import order
 from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
-from vfguide.commands.vehicle_options import companion, identify
+from vfguide.commands.vehicle_options import companion, identify, keys, order
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import missing_library
 from vfguide.registry import plugin_fault

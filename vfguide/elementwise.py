@@ -1,10 +1,9 @@
-"""Elementary functions under one name for floats and for NumPy arrays, and the low-pass filter.
+"""Elementary functions for floats and NumPy arrays alike: angles and the low-pass filter among them.
 
-Elementary functions under one name for floats and for NumPy arrays. The laws are written once and serve two
-callers: a companion, which steps one vehicle at a time and wants the speed of `math` (50 ns a call), and a
-study, which steps thousands of formations at once on arrays. Each function here takes a float or an array,
-and gives back what it was given. A rule that chooses between values is written with `where`, which
-evaluates both: an array has no one branch.
+The laws are written once and serve two callers: a companion, which steps one vehicle at a time and wants
+the speed of `math` (50 ns a call), and a study, which steps thousands of formations at once on arrays.
+Each function here takes a float or an array, and gives back what it was given. A rule that chooses
+between values is written with `where`, which evaluates both: an array has no one branch.
 """
 
 import math
@@ -90,3 +89,16 @@ def where(condition: bool | BoolArray, first: Number, second: Number) -> Number:
 def low_pass(previous: Number, target: Number, period: float, time_constant: float) -> Number:
     """First-order low-pass filter, backward Euler."""
     return previous + (period / (time_constant + period)) * (target - previous)
+
+
+TURN = 2.0 * math.pi
+
+
+def wrap_angle(angle: Number) -> Number:
+    """The same direction in [-pi, pi)."""
+    return angle - TURN * floor((angle + math.pi) / TURN)
+
+
+def wrap_course(course: Number) -> Number:
+    """The same direction in [0, 2 pi), as a compass counts."""
+    return course - TURN * floor(course / TURN)

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Any
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.fly import keep
 from vfguide.commands.fly_live import flown_live
 from vfguide.commands.order import order_of
@@ -27,10 +27,8 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import SlotError, slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
-from vfguide.lab.studies.spread import executor_on, flown_by
+from vfguide.lab.studies.flown import executor_on, flown_by
 from vfguide.laws.base import Law
-from vfguide.link.address import parse_links
-from vfguide.link.opening import WatchedFormation
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
 from vfguide.mission.model import Mission
@@ -189,14 +187,7 @@ def order(
     """
     files = KeyFiles(mission=Path(keys or "mission.yaml"), insecure=keys is None)
     credentials = files.of_operator()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     wanted = order_of(what.split(), spacing)
     return asyncio.run(give_order(mission, wanted, watched, tell=tell, dry_run=dry_run))
 

@@ -19,9 +19,8 @@ from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Order
 from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.lab.rehearsal.aircraft import LEAD_S, REPEAT_S, TIMES, Aircraft, step_all
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.rehearsal.operator import LEAD_S, REPEAT_S, TIMES
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.geometry import in_course_frame, pair_separations, seen_from_leader
 from vfguide.lab.report.picture import save_figure

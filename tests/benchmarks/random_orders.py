@@ -27,8 +27,7 @@ from vfguide.formation.orders import Formation, Order
 from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.ordering import DECIDED, EPOCH_S, OrderDesk, new_number
-from vfguide.lab.rehearsal.aircraft import Aircraft, Candidates
-from vfguide.lab.rehearsal.operator import OPERATOR
+from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft, Candidates
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error

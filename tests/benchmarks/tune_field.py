@@ -3,7 +3,7 @@
 Run with `.venv/bin/python tests/benchmarks/tune_field.py`; some minutes on two processors. Gains are drawn
 around the best so far, ever nearer, none whose field or integral `vfguide check` would find too fast in the
 article's wind. What it finds, rounded, is what the article's missions have, and
-`vfguide/lab/studies/article.py`.
+`vfguide/lab/studies/flown.py`.
 """
 
 import sys
@@ -11,10 +11,10 @@ from concurrent.futures import ProcessPoolExecutor
 from random import Random
 
 import numpy as np
-from vfguide.mission.field_limits import fields_beyond_the_loop, integral_too_fast
 
-from vfguide.lab.studies.article import article_mission
+from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.laws.field_findings import fields_beyond_the_loop, integral_too_fast
 from vfguide.mission.conditions import conditions_of
 
 CANDIDATES = 32

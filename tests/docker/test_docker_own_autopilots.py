@@ -12,7 +12,7 @@ from tests.docker.console import free_port, look_at_console
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
-from vfguide.lab.rehearsal.truth_collector import TruthCollector
+from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
 

@@ -51,7 +51,7 @@ def compare(
     """
     require(*PLOTTING, "osqp", "scipy")
     if context.invoked_subcommand is None:
-        from vfguide.commands.bench_compare import compare_laws
+        from vfguide.commands.bench import compare_laws
 
         compare_laws(law, quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
@@ -126,7 +126,7 @@ def radio(
 
     The mean slot error for each size of the formation and each rate of the leader, through MAVLink bytes.
     """
-    from vfguide.commands.bench_radio import show_radio
+    from vfguide.commands.bench import show_radio
 
     show_radio(
         seconds=seconds,
@@ -149,7 +149,7 @@ def ablations(
     scheduler: Scheduler = None,
 ) -> None:
     """Switch off each part of a law alone, and fly the four missions."""
-    from vfguide.commands.bench_studies import show_ablations
+    from vfguide.commands.bench import show_ablations
 
     show_ablations(law, quick=quick, json_file=json_file, scheduler=scheduler)
 
@@ -165,7 +165,7 @@ def robustness(
     scheduler: Scheduler = None,
 ) -> None:
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
-    from vfguide.commands.bench_studies import show_robustness
+    from vfguide.commands.bench import show_robustness
 
     show_robustness(law, quick=quick, json_file=json_file, out=out, scheduler=scheduler)
 
@@ -173,7 +173,7 @@ def robustness(
 @bench.command()
 def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
     """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
-    from vfguide.commands.bench_studies import show_scale
+    from vfguide.commands.bench import show_scale
 
     show_scale(quick=quick, json_file=json_file)
 
@@ -194,7 +194,7 @@ def monte_carlo(
     scheduler: Scheduler = None,
 ) -> None:
     """Fly thousands of formations at once: random starts, winds, offsets and gains."""
-    from vfguide.commands.bench_studies import sample_formations
+    from vfguide.commands.bench import sample_formations
 
     sample_formations(
         formations=formations,

@@ -5,9 +5,8 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import KeyFiles, check_deputies, check_flies
 from vfguide.commands.logs import LogFormat, log_to_standard_error
-from vfguide.commands.vehicles import check_deputies, check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped

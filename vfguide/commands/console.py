@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from vfguide.commands.credentials import Credentials, KeyFiles
+from vfguide.commands.credentials import Credentials, KeyFiles, watched_formation
 from vfguide.commands.report import read_flight
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
@@ -16,7 +16,6 @@ from vfguide.lab.console.live import live_flight_of
 from vfguide.lab.console.server import Address, served
 from vfguide.lab.console.source import RecordedFlight, Source
 from vfguide.lab.console.tiles import TileSource
-from vfguide.link.address import parse_links
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
 from vfguide.regular_file import open_regular
@@ -56,14 +55,7 @@ def show_formation(
     credentials = keys.of_operator()
     if operator:
         check_orders(credentials)
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     token = None if token_file is None else kept_token(token_file)
     second = new_operator_token(token_file) if operator else None
 

@@ -1,12 +1,16 @@
-"""Which keys a command uses: those beside the mission, those that options name, or none with --insecure."""
+"""A formation's members on the command line: their keys, who flies in the mission, and who watches it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from vfguide.errors import InputError
+from vfguide.link.address import LinkAddress, parse_links
 from vfguide.link.keys import OPERATOR, Roster, key_places, read_private_key, read_roster
+from vfguide.link.opening import WatchedFormation
+from vfguide.mission import Mission
 
 REMEDY = "make keys with `vfguide keys make MISSION`, or type --insecure to believe anybody"
 
@@ -74,3 +78,50 @@ class KeyFiles:
         if self.insecure and (self.key or self.roster):
             raise InputError("--insecure: nothing is signed; leave it out, or --key and --roster")
         return self.insecure
+
+
+def flying(mission: Mission) -> list[str]:
+    """Vehicles that fly in a mission, leader first."""
+    return [mission.leader.vehicle, *mission.followers_by_name]
+
+
+def check_flies(mission: Mission, vehicle: str) -> None:
+    """See that a vehicle flies in the mission.
+
+    Raises:
+        InputError: it does not.
+    """
+    if vehicle not in flying(mission):
+        raise InputError(
+            f"{vehicle!r} does not fly in {mission.name}; one of {', '.join(flying(mission))} does"
+        )
+
+
+def check_deputies(mission: Mission, links: Sequence[LinkAddress]) -> None:
+    """See that the links carry what deputies say: a slow radio has no room for it.
+
+    Raises:
+        InputError: there are deputies, and a radio.
+    """
+    if mission.deputies and any(one.scheme == "serial" for one in links):
+        raise InputError(
+            f"{mission.name}: deputies cannot lead over serial://; use another link, or remove `deputies`"
+        )
+
+
+def watched_formation(
+    mission: Mission, links: Sequence[str], credentials: Credentials
+) -> WatchedFormation:
+    """The formation of a mission, for an operator who watches it over some links.
+
+    Raises:
+        InputError: an address is wrong.
+    """
+    return WatchedFormation(
+        addresses=parse_links(links),
+        formation=mission.name,
+        leader=mission.timekeeper,
+        deputies=mission.deputies,
+        roster=credentials.roster,
+        key=credentials.key,
+    )

@@ -226,8 +226,8 @@ def judge(
     status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
     """
+    from vfguide.commands.containers import judge_flight
     from vfguide.commands.credentials import KeyFiles
-    from vfguide.commands.judge import judge_flight
 
     changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
     verdict = judge_flight(
@@ -264,7 +264,7 @@ def emulate(
 
     Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
     """
-    from vfguide.commands.emulate import emulate as emulate_vehicle
+    from vfguide.commands.containers import emulate as emulate_vehicle
 
     emulate_vehicle(
         read_mission(mission).mission,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
-from vfguide.commands.vehicles import check_flies
+from vfguide.commands.credentials import check_flies
 from vfguide.companion.clock import Clock
 from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
 from vfguide.companion.role import Event

@@ -303,6 +303,6 @@ def analyse(
     Exit status: 0 written, 2 a log cannot be read, they do not fit together, or the directory cannot be
     written to.
     """
-    from vfguide.commands.analyse import analyse_logs
+    from vfguide.commands.report import analyse_logs
 
     analyse_logs(read_mission(mission).mission, logs, out, force=force)

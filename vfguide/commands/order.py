@@ -4,15 +4,13 @@ import asyncio
 from collections.abc import Sequence
 from typing import get_args
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Action, Order, check_known
 from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import conclusion, give_order
-from vfguide.link.address import parse_links
-from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import formation_of_mission
 
@@ -139,14 +137,7 @@ def give(
     """
     check_known(order, formation_of_mission(mission))
     credentials = keys.of_operator()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     output = Terminal()
     outcome = asyncio.run(give_order(mission, order, watched, tell=output.tell, dry_run=dry_run))
     if dry_run:

@@ -15,11 +15,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.terminal import Terminal
 from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
-from vfguide.link.address import parse_links
 from vfguide.link.opening import HEARD_SHARE, WatchedFormation, check_connected, watching
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
 from vfguide.mission import Mission
@@ -58,14 +57,7 @@ def show_status(
         VfguideError: no link stands.
     """
     credentials = keys.of_operator()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     output = Terminal()
     if credentials.roster is not None and credentials.key is None and not as_json:
         Terminal(stderr=True).tell(NOT_FRESH)

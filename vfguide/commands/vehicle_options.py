@@ -1,4 +1,4 @@
-"""The options of `vfguide companion` and `identify`, which steer one real vehicle."""
+"""The options of `vfguide companion`, `identify`, `order` and `keys`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,14 +7,17 @@ import typer
 
 from vfguide.commands.logs import LogFormat
 from vfguide.commands.shared_options import (
+    AsJson,
     AutopilotUrl,
     Insecure,
     KeyFile,
     LinkUrls,
+    MissionFile,
     MissionOption,
     RosterFile,
     VehicleName,
     directory,
+    with_plugins,
 )
 from vfguide.mission import read_mission
 
@@ -157,3 +160,99 @@ def identify(
         out=out,
     )
     raise typer.Exit(status)
+
+
+def order(
+    mission: MissionFile,
+    what: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="WHAT",
+            help="A shape (vee, echelon-left, echelon-right, line-abreast, trail, diamond, finger-four);"
+            " spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME; path NAME;"
+            " lead NAME; hold; resume; abort.",
+        ),
+    ],
+    *,
+    link: LinkUrls,
+    spacing: Annotated[
+        float | None,
+        typer.Option(metavar="M", min=1.0, max=1000.0, help="Between neighbours, metres."),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Rehearse it from the present state, and order nothing."),
+    ] = False,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+) -> None:
+    """Order a formation that flies to change: rehearsed first, then agreed on by all vehicles.
+
+    Exit status: 0 flown by all (or rehearsed), 1 not flown, 2 the input is wrong or the order cannot be
+    carried out, 3 no link, or the formation is not heard.
+    """
+    from vfguide.commands.credentials import KeyFiles
+    from vfguide.commands.order import give, order_of
+
+    wanted = order_of(what, spacing)
+    loaded = read_mission(mission)
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    raise typer.Exit(give(loaded.mission, wanted, links=link, keys=keys, dry_run=dry_run))
+
+
+# What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
+
+keys = typer.Typer(
+    help="Keys by which the members of a formation know each other.", no_args_is_help=True
+)
+
+
+@keys.command()
+@with_plugins
+def make(
+    mission: MissionFile,
+    *,
+    operator: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Who watches and orders; `operator` if absent."),
+    ] = None,
+) -> None:
+    """Make a key pair for each member that has none, and the roster of public keys.
+
+    The roster is MISSION with the ending .roster: the same file goes to everybody. Private keys are in the
+    directory with the ending .keys: each goes to its own computer alone.
+    """
+    from vfguide.commands.keys import make as make_keys
+
+    make_keys(read_mission(mission).mission, mission, operator or [])
+
+
+@keys.command()
+@with_plugins
+def show(mission: MissionFile, *, as_json: AsJson = False) -> None:
+    """Tell who has which key.
+
+    Exit status: 0 every vehicle is in the roster, 1 some are not, 2 there is none.
+    """
+    from vfguide.commands.keys import show as show_keys
+
+    raise typer.Exit(show_keys(read_mission(mission).mission, mission, as_json=as_json))
+
+
+@keys.command()
+@with_plugins
+def rotate(
+    mission: MissionFile,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME...", help="Members whose keys are replaced; all if absent."),
+    ] = None,
+) -> None:
+    """Replace the keys of some members, or of all.
+
+    What is signed with the old ones is refused by everybody who has the new roster.
+    """
+    from vfguide.commands.keys import rotate as rotate_keys
+
+    rotate_keys(read_mission(mission).mission, mission, names or [])

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import SPACING_SHARE, Viewpoint
 from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
+from vfguide.elementwise import wrap_angle
 from vfguide.formation.transition import LEAST_M
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (

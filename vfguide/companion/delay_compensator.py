@@ -11,8 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import low_pass
+from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airframe import (
     ActiveSetpoint,
     Bias,

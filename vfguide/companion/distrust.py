@@ -1,11 +1,10 @@
 """Doubts about reports: altitudes, the autopilot's own word of its navigation, and texts for the pilot.
 
-Whether a reported altitude can be true, after those before. Keeping clear leaves out vehicles that fly far
-above or below. A false altitude would make an aircraft that is straight ahead look harmless, so a doubted
-one counts as not known, and a vehicle without a known altitude is kept clear of in the plane.
+Altitudes: keeping clear leaves out vehicles that fly far above or below. A false altitude would make an
+aircraft that is straight ahead look harmless, so a doubted one counts as not known, and a vehicle without
+a known altitude is kept clear of in the plane.
 
-What an autopilot says of its own navigation: receiver, estimator, sensors. What it does not say is unknown,
-not bad.
+Receiver, estimator, sensors: what an autopilot does not say is unknown, not bad.
 """
 
 import math

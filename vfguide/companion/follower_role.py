@@ -5,7 +5,6 @@ import math
 from collections import Counter
 from dataclasses import replace
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
@@ -25,7 +24,7 @@ from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
-from vfguide.elementwise import low_pass
+from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.formation import (
     Slot,
     breakaway_course,

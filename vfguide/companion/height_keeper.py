@@ -1,15 +1,15 @@
 """What height to ask of one vehicle's autopilot, in guided flight and once it is handed back.
 
-What height to ask of one vehicle's autopilot: the wanted one, as far as speed leaves energy for it.
-Throttle and height share one energy. An aircraft at full throttle that climbs cannot fly faster as well,
-and one that glides down at idle cannot fly slower. Speed keeps the slot and with it the distances, so
-height gives way: by the climb rate V a / g that sets the missing acceleration a free.
+In guided flight it is the wanted one, as far as speed leaves energy for it. Throttle and height share one
+energy. An aircraft at full throttle that climbs cannot fly faster as well, and one that glides down at
+idle cannot fly slower. Speed keeps the slot and with it the distances, so height gives way: by the climb
+rate V a / g that sets the missing acceleration a free.
 
-Everybody back to the autopilot, each at a height of its own: the loiters' circles may cross. An autopilot
-loiters at the height in which it begins to. Once its heartbeat shows that it was handed back by an order
-that calls everything off, or at the end of the route, it is told another one: above the leader by so much
-for each rank. That is asked of it a few times and no more. Nothing depends on it; who is in any other mode,
-by its pilot's hand or its own, is told nothing.
+Handed back, each loiters at a height of its own, since the circles may cross. An autopilot loiters at the
+height in which it begins to. Once its heartbeat shows that it was handed back by an order that calls
+everything off, or at the end of the route, it is told another one: above the leader by so much for each
+rank. That is asked of it a few times and no more. Nothing depends on it; who is in any other mode, by its
+pilot's hand or its own, is told nothing.
 """
 
 import math

@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import (
@@ -25,7 +24,7 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
-from vfguide.elementwise import low_pass
+from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.navigation import (
     Sample,

@@ -1,10 +1,9 @@
 """What was heard last of other vehicles, and what each may do next: the tracks that it is kept clear of.
 
-What each of the other vehicles may do next: the tracks that it is kept clear of. One that is steered flies
-with the formation. One that is heard and not steered may do anything that a plane can: fly on along its
-arc, level out, turn either way at its bank limit. One that is silent flies on with the formation, where
-only the link is lost, holds its last course or heading, where its companion has died, or turns on, where
-its autopilot hangs.
+A vehicle that is steered flies with the formation. One that is heard and not steered may do anything that
+a plane can: fly on along its arc, level out, turn either way at its bank limit. One that is silent flies
+on with the formation, where only the link is lost, holds its last course or heading, where its companion
+has died, or turns on, where its autopilot hangs.
 """
 
 import cmath

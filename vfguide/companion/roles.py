@@ -1,10 +1,10 @@
 """The parts that a vehicle can have in a formation, and that of one which names deputies.
 
-A part in a formation that names deputies: leader, follower, or deputy in place of a leader that is lost. A
-deputy that takes over leaves nobody's place. Every follower carries a silent leader on along its path by
-itself; the deputy goes on with that, for as long as it takes, and tells the others, so that all carry on
-the same. It stays a follower of what it carries on. The mission's leader, once it is back, is one too, in a
-slot at its own place.
+With deputies a vehicle is leader, follower, or deputy in place of a leader that is lost. A deputy that
+takes over leaves nobody's place. Every follower carries a silent leader on along its path by itself; the
+deputy goes on with that, for as long as it takes, and tells the others, so that all carry on the same. It
+stays a follower of what it carries on. The mission's leader, once it is back, is one too, in a slot at
+its own place.
 """
 
 import math

@@ -30,13 +30,13 @@ class StatePublisher:
         if (
             before is None
             or navigated.moved
-            or not 0.0 < state.time_s - before.told.time_s <= GAP_S
+            or not 0.0 < state.time_s - before.state.time_s <= GAP_S
         ):
             self._motion = motion_at_first(state)
         else:
             time_constant = self._plan.settings.rate_filter_s
             self._motion = estimated_motion(before, state, self._plan.airframe, time_constant)
-        return self._motion.told
+        return self._motion.state
 
     def message(
         self,

@@ -1,11 +1,11 @@
 """From a guidance step to what the autopilot is sent: nothing unflyable, nothing twice, and is it obeyed.
 
-Nothing behind this guard depends on the laws: setpoints are finite and inside the vehicle's limits. Nor on
-what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.
+The guard: setpoints are finite and inside the vehicle's limits, whatever the laws say. It does not depend
+on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.
 
-Whether the vehicle obeys: its course follows the setpoints, its altitude stays. An autopilot may
-acknowledge every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, ArduPlane does not
-turn where it is given no lateral acceleration.
+The monitor: the course has to follow the setpoints, the altitude to stay. An autopilot may acknowledge
+every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, ArduPlane does not turn where
+it is given no lateral acceleration.
 """
 
 import math
@@ -13,11 +13,10 @@ from collections import Counter
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
-from vfguide.elementwise import low_pass
+from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream

@@ -1,14 +1,14 @@
 """The formation's shared clock, the clock of a leader that none can read, and stops of this process.
 
-When messages of an aircraft were true, whose clock nobody can read. Each message carries the sender's time.
-No message is read before it was sent, so the least difference between the reader's clock and the stamps is
-the one with the least delay in it. Later ones are late by the rest, and that is known to milliseconds. How
-long the fastest message took is not in the messages: a delay that all of them have looks like a clock that
-is behind. An autopilot that answers TIMESYNC shows it: no question is answered before it was asked, so the
-greatest difference between asking and the answer's stamp is the one with the least delay on the way there,
-and the truth lies midway between both, as far as the fastest each way take alike. Of one that does not
-answer the mission may tell it (`leader.least_delay_s`); what is missing there puts followers behind their
-slots by that time at the formation's speed.
+A foreign leader's clock cannot be read. Each message carries the sender's time. No message is read before
+it was sent, so the least difference between the reader's clock and the stamps is the one with the least
+delay in it. Later ones are late by the rest, and that is known to milliseconds. How long the fastest
+message took is not in the messages: a delay that all of them have looks like a clock that is behind. An
+autopilot that answers TIMESYNC shows it: no question is answered before it was asked, so the greatest
+difference between asking and the answer's stamp is the one with the least delay on the way there, and the
+truth lies midway between both, as far as the fastest each way take alike. Of one that does not answer the
+mission may tell it (`leader.least_delay_s`); what is missing there puts followers behind their slots by
+that time at the formation's speed.
 """
 
 import math

@@ -1,18 +1,17 @@
 """What a fixed-wing aircraft cannot exceed, and how its autopilot answers to setpoints.
 
-How an autopilot answers to its setpoints: after a dead time, with a lag; forwards and backwards. Course: a
+An autopilot answers after a dead time, with a lag; this is computed forwards and backwards. Course: a
 course error asks for a bank, the roll follows with a lag, the bank turns the aircraft. Where no lag is
-declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is one,
-for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small errors at
-the cruise airspeed. Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag where one
-is declared.
+declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is
+one, for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small
+errors at the cruise airspeed. Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag
+where one is declared.
 """
 
 import math
 from dataclasses import dataclass, replace
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip, like
+from vfguide.elementwise import Number, clip, like, wrap_angle
 from vfguide.guidance.wind_triangle import (
     airspeed_for_ground_velocity,
     ground_speed_on_course,

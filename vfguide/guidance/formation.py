@@ -1,13 +1,13 @@
 """Slots: their motion, the field onto them, how the leader gives way to them, how a formation comes apart.
 
-Slots, how they move, and the dual field that steers a follower onto its slot. The article's y_E and x_E,
-printed, have one sign that diverges whichever way gamma_f is read; the pair here is consistent. Errors are
-resolved along and across the slot's own motion, which on straight flight is the article's frame exactly and
-on a turn removes the steady error that a rigid slot has there.
+The dual field steers a follower onto its slot. The article's y_E and x_E, printed, have one sign that
+diverges whichever way gamma_f is read; the pair here is consistent. Errors are resolved along and across
+the slot's own motion, which on straight flight is the article's frame exactly and on a turn removes the
+steady error that a rigid slot has there.
 
-How a formation without a leader comes apart: everyone turns away to the side of its own slot. Vehicles on
-one side keep their distances: they turn by the same angle and fly at the same airspeed. Those on the
-leader's track go straight on between the two groups.
+A formation without a leader comes apart: everyone turns away to the side of its own slot. Vehicles on one
+side keep their distances: they turn by the same angle and fly at the same airspeed. Those on the leader's
+track go straight on between the two groups.
 """
 
 import math
@@ -15,8 +15,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, atan, atan2, clip, cos, greater_of, hypot, like, sin, where
+from vfguide.elementwise import (
+    Number,
+    atan,
+    atan2,
+    clip,
+    cos,
+    greater_of,
+    hypot,
+    like,
+    sin,
+    where,
+    wrap_angle,
+)
 from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 

@@ -1,19 +1,18 @@
 """How high to fly: along the path, and apart from others.
 
-How high to fly: the leader along its path, followers by what the leader means and what it really does. A
-path says how high its leader is to be, and a follower knows the path. So it climbs at the leader's command
-and not after it: two aircraft that answer alike then stay at one height through every bend of the profile.
-What the leader really flies beside that, since it cannot climb so fast or its pilot flies it elsewhere, is
-filtered: in level flight noise is to move no follower.
+A path says how high its leader is to be, and a follower knows the path. So it climbs at the leader's
+command and not after it: two aircraft that answer alike then stay at one height through every bend of the
+profile. What the leader really flies beside that, since it cannot climb so fast or its pilot flies it
+elsewhere, is filtered: in level flight noise is to move no follower.
 
 An autopilot follows a height that climbs steadily some seconds late. What is asked of it is the height that
 is to be flown so much later.
 
-Which height keeps a vehicle apart from all others, where no manoeuvre in the plane is enough. The heights
-that it may go to are compared by the least distance in space that each leaves to any other vehicle. Two
-that are as high and both step are told apart by a rule that both know: one of them goes over the other. To
-go the other way gains nothing against a vehicle that steps by the same rule, and a height behind another
-vehicle is reached only by passing that vehicle's own.
+A step in height keeps a vehicle apart where no manoeuvre in the plane is enough. The heights that it may
+go to are compared by the least distance in space that each leaves to any other vehicle. Two that are as
+high and both step are told apart by a rule that both know: one of them goes over the other. To go the
+other way gains nothing against a vehicle that steps by the same rule, and a height behind another vehicle
+is reached only by passing that vehicle's own.
 """
 
 import math

@@ -1,24 +1,23 @@
 """How a leader means to fly: carried on along its path where it is not heard, and split from what shakes it.
 
-A leader that is not heard, carried on along the path that everybody knows. For a second, dV/dt and omega of
-its last state say best where a leader is. After that the path does: it is in the mission, the leader's
-airspeed is too, and the wind is measured by every follower itself.
+Of a leader that is not heard: for a second, dV/dt and omega of its last state say best where a leader is.
+After that the path does: it is in the mission, the leader's airspeed is too, and the wind is measured by
+every follower itself.
 
-How a leader means to fly: along its path, and lastingly as it is seen to fly beside it. Slots stand in the
-leader's course frame and turn with it, so whatever shakes the leader's course swings a slot 50 m away by 50
-m times the angle, and asks its follower for turns that help nothing. A gust that takes leader and follower
-alike asks it for speeds that they both have already. A formation means to fly along its path at its
-airspeed, in the mean wind: that is known where the leader's place is. What the leader is seen to do is
-split into that and a difference. The difference is filtered with a long memory, and the more the course
-jitters the more the filtered one counts: in calm air slots follow the measured motion at once, in
-turbulence the meant one (the weight is that of a Wiener filter, signal power over signal and noise power).
+Of a leader that is heard: slots stand in the leader's course frame and turn with it, so whatever shakes
+the leader's course swings a slot 50 m away by 50 m times the angle, and asks its follower for turns that
+help nothing. A gust that takes leader and follower alike asks it for speeds that they both have already.
+A formation means to fly along its path at its airspeed, in the mean wind: that is known where the
+leader's place is. What the leader is seen to do is split into that and a difference. The difference is
+filtered with a long memory, and the more the course jitters the more the filtered one counts: in calm air
+slots follow the measured motion at once, in turbulence the meant one (the weight is that of a Wiener
+filter, signal power over signal and noise power).
 """
 
 import math
 from dataclasses import dataclass
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip, like, low_pass
+from vfguide.elementwise import Number, clip, like, low_pass, wrap_angle
 from vfguide.guidance.navigation import fading_memory_2
 from vfguide.guidance.path import (
     Path,

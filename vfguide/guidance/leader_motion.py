@@ -1,23 +1,22 @@
 """A leader's motion, estimated: by the leader itself, and by followers who only see where it is.
 
-How a vehicle's motion changes, estimated by itself for those who follow it. Followers feed dV_g/dt and
-omega forward, so a late estimate is an error of theirs. A filter that tracks a rate and how it changes
-itself is not late where the rate grows steadily, as it does in a wind that swings; a first-order one is
-late by its time constant. Fading-memory filters as in `navigation`.
+By itself: followers feed dV_g/dt and omega forward, so a late estimate is an error of theirs. A filter
+that tracks a rate and how it changes itself is not late where the rate grows steadily, as it does in a
+wind that swings; a first-order one is late by its time constant. Fading-memory filters as in
+`navigation`.
 
-How an aircraft moves that tells only where it is, and perhaps its velocity: found by those who follow it.
-At one to ten reports a second the rates matter as much as the place: between two reports a follower flies
-by them. Third-order fading-memory filters: a turn that grows steadily leaves no error, and the place is
-carried along the arc between reports. With velocities, course and speed are tracked; with positions alone,
-the place, and what is left of it in the direction of flight and across it corrects speed and course.
+By followers, of an aircraft that tells only where it is and perhaps its velocity: at one to ten reports a
+second the rates matter as much as the place: between two reports a follower flies by them. Third-order
+fading-memory filters: a turn that grows steadily leaves no error, and the place is carried along the arc
+between reports. With velocities, course and speed are tracked; with positions alone, the place, and what
+is left of it in the direction of flight and across it corrects speed and course.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip
+from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.navigation import fading_memory_2, fading_memory_3
@@ -29,7 +28,7 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 class MotionEstimate(Generic[Number]):
     """What is known of a vehicle's motion."""
 
-    told: LeaderState[Number]
+    state: LeaderState[Number]
     """What the others are told of it."""
     jerk: Number
     """d²V_g/dt², m/s³: no follower needs it, the next estimate does."""
@@ -39,7 +38,8 @@ def motion_at_first(state: VehicleState[Number]) -> MotionEstimate[Number]:
     """From one navigated state alone: nothing is known of its changes yet."""
     still = state.course * 0.0
     return MotionEstimate(
-        told=_told(state, acceleration=still, turn_rate=still, turn_acceleration=still), jerk=still
+        state=_leader_state(state, acceleration=still, turn_rate=still, turn_acceleration=still),
+        jerk=still,
     )
 
 
@@ -60,7 +60,7 @@ def estimated_motion(
         airframe: limits of the vehicle.
         time_constant: of the filters, s.
     """
-    before = previous.told
+    before = previous.state
     period = state.time_s - before.time_s
     turn_limit = bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min)
     turn_rate, turn_acceleration = _tracked(
@@ -79,7 +79,7 @@ def estimated_motion(
         time_constant,
     )
     return MotionEstimate(
-        told=_told(
+        state=_leader_state(
             state,
             acceleration=acceleration,
             turn_rate=turn_rate,
@@ -106,7 +106,7 @@ def _tracked(
     )
 
 
-def _told(
+def _leader_state(
     state: VehicleState[Number],
     *,
     acceleration: Number,

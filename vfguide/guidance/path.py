@@ -1,12 +1,12 @@
 """What guidance asks of a path, and the vector field around it.
 
-What guidance asks of a path: where its nearest point is, which way it runs there, and how it curves.
-Nothing here or in the laws knows which kind of path it is. The paths themselves are in `vfguide.paths`.
+Guidance asks where the nearest point is, which way the path runs there, and how it curves. Nothing here
+or in the laws knows which kind of path it is. The paths themselves are in `vfguide.paths`.
 
-The vector field around a path: which course to fly at each point of the plane. Nelson, Barber, McLain,
-Beard: Vector Field Path Following for Miniature Air Vehicles, IEEE Transactions on Robotics 23(3), 2007;
-the article's chi^d_l. The article's printed line field is not the path's course on the path and points away
-from it on one side; the forms here are the convergent ones.
+The field says which course to fly at each point of the plane: Nelson, Barber, McLain, Beard: Vector Field
+Path Following for Miniature Air Vehicles, IEEE Transactions on Robotics 23(3), 2007; the article's
+chi^d_l. The article's printed line field is not the path's course on the path and points away from it on
+one side; the forms here are the convergent ones.
 """
 
 import math

@@ -11,8 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.state import LeaderState
 
 ComplexArray = NDArray[np.complex128]

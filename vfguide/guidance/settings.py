@@ -1,12 +1,12 @@
 """What a mission chooses about guidance, whatever the law, and what an autopilot that answers late allows.
 
-The ground-speed observer: flying a field without a measured ground speed. The article's observer, with the
-regressor phi in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho
-chi~^2 / 2 + V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
+The ground-speed observer serves where no ground speed is measured: the article's, with the regressor phi
+in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho chi~^2 / 2 +
+V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
 
-How hard the sliding laws may pull on an autopilot that answers late. Each loop around another has to be
-slower than the one inside. The autopilot's dead time and lag are predicted away, but no prediction is
-perfect: the sliding laws are slowed with the delay, and the fields with them.
+Bandwidth limits: each loop around another has to be slower than the one inside. The autopilot's dead time
+and lag are predicted away, but no prediction is perfect: the sliding laws are slowed with the delay, and
+the fields with them.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,6 @@
 """The sliding-mode laws of course and speed, and the setpoints that fly what they ask, within limits.
 
-The sliding-mode course law, with a boundary layer that follows the loop it runs in. The sliding-mode speed
-law of a follower.
+The boundary layer of the course law follows the loop that it runs in.
 """
 
 from vfguide.elementwise import Number, clip, greater_of

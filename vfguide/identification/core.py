@@ -6,11 +6,11 @@ from enum import Enum
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event
 from vfguide.companion.steering import TrackingMonitor
+from vfguide.elementwise import wrap_angle
 from vfguide.identification.recording import Phase, Recording, Segment, segments
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.announcements import NOTICE, Acknowledgements, heartbeat, status_texts

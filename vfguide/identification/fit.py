@@ -1,12 +1,11 @@
 """What a vehicle would have done with some response, and the response that fits what it did.
 
-What a vehicle would have done with some response: the models of `vfguide.guidance.airframe`, on arrays.
-What was told and what was seen, as arrays.
+The models are those of `vfguide.guidance.airframe`, on arrays.
 
-Bandwidth, dead time and lag of a response, with their confidence: least squares over all of it. SciPy's
-trust-region method within bounds; the intervals are those of linear regression at the solution, with as
-many independent samples as the residuals' correlation leaves (Ljung, System Identification, 1999, chapter
-9).
+Bandwidth, dead time and lag are found by least squares over all of the flight, with their confidence.
+SciPy's trust-region method within bounds; the intervals are those of linear regression at the solution,
+with as many independent samples as the residuals' correlation leaves (Ljung, System Identification, 1999,
+chapter 9).
 """
 
 import math
@@ -35,23 +34,23 @@ class Samples:
     """Wind toward north, m/s; nothing where ground speed and course are held."""
     wind_east: FloatArray
     """Wind toward east, m/s."""
-    told_s: FloatArray
+    setpoint_s: FloatArray
     """When setpoints went out, s; the first before the first report."""
-    told: FloatArray
+    setpoint: FloatArray
     """The setpoints: course, unwrapped, rad, or speed, m/s."""
 
 
-def mean_told(samples: Samples, dead_time: float) -> FloatArray:
+def mean_setpoint(samples: Samples, dead_time: float) -> FloatArray:
     """Mean setpoint that acts between each report and the next, after a dead time (s).
 
     Exact for setpoints that are held until the next, and smooth in the dead time, so that it can be fitted.
     """
-    knots = np.append(samples.told_s, max(samples.time_s[-1], samples.told_s[-1]) + 1.0)
-    total = np.concatenate(([0.0], np.cumsum(samples.told * np.diff(knots))))
+    knots = np.append(samples.setpoint_s, max(samples.time_s[-1], samples.setpoint_s[-1]) + 1.0)
+    total = np.concatenate(([0.0], np.cumsum(samples.setpoint * np.diff(knots))))
     # Before the first setpoint that is known there was another like it.
     first, early = knots[0], np.minimum(samples.time_s - dead_time - knots[0], 0.0)
     until = np.interp(np.maximum(samples.time_s - dead_time, first), knots, total)
-    area = until + early * samples.told[0]
+    area = until + early * samples.setpoint[0]
     mean: FloatArray = np.diff(area) / np.diff(samples.time_s)
     return mean
 
@@ -83,12 +82,12 @@ class TurningVehicle(NamedTuple):
 def course_response(samples: Samples, parameters: Parameters, airframe: Airframe) -> FloatArray:
     """Direction (rad) at each report, as the model turns from the first one on."""
     alpha, dead_time, lag = parameters
-    told = mean_told(samples, dead_time).tolist()
+    setpoint = mean_setpoint(samples, dead_time).tolist()
     times, speeds = samples.time_s.tolist(), samples.speed.tolist()
     north, east = samples.wind_north.tolist(), samples.wind_east.tolist()
     direction, bank = settled(samples.time_s, samples.direction), 0.0
     directions = [direction]
-    for number, target in enumerate(told):
+    for number, target in enumerate(setpoint):
         vehicle = TurningVehicle(
             alpha, lag, max(speeds[number], 1.0), north[number], east[number], airframe
         )
@@ -145,12 +144,12 @@ def course_error(direction: float, target: float, vehicle: TurningVehicle) -> fl
 def speed_response(samples: Samples, parameters: Parameters, airframe: Airframe) -> FloatArray:
     """Speed (m/s) at each report, as the model accelerates from the first one on."""
     beta, dead_time, lag = parameters
-    told = mean_told(samples, dead_time).tolist()
+    setpoint = mean_setpoint(samples, dead_time).tolist()
     times = samples.time_s.tolist()
     speed, acceleration = settled(samples.time_s, samples.speed), 0.0
     limit = airframe.max_acceleration
     speeds = [speed]
-    for number, target in enumerate(told):
+    for number, target in enumerate(setpoint):
         period = times[number + 1] - times[number]
         # The middle of the period, as far as the present acceleration tells.
         ahead = speed + 0.5 * period * acceleration if lag > 0.0 else speed

@@ -17,7 +17,7 @@ from vfguide.identification.fit import (
     Samples,
     course_response,
     fit_response,
-    mean_told,
+    mean_setpoint,
     speed_response,
 )
 from vfguide.identification.profile import response_lines
@@ -201,8 +201,8 @@ def samples_of(
         speed=(vehicle.ground_speed_m_s if ground else vehicle.airspeed_m_s)[stretch],
         wind_north=north,
         wind_east=east,
-        told_s=time_s[whole],
-        told=np.unwrap(told) if course else told,
+        setpoint_s=time_s[whole],
+        setpoint=np.unwrap(told) if course else told,
     )
     return samples if course else rescaled(samples)
 
@@ -214,8 +214,10 @@ def forgotten(samples: Samples) -> int:
 
 def rescaled(samples: Samples) -> Samples:
     """The same, with speeds that were asked for on the scale of those that were seen: sensors are off."""
-    apart = samples.speed[1:] - mean_told(samples, 0.0)
-    return replace(samples, told=samples.told + float(np.median(apart[forgotten(samples) :])))
+    apart = samples.speed[1:] - mean_setpoint(samples, 0.0)
+    return replace(
+        samples, setpoint=samples.setpoint + float(np.median(apart[forgotten(samples) :]))
+    )
 
 
 def answer_sentence(answer: Answer) -> str:

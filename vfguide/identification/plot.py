@@ -30,11 +30,11 @@ def draw_findings(findings: Findings, path: Path, title: str) -> None:
     if course is not None and findings.course is not None:
         degrees = np.degrees(course.direction)
         modelled = np.degrees(findings.course.modelled)
-        draw(upper, course, np.degrees(course.told), degrees, modelled)
+        draw(upper, course, np.degrees(course.setpoint), degrees, modelled)
         upper.set_ylabel("heading (setpoint: course), degrees")
         upper.set_title(words(findings.course, "alpha"), loc="left", fontsize=10)
     if speed is not None and findings.speed is not None:
-        draw(lower, speed, speed.told, speed.speed, findings.speed.modelled)
+        draw(lower, speed, speed.setpoint, speed.speed, findings.speed.modelled)
         lower.set_ylabel("speed, m/s")
         lower.set_title(words(findings.speed, "beta"), loc="left", fontsize=10)
     lower.set_xlabel("time, s")
@@ -46,9 +46,9 @@ def draw(
 ) -> None:
     """One stretch: setpoints as steps, what was seen, what the model makes of it."""
     first, last = samples.time_s[0], samples.time_s[-1]
-    near = samples.told_s >= first
+    near = samples.setpoint_s >= first
     near[max(int(np.argmax(near)) - 1, 0)] = True
-    edges = np.append(np.maximum(samples.told_s[near], first), last) - first
+    edges = np.append(np.maximum(samples.setpoint_s[near], first), last) - first
     axes.stairs(told[near], edges, color=TOLD, label="setpoint", baseline=None)
     axes.plot(samples.time_s - first, seen, color=SEEN, linewidth=1.6, label="flown")
     axes.plot(

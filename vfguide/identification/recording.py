@@ -14,7 +14,7 @@ from vfguide.identification.fit import (
     Samples,
     course_response,
     fit_response,
-    mean_told,
+    mean_setpoint,
     speed_response,
 )
 from vfguide.state import Airframe, VehicleState
@@ -158,7 +158,7 @@ class Recording:
     """Limits, and what is held."""
     reports: list[tuple[VehicleState[float], Phase]] = field(default_factory=list)
     """Every navigated state, and what was being flown then."""
-    told: list[tuple[float, float, float]] = field(default_factory=list)
+    setpoints: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s), course (rad) and speed (m/s) of every setpoint."""
 
     def note(self, state: VehicleState[float], segment: Segment) -> None:
@@ -167,8 +167,8 @@ class Recording:
 
     def note_setpoint(self, time_s: float, course: float, speed: float) -> None:
         """A setpoint that went out, if it is another one than before."""
-        if not self.told or self.told[-1][1:] != (course, speed):
-            self.told.append((time_s, course, speed))
+        if not self.setpoints or self.setpoints[-1][1:] != (course, speed):
+            self.setpoints.append((time_s, course, speed))
 
     def findings(self) -> Findings:
         """Fit what was seen so far."""
@@ -199,15 +199,15 @@ class Recording:
         speed = np.array([held_speed(state, airframe) for state in stretch])
         north, east = self._wind(stretch, time_s)
         is_course = phase is Phase.COURSE
-        told = np.array([(at, course, pace) for at, course, pace in self.told if at <= last])
+        told = np.array([(at, course, pace) for at, course, pace in self.setpoints if at <= last])
         samples = Samples(
             time_s=time_s,
             direction=np.unwrap(np.array([held_direction(state, airframe) for state in stretch])),
             speed=speed,
             wind_north=north,
             wind_east=east,
-            told_s=told[:, 0],
-            told=np.unwrap(told[:, 1]) if is_course else told[:, 2],
+            setpoint_s=told[:, 0],
+            setpoint=np.unwrap(told[:, 1]) if is_course else told[:, 2],
         )
         return samples if is_course else as_seen(samples)
 
@@ -227,8 +227,8 @@ def as_seen(samples: Samples) -> Samples:
 
     The steps go either way and back: however late a response is, its mean is that of its setpoints.
     """
-    offset = float(np.mean(samples.speed[1:] - mean_told(samples, 0.0)))
-    return replace(samples, told=samples.told + offset)
+    offset = float(np.mean(samples.speed[1:] - mean_setpoint(samples, 0.0)))
+    return replace(samples, setpoint=samples.setpoint + offset)
 
 
 def smoothed(time_s: FloatArray, values: FloatArray, width_s: float = WIND_S) -> FloatArray:

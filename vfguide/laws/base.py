@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, Number
+from vfguide.elementwise import BoolArray, Number, wrap_angle
 from vfguide.guidance.formation import (
     FormationError,
     Slot,

@@ -20,8 +20,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import Field
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, Number, like
+from vfguide.elementwise import BoolArray, Number, like, wrap_angle
 from vfguide.guidance.formation import (
     FormationError,
     Slot,

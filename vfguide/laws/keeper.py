@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number
+from vfguide.elementwise import Number, wrap_angle
 from vfguide.guidance.formation import (
     FormationError,
     Slot,

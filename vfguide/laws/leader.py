@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import Number, clip
+from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.formation import SlotLimits, airspeed_that_gives_way
 from vfguide.guidance.path import (
     Path,

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.guidance.airframe import GRAVITY, ground_speed_range
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset

@@ -1,7 +1,7 @@
 """A broker inside this program, or beside it, so that a first flight needs no other.
 
-The embedded broker as a program of its own: it tells its port, and runs until its standard input ends. So
-it shares no processor with the program that starts it, and never outlives it. Run with `python -m
+As a program of its own it tells its port, and runs until its standard input ends. So it shares no
+processor with the program that starts it, and never outlives it. Run with `python -m
 vfguide.link.broker`.
 """
 

@@ -1,6 +1,6 @@
 """One connection to an MQTT broker: opened and closed in bounded time, newest mail only, own states heard.
 
-Whether the broker hears this vehicle: its own states come back. A broker whose access list forbids a topic
+Its own states come back from a broker that hears this vehicle. A broker whose access list forbids a topic
 takes messages for it without a word and drops them. And another vehicle may fly under the same name by
 mistake.
 

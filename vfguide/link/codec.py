@@ -1,11 +1,11 @@
 """Leader states, and questions for the time of another clock, as bytes and back.
 
-Leader states as bytes and back: compact, versioned, checked. Layout, little-endian: "VFLS", version (u8),
-flags (u8), course setpoint (u16), sequence number (u32), then as f64 the time of validity (s), latitude and
-longitude (degrees), altitude above mean sea level (m), course (rad), ground speed (m/s), acceleration
-(m/s²), turn rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s), then the term and the
-arrangement (u32 each), and the CRC-32 of all that (u32). 104 bytes. Position is geodetic, so that no two
-vehicles have to agree on an origin.
+Leader states are compact, versioned and checked. Layout, little-endian: "VFLS", version (u8), flags (u8),
+course setpoint (u16), sequence number (u32), then as f64 the time of validity (s), latitude and longitude
+(degrees), altitude above mean sea level (m), course (rad), ground speed (m/s), acceleration (m/s²), turn
+rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s), then the term and the arrangement (u32
+each), and the CRC-32 of all that (u32). 104 bytes. Position is geodetic, so that no two vehicles have to
+agree on an origin.
 
 The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, tells none.
 
@@ -13,10 +13,10 @@ The lowest flag says that the sender is not under guidance. Senders that know no
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
 The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
 
-Questions for the time of another computer's clock and their answers, as bytes. Layout, little-endian:
-"VFCA" (ask) or "VFCT" (tell), version (u8), three bytes of zero, number of the exchange (u64), then as f64
-when the question left (s, clock of who asks), in an answer also when it arrived and when the answer left
-(s, clock of who answers), then the CRC-32 of all that (u32). 28 and 44 bytes.
+Questions for the time and their answers: layout, little-endian: "VFCA" (ask) or "VFCT" (tell), version
+(u8), three bytes of zero, number of the exchange (u64), then as f64 when the question left (s, clock of
+who asks), in an answer also when it arrived and when the answer left (s, clock of who answers), then the
+CRC-32 of all that (u32). 28 and 44 bytes.
 
 The number is random: an answer with it shows that the question was heard.
 """

@@ -29,6 +29,16 @@ ANSWERABLE_S = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class QueuedBody:
+    """Something that is to be said."""
+
+    body: bytes
+    """What."""
+    since_s: float
+    """Since when it waits, s on the clock of the turns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
     """One that was heard."""
 

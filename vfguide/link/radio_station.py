@@ -20,10 +20,8 @@ in 5 s; one that starts waits for 5 s at most.
 Nothing here owns a port or reads a clock but the member's, for stamps.
 """
 
-import hmac
 import math
 from collections import deque
-from dataclasses import dataclass
 
 from vfguide.link.codec import Ask, LinkDataError, decode, encode, encode_ask, encode_tell
 from vfguide.link.envelope import Kind
@@ -40,20 +38,17 @@ from vfguide.link.packed import (
     encode_beat_alone,
     encode_motion,
     encode_packed_presence,
-    encode_packet,
     encode_piece,
     encode_question,
-    formation_key,
-    formation_mark,
-    tag_of,
     ticks_of,
 )
 from vfguide.link.peer_clock import HURRIED_S
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
-from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions
+from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions, QueuedBody
 from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
-from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError
+from vfguide.link.radio_trust import UNKNOWN_SESSION, RadioTrust
+from vfguide.link.trust import TWIN, Message, RefusedError
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
@@ -68,22 +63,11 @@ PRESENCE_S, IDLE_S = 4.0, 1.0
 LEAST_LATE_S = 0.002
 """s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
 
-VEHICLES_MAY = frozenset(
-    {PackedKind.STATE, PackedKind.PRESENCE, PackedKind.REPLY, PackedKind.REPEAT}
-)
-LEADER_MAY = VEHICLES_MAY | {PackedKind.BEAT, PackedKind.QUESTION, PackedKind.ANSWER}
-FOLLOWERS_MAY = VEHICLES_MAY | {PackedKind.QUESTION}
-OPERATOR_MAY = frozenset({PackedKind.QUESTION, PackedKind.ORDER, PackedKind.REPLY})
-"""Kinds that a sender may say."""
-
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
 
 OPERATOR_NAME = "the operator"
 """Who answers as one: no vehicle's name has a blank."""
-
-UNKNOWN_SESSION = "another session or forged"
-"""Why a packet is refused whose tag is not of this session of the leader."""
 
 LISTEN_CYCLES, TWIN_S = 2, 3.0
 """A member that starts listens for so many cycles whether its turns are taken, and is silent for so many s
@@ -101,16 +85,6 @@ REMEMBERED = 64
 
 LONGEST_CYCLE_S = 10.0
 """Of a beat that nothing vouches for: a slower one would keep a member silent for long."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class QueuedBody:
-    """Something that is to be said."""
-
-    body: bytes
-    """What."""
-    since_s: float
-    """Since when it waits, s on the clock of the turns."""
 
 
 class Station:
@@ -141,20 +115,20 @@ class Station:
         self._member = member
         self._listens_first = listens_first
         self._vehicles = vehicles
-        self._mark = formation_mark(formation)
-        self._key = formation_key(key, formation, vehicles)
         self._channel = channel
         self._timetable = timetable
         known = member.name in vehicles and not member.watches
         self._number = vehicles.index(member.name) if known else None
         if member.watches and member.heeds_orders:
             self._number = OPERATOR
+        self._trust = RadioTrust(
+            member, number=self._number, formation=formation, vehicles=vehicles, key=key
+        )
         self._beat = Beat(self._number)
         self._proven_s = self._twin_s = -math.inf
         self._listens_since = math.inf
         self._framer = Framer(member.counters)
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
-        self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
         self._true_leader_s = -math.inf
         self._state: QueuedBody | None = None
         self._questions = Questions()
@@ -254,34 +228,30 @@ class Station:
             RefusedError: it is not believed.
         """
         packet = decode_packet(data)
-        if packet.formation != self._mark:
-            raise RefusedError("another formation")
+        self._trust.check_sender(packet)
         leads, operates = packet.sender == LEADER, packet.sender == OPERATOR
-        if packet.sender >= len(self._vehicles) and not operates:
-            raise RefusedError("a stranger")
-        may = LEADER_MAY if leads else OPERATOR_MAY if operates else FOLLOWERS_MAY
-        if packet.kind not in may:
-            raise RefusedError("not for its sender to say")
         began_s = now - self._channel.latency_s(len(data) + OVERHEAD)
         if packet.sender == self._number and not self._member.trust.proven:
             # What nothing vouches for yet is good enough to be silent by: speaking hits the other's turns.
             self._twin_s = now
             self._take_unproven(packet, began_s)
             raise RefusedError(TWIN)
-        epoch = self._epoch_of(packet)
+        epoch = self._trust.epoch_of(packet)
         if epoch is None:
             self._take_unproven(packet, began_s)
             raise RefusedError(UNKNOWN_SESSION)
         if packet.sender == self._number:
             self._meet_twin(packet)
             raise RefusedError(TWIN)
-        self._check_newer(packet, epoch)
+        self._trust.check_newer(packet, epoch)
         if packet.kind not in {PackedKind.QUESTION, PackedKind.ANSWER}:
             # Others' questions and answers prove no session to this member: one that joins late would wait
             # while others ask.
             self._proven_s = began_s
         if leads:
-            self._note_leader(packet, epoch, began_s)
+            if packet.beat is not None:
+                self._member.trust.note_leader(epoch, self._member.clock())
+                self._count_from(packet, began_s)
         elif packet.kind is not PackedKind.QUESTION and not operates:
             self._beat.hear_follower(packet.sender, began_s)
         self._use(packet, epoch)
@@ -305,23 +275,6 @@ class Station:
                 return
             case _ if abs(self._member.formation_time() - packet.ticks * TICK_S) < RECENT_S:
                 self._member.note_twin(packet.ticks * TICK_S)
-
-    def _epoch_of(self, packet: Packet) -> int | None:
-        """The leader's session that a packet was said under; None where its tag is of none that counts."""
-        trust = self._member.trust
-        match packet.kind:
-            case PackedKind.QUESTION:
-                epochs: tuple[int, ...] = (0,)
-            case PackedKind.ANSWER:
-                epochs = (packet.session,)
-            case PackedKind.PRESENCE if trust.takes_all:
-                epochs = (packet.session,)
-            case _:
-                epochs = trust.epochs(self._member.clock())
-        for epoch in epochs:
-            if hmac.compare_digest(tag_of(self._key, epoch, packet.tagged), packet.tag):
-                return epoch
-        return None
 
     def _take_unproven(self, packet: Packet, began_s: float) -> None:
         """Take a packet that nothing vouches for: a beat, where no true one was heard for a while."""
@@ -362,36 +315,6 @@ class Station:
         if timetable_of(info).slot_s < self._channel.line_s():
             raise RefusedError("a beat that is too fast")
         self._beat.hear_leader(info, began_s)
-
-    def _note_leader(self, packet: Packet, epoch: int, began_s: float) -> None:
-        """Note a true packet of the leader."""
-        if packet.beat is None:
-            return
-        self._member.trust.note_leader(epoch, self._member.clock())
-        self._count_from(packet, began_s)
-
-    def _check_newer(self, packet: Packet, epoch: int) -> None:
-        """See that a packet comes after all before of its sender and kind.
-
-        Raises:
-            RefusedError: it was heard before, or a newer one was.
-        """
-        if packet.kind is PackedKind.ANSWER:
-            # Whether it is new is for the number to say that it answers.
-            return
-        about = packet.sender, packet.kind
-        order = packet.number if packet.kind is PackedKind.QUESTION else packet.ticks
-        before = self._newest.get(about)
-        if before is not None:
-            known, newest = before
-            repeated = order == newest if packet.kind is PackedKind.QUESTION else order <= newest
-            if known == epoch and repeated:
-                raise RefusedError(HEARD_BEFORE)
-            # What is said under the leader's last session comes before what was said under this one.
-            now = self._member.clock()
-            if known != epoch and known == next(iter(self._member.trust.epochs(now)), 0):
-                raise RefusedError("an earlier session")
-        self._newest[about] = epoch, order
 
     def _use(self, packet: Packet, epoch: int) -> None:
         """Hand on what is believed."""
@@ -451,7 +374,9 @@ class Station:
             return self._answer(now) or self._said_of_itself(now, PRESENCE_S) or self._piece(now)
         beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
-            return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
+            return self._trust.sealed(
+                PackedKind.BEAT, encode_beat_alone(beat), self._member.clock()
+            )
         return self._sealed_state(state, encode_beat(beat))
 
     def _is_silent_leader(self, now: float) -> bool:
@@ -497,7 +422,7 @@ class Station:
     def _sealed_state(self, body: bytes, beat: bytes = b"") -> bytes:
         """A state as a packet; nothing where its time is none."""
         message = decode(body)
-        return self._sealed(
+        return self._trust.sealed(
             PackedKind.STATE,
             beat + encode_motion(message),
             message.time_s,
@@ -534,7 +459,7 @@ class Station:
             return b""
         # A leader asks another of its name, and says for how long it has spoken.
         said_s = ask.originate_s if self._number == LEADER else 0.0
-        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
+        return self._trust.sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
         """The answer to one of the questions that wait."""
@@ -549,7 +474,7 @@ class Station:
             # Another of its name asks for how long it has spoken.
             received_s = said_s = self._member.spoken_s
         body = encode_answer(asker, question.number, session, ticks_of(received_s))
-        return self._sealed(PackedKind.ANSWER, body, said_s)
+        return self._trust.sealed(PackedKind.ANSWER, body, said_s)
 
     def _piece(self, now: float) -> bytes:
         """The next piece of what is to be said about orders."""
@@ -557,7 +482,7 @@ class Station:
         if found is None:
             return b""
         kind, piece = found
-        return self._sealed(kind, encode_piece(piece), self._member.formation_time())
+        return self._trust.sealed(kind, encode_piece(piece), self._member.formation_time())
 
     def _said_of_itself(self, now: float, every_s: float) -> bytes:
         """The presence, where it is time for it."""
@@ -567,28 +492,4 @@ class Station:
         self._told_s = now
         (session, *_) = trust.epochs(self._member.clock())
         body = encode_packed_presence(presence, session)
-        return self._sealed(PackedKind.PRESENCE, body, self._member.formation_time())
-
-    def _sealed(
-        self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
-    ) -> bytes:
-        """A packet with its tag; nothing where the formation's time is not known."""
-        epoch = 0
-        if kind is not PackedKind.QUESTION:
-            epoch = next(iter(self._member.trust.epochs(self._member.clock())), 0)
-        if self._number is None or (epoch == 0 and kind is not PackedKind.QUESTION):
-            return b""
-        try:
-            ticks = ticks_of(time_s)
-        except ValueError:
-            self._member.counters["radio: no time to tell"] += 1
-            return b""
-        packet = encode_packet(
-            kind,
-            formation=self._mark,
-            sender=self._number,
-            ticks=ticks,
-            body=body,
-            steered=steered,
-        )
-        return packet + tag_of(self._key, epoch, packet)
+        return self._trust.sealed(PackedKind.PRESENCE, body, self._member.formation_time())

@@ -1,7 +1,6 @@
 """What differs between autopilots, behind one interface, and the stream of setpoints that goes through it.
 
-What differs between autopilots, behind one interface; one file for each of them. Which autopilot speaks: by
-what its heartbeat says.
+Each autopilot has a file of its own. Which of them speaks is known by its heartbeat.
 """
 
 import math
@@ -15,7 +14,7 @@ from typing import ClassVar, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.angles import wrap_course
+from vfguide.elementwise import wrap_course
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 from vfguide.registry import autopilots

@@ -1,7 +1,7 @@
 """MAVLink frames to reports in SI units and back. The only place that knows degE7, cm/s and centidegrees.
 
-ADSB_VEHICLE in SI units, and what numbers in reports of other aircraft can mean at all. Nothing here is
-true because it is well-formed: whoever has a transmitter can send it.
+Reports of other aircraft (ADSB_VEHICLE) are looked at for what their numbers can mean at all. Nothing in
+them is true because it is well-formed: whoever has a transmitter can send it.
 """
 
 import math

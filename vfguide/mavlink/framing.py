@@ -1,18 +1,16 @@
 """MAVLink frames: their ends, their signatures, and the heartbeat that makes a sender the autopilot.
 
-Where MAVLink frames begin and end in a datagram, and what their headers say. A companion listens to five
-kinds of message from one sender. Reading the header first spares the work of decoding all the others, which
-on a chatty connection is most of it.
+A companion listens to five kinds of message from one sender. Reading the header first spares the work of
+decoding all the others, which on a chatty connection is most of it.
 
-MAVLink 2 message signing: only who has the key is heard, and nobody else can get in its way. pymavlink
-signs what goes out, with a time stamp set here: its own moves by 10 µs for each packet, so that a restarted
-program would be taken for a recording of itself. What comes in is checked here: pymavlink notes a packet's
-time stamp before it looks at the signature, so that one forged packet from the future would shut the true
-sender out.
+Signing: only a sender that has the key is heard. pymavlink signs what goes out, with a time stamp set
+here: its own moves by 10 µs for each packet, so that a restarted program would be taken for a recording
+of itself. What comes in is checked here: pymavlink notes a packet's time stamp before it looks at the
+signature, so that one forged packet from the future would shut the true sender out.
 
-Who on a connection is the autopilot that is expected there, by its heartbeat. At a UDP port anybody may
-speak. An address becomes the peer, and hears the setpoints, only after a heartbeat of the right system with
-a right checksum; on a signed connection it has to be signed, too.
+Introduction: at a UDP port anybody may speak. An address becomes the peer, and hears the setpoints, only
+after a heartbeat of the right system with a right checksum; on a signed connection it has to be signed,
+too.
 """
 
 import hashlib

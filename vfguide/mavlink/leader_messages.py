@@ -1,14 +1,14 @@
 """The motion of a leader in MAVLink: as an aircraft without a companion tells it, and FOLLOW_TARGET.
 
-What an aircraft without a companion tells of its motion: four MAVLink messages, and ADS-B, in SI units. All
-that an aircraft may send is looked at; which of it is followed is for others to decide. Nothing here is
-true because it is well-formed: every number is checked against what its field can mean, no more.
+Such an aircraft is heard by four MAVLink messages and ADS-B, in SI units here. All that an aircraft may
+send is looked at; which of it is followed is for others to decide. Nothing here is true because it is
+well-formed: every number is checked against what its field can mean, no more.
 
-FOLLOW_TARGET: a leader's motion for followers that have no companion, such as ArduPlane's and PX4's own.
-What they read of it, by their sources: ArduPilot (AP_Follow) wants the bit of the position; takes velocity,
+FOLLOW_TARGET is also sent, for followers that have no companion, such as ArduPlane's and PX4's own. What
+they read of it, by their sources: ArduPilot (AP_Follow) wants the bit of the position; takes velocity,
 acceleration, and attitude with rates where their bits are set; turns offsets with the yaw and refuses the
-message without attitude if they are relative; and goes by the time stamp's differences only. From the first
-one on it ignores the sender's GLOBAL_POSITION_INT. PX4 takes place and velocity, and stamps them on
+message without attitude if they are relative; and goes by the time stamp's differences only. From the
+first one on it ignores the sender's GLOBAL_POSITION_INT. PX4 takes place and velocity, and stamps them on
 arrival. Neither reads `position_cov` and `custom_state`: 0 here, as of a sender that does not tell.
 """
 

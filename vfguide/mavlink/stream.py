@@ -1,7 +1,6 @@
 """Streams of MAVLink bytes over TCP and serial ports: whole frames, opened again for ever.
 
-One peer at the other end of a stream: bytes in, whole frames out; never more waiting than is fresh. Whole
-MAVLink frames out of a stream of bytes, which knows no boundaries and may begin anywhere.
+A stream knows no boundaries and may begin anywhere. No more waits in it than is fresh.
 
 A byte that looks like a beginning is believed only when the checksum proves the frame. Messages that this
 message set does not know cannot be proved: nobody here listens to them, and they are left out.

@@ -1,11 +1,11 @@
 """What a mission asks of its vehicles on turns, climbs and slots, against what they can fly.
 
-Before take-off: does anything have to turn faster than its bank limit allows? Nelson et al., Vector field
-path following for miniature air vehicles, IEEE T-RO 2007, for the field.
+Turns, by the bank limit: Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO
+2007, for the field.
 
-Before take-off: can everybody climb as the path does, and fly faster in its slot meanwhile? The fastest
-climb that a vehicle keeps up at cruise is its whole excess of power. What a climb leaves of it is an
-acceleration a = g (climb_max - climb) / V, all that a follower has to get back into its slot with.
+Climbs: the fastest climb that a vehicle keeps up at cruise is its whole excess of power. What a climb
+leaves of it is an acceleration a = g (climb_max - climb) / V, all that a follower has to get back into
+its slot with.
 """
 
 import math

@@ -1,8 +1,7 @@
 """Places and fences in a mission file.
 
-Where a formation may fly: areas it has to stay in, areas it has to stay out of, and how high. A vehicle has
-to be inside of every area of inclusion and outside of every other, as ArduPlane has it; PX4 is content with
-one area of inclusion.
+A fence says where a formation may fly, and how high. A vehicle has to be inside of every area of
+inclusion and outside of every other, as ArduPlane has it; PX4 is content with one area of inclusion.
 """
 
 import math

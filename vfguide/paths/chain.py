@@ -1,13 +1,12 @@
 """Chains of pieces as one path, and paths along any curve.
 
-A line over the ground as a chain of pieces, and the paths that are one. Every place is worked out from the
-piece that it lies on, so that a straight leg of ten kilometres is one piece and as exact as a bend. The
-nearest piece is found by a tree; the foot of the perpendicular then by going along the chain until the
-vehicle is abeam.
+Every place is worked out from the piece that it lies on, so that a straight leg of ten kilometres is one
+piece and as exact as a bend. The nearest piece is found by a tree; the foot of the perpendicular then by
+going along the chain until the vehicle is abeam.
 
-A closed curve of any shape, by its points: what a path of one's own is usually made of. The curve is looked
-at once, at the start: points a metre or so apart, with the course and the curvature of a periodic cubic
-spline through them. These are the joints of a chain.
+A closed curve of any shape, given by its points, is what a path of one's own is usually made of. It is
+looked at once, at the start: points a metre or so apart, with the course and the curvature of a periodic
+cubic spline through them. These are the joints of a chain.
 """
 
 import math

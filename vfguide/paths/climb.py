@@ -1,8 +1,8 @@
 """Heights along a path: one steady climb, or even climbs between waypoints.
 
-Heights along a path: even climbs between waypoints, joined by vertical curves as on roads. Along a vertical
-curve the slope changes evenly, so that it never jumps: an aircraft goes over into a climb about as it goes
-over into a turn. It cuts the corner of the heights as a fillet does that of the course.
+Even climbs are joined by vertical curves as on roads. Along a vertical curve the slope changes evenly, so
+that it never jumps: an aircraft goes over into a climb about as it goes over into a turn. It cuts the
+corner of the heights as a fillet does that of the course.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Straight pieces and arcs that paths are made of, the arcs in corners, and the search for the nearest.
 
-Turns that aircraft can follow: an arc between two easements, along which the curvature comes and goes.
+A turn that aircraft can follow is an arc between two easements, along which the curvature comes and goes.
 Along an easement the curvature grows as 3 u² - 2 u³, so that it begins and ends evenly: the motion of a
 slot 50 m behind the leader has the curvature in its speed, and its rate in its acceleration.
 """

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import Misfit, PathShape, shape_of
 from vfguide.mission.place import MissionFrame, Place

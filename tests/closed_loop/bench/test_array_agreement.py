@@ -7,9 +7,9 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.studies.array_case import conditions_of, start_of
 from vfguide.lab.studies.array_formation import fly_formations
-from vfguide.lab.studies.array_mission import conditions_of, start_of
-from vfguide.lab.studies.article import MISSIONS, article_mission
+from vfguide.lab.studies.flown import MISSIONS, article_mission
 from vfguide.mission import Mission
 
 DURATION_S = 30.0

@@ -15,9 +15,8 @@ from vfguide.companion.supervisor import Mode
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.formation import extrapolate_by_rates
-from vfguide.lab.rehearsal.aircraft import Aircraft, aircraft_of, step_all
+from vfguide.lab.rehearsal.aircraft import Aircraft, ForeignLeader, aircraft_of, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
 from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission

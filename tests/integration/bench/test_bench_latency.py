@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from vfguide.lab.studies.formation import FOLLOWERS
 from vfguide.lab.studies.latency import render, run_latency
+from vfguide.lab.studies.response import FOLLOWERS
 
 
 @pytest.fixture(scope="module")

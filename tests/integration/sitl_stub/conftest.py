@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
-from sitl_stub.address import Address
+from sitl_stub.links import Address
 from sitl_stub.server import serve
 
 PATIENCE_S = 60.0

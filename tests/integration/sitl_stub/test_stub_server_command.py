@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from sitl_stub.address import parse_address
+from sitl_stub.links import parse_address
 
 Factory = Callable[..., Any]
 

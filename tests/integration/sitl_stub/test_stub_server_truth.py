@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from sitl_stub import Autopilot, Truth
-from sitl_stub.address import AddressError
+from sitl_stub.links import AddressError
 from sitl_stub.options import OptionError
 from sitl_stub.server import serve
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vfguide.lab.studies.array_outcome import Watch
-from vfguide.lab.studies.article import MISSIONS, article_mission
+from vfguide.lab.studies.array_case import Watch
 from vfguide.lab.studies.comparison import seeded, summed_up
-from vfguide.lab.studies.flown import Figures
+from vfguide.lab.studies.flown import MISSIONS, Figures, article_mission, dask_executor
 from vfguide.lab.studies.monte_carlo import (
     Batch,
     batches,
@@ -20,7 +19,6 @@ from vfguide.lab.studies.monte_carlo import (
     summary_of,
 )
 from vfguide.lab.studies.scale import crowd, growth_exponent
-from vfguide.lab.studies.spread import dask_executor
 from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 

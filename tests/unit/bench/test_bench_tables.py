@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vfguide.commands.bench_studies import maps, without_nan
-from vfguide.lab.studies.ablations import ABLATIONS, ablation_cases
-from vfguide.lab.studies.article import MISSIONS
+from vfguide.commands.bench import maps, without_nan
 from vfguide.lab.studies.comparison import (
+    ABLATIONS,
     FULL,
     QUICK,
     Row,
+    ablation_cases,
     cases,
     long_table,
     metres,
@@ -22,8 +22,8 @@ from vfguide.lab.studies.comparison import (
     short_table,
 )
 from vfguide.lab.studies.figures import draw_case, draw_laws, draw_maps
-from vfguide.lab.studies.flown import Case, Figures, Tracks
-from vfguide.lab.studies.robustness import SWEEPS, WRONG, Found, fly_point, points
+from vfguide.lab.studies.flown import MISSIONS, Case, Figures, Tracks
+from vfguide.lab.studies.monte_carlo import SWEEPS, WRONG, Found, fly_point, points
 
 PNG = b"\x89PNG"
 LAWS = ("slot", "article", "pid", "mpc")

@@ -1,9 +1,22 @@
 """What is sent to ground stations, and what is left out, when there is much to say."""
 
-import pytest
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
-from vfguide.companion.announcer import MOST_WAITING, Announcer
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.announcer import MOST_WAITING, Announcer, PlottedValues
+from vfguide.companion.own_vehicle import OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.role import RoleStep
+from vfguide.companion.roles import LeaderRole, role_of
 from vfguide.companion.supervisor import Control, Mode
+from vfguide.companion.timing import SAME_CLOCK
+from vfguide.laws.leader import LeaderTask
+from vfguide.mavlink.reports import PositionReport
 
 
 def said(announcer: Announcer, from_s: float, to_s: float) -> list[str]:
@@ -91,3 +104,119 @@ def test_on_the_way_into_steering_only_the_steering_is_told() -> None:
     announcer.watch(Mode.JOINING, Control.GUIDED, lambda: "joining", 0.2)
     announcer.watch(Mode.JOINING, Control.GUIDED, lambda: "joining", 9.0)
     assert said(announcer, 9.0, 12.0) == ["vfguide f1: joining"]
+
+
+Flight = Callable[..., Any]
+Flown = Any
+"""A flight of conftest.py, which tests cannot import."""
+
+
+def values(flown: Flown, name: str) -> list[tuple[float, float]]:
+    """(time sent in s, value) of everything sent by a name."""
+    parser = mavlink.MAVLink(None)
+    return [
+        (time, message.value)
+        for time, data in flown.sent
+        for message in parser.parse_buffer(data) or []
+        if message.get_type() == "NAMED_VALUE_FLOAT" and message.name == name
+    ]
+
+
+def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second(flight: Flight) -> None:
+    flown = flight(engage=False)
+    flown.run(10.0)
+    along, cross = values(flown, "slot_along"), values(flown, "slot_cross")
+    # It flies 50 m behind the origin and 30 m left of it, its slot is 20 m behind and 20 m left; both fly
+    # north at 20 m/s, but the loiter turns it away: only the beginning is known beforehand.
+    assert along[0][1] == pytest.approx(30.0, abs=4.0)
+    assert cross[0][1] == pytest.approx(10.0, abs=2.0)
+    gaps = [later - earlier for (earlier, _), (later, _) in pairwise(along)]
+    assert gaps
+    assert all(gap == pytest.approx(0.5, abs=0.051) for gap in gaps)
+
+
+def test_in_its_slot_the_errors_are_small_and_the_mode_is_2(flight: Flight) -> None:
+    flown = flight()
+    flown.run(90.0)
+    for name in ("slot_along", "slot_cross", "slot_up"):
+        assert abs(values(flown, name)[-1][1]) < 1.0
+    assert values(flown, "form_mode")[-1][1] == 2.0
+    assert values(flown, "form_mode")[0][1] == 0.0
+
+
+def test_without_a_leader_the_mode_is_sent_and_no_error(flight: Flight) -> None:
+    flown = flight(link=lambda _now: [])
+    flown.run(5.0)
+    assert values(flown, "form_mode")
+    assert values(flown, "slot_along") == []
+
+
+def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve(flight: Flight) -> None:
+    flown = flight(engage=False)
+    flown.run(5.0)
+    flown.deaf = True
+    flown.run(10.0)
+    assert values(flown, "slot_along")[-1][0] <= 6.1
+
+
+def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., FlightPlan]) -> None:
+    its = plan("line-calm", "leader")
+    role, plotted = role_of(its, SAME_CLOCK), PlottedValues()
+    assert isinstance(role, LeaderRole)
+    assert isinstance(its.task, LeaderTask)
+    course = its.task.path.nearest(0.0, 0.0, 0.0).course
+    # 3 m to the right of a line through the origin, which is then 3 m to the left.
+    latitude, longitude = its.frame.to_geodetic(-3.0 * math.sin(course), 3.0 * math.cos(course))
+    report = PositionReport(
+        boot_time_s=4.0,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=588.0,
+        velocity_north=20.0 * math.cos(course),
+        velocity_east=20.0 * math.sin(course),
+        heading=course,
+    )
+    own = OwnVehicle(its)
+    own.note_airspeed(20.0, 4.0)
+    navigated = own.take(report, 4.0)
+    assert navigated is not None
+    plotted.note(role.step(navigated, Mode.TRACKING), 4.0)
+    sent = {message.name: message.value for message in plotted.due(Mode.TRACKING, 4.0)}
+    assert sent == {"form_mode": 2.0, "path_cross": pytest.approx(-3.0, abs=0.01)}
+
+
+def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None:
+    for up, sent in ((-4.0, -4.0), (math.nan, None)):
+        plotted = PlottedValues()
+        step = RoleStep(
+            setpoint=None,
+            distance=1.0,
+            lyapunov=1.0,
+            publish=None,
+            height=100.0,
+            along_track=1.0,
+            cross_track=2.0,
+            up=up,
+        )
+        plotted.note(step, 0.0)
+        found = {one.name: one.value for one in plotted.due(Mode.TRACKING, 0.0)}
+        assert found.get("slot_up") == sent
+
+
+def test_names_fit_their_field() -> None:
+    for along, count in ((1.0, 4), (math.nan, 2)):
+        plotted = PlottedValues()
+        step = RoleStep(
+            setpoint=None,
+            distance=1.0,
+            lyapunov=1.0,
+            publish=None,
+            height=100.0,
+            along_track=along,
+            cross_track=1.0,
+            up=0.0,
+        )
+        plotted.note(step, 0.0)
+        messages = plotted.due(Mode.JOINING, 0.0)
+        assert len(messages) == count
+        assert all(len(message.name) <= 10 for message in messages)

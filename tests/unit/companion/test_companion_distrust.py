@@ -1,15 +1,23 @@
 """What the pilot hears of reports that are not believed, and that a recovery is one."""
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, Truth
-from vfguide.companion.distrust import Doubt
+from vfguide.companion.distrust import AltitudeGate, Doubt, NavigationHealth
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import Judgement, Verdict
+from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SAME_CLOCK
+from vfguide.mavlink.codec import REPORTS
+from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 
 Make = Callable[..., Any]
 
@@ -108,3 +116,144 @@ def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots(
     later = [text for time, text in flown.texts() if time > 18.0]
     assert not any("GUIDED: the pilot flies" in text for text in later)
     assert any("the autopilot denies being in GUIDED" in text for text in later)
+
+
+def judged(altitudes: list[float], interval_s: float = 1.0) -> list[bool]:
+    """Which of these reports are believed."""
+    gate = AltitudeGate()
+    return [
+        not math.isnan(gate.judge(altitude, number * interval_s))
+        for number, altitude in enumerate(altitudes)
+    ]
+
+
+@given(st.lists(st.floats(-14.9, 14.9), min_size=1, max_size=50))
+def test_what_an_aircraft_can_climb_is_believed(rates: list[float]) -> None:
+    altitudes = [588.0]
+    for rate in rates:
+        altitudes.append(altitudes[-1] + rate)
+    assert all(judged(altitudes))
+
+
+@given(st.floats(26.0, 1000.0), st.sampled_from([-1.0, 1.0]))
+def test_a_step_is_doubted_at_once(step: float, side: float) -> None:
+    assert judged([588.0, 588.0, 588.0 + side * step]) == [True, True, False]
+
+
+def test_steps_that_are_small_enough_one_by_one_do_not_add_up() -> None:
+    # 12 m every tenth of a second; an aircraft dives or climbs by 1.5 m. 10.5 m are left over, then 21.
+    altitudes = [588.0, 588.0, 588.0, 600.0, 612.0, 624.0, 636.0]
+    assert judged(altitudes, interval_s=0.1) == [True, True, True, False, False, False, False]
+
+
+def test_a_climb_at_ten_metres_a_second_is_believed_for_as_long_as_it_lasts() -> None:
+    assert all(judged([588.0 + 1.0 * number for number in range(300)], interval_s=0.1))
+
+
+def test_the_old_altitude_is_believed_again_after_two_seconds_of_agreement() -> None:
+    # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
+    assert judged([588.0, 588.0, 688.0, 688.0, 588.0, 588.0, 588.0, 588.0]) == (
+        [True] * 2 + [False] * 4 + [True] * 2
+    )
+
+
+def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes() -> None:
+    # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
+    believed = judged([588.0] * 2 + [688.0] * 200)
+    assert believed.index(True, 2) == 181
+
+
+@pytest.mark.parametrize("step", [100.0, -100.0])
+def test_a_neighbour_whose_altitude_steps_has_none(
+    plan: Callable[..., FlightPlan], leader_bytes: Make, step: float
+) -> None:
+    receiver = StateReceiver(plan().frame, SAME_CLOCK)
+    for number in range(20):
+        time_s = number / 5
+        altitude = 588.0 + (step if number >= 10 else 0.0)
+        assert receiver.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
+        assert receiver.newest is not None
+        assert math.isnan(receiver.newest.altitude_amsl) is (number >= 10)
+    assert [word.split(":")[0] for word in receiver.words()] == ["reports an altitude that steps"]
+
+
+Word = GpsReport | EstimatorReport | SensorsReport
+
+ALL_GOOD = 0x33F
+"""What ArduPlane 4.7 and PX4 1.18 send in flight; PX4 sends 0x3BF at rest."""
+
+
+def gps(fix_type: int, h_acc: int = 300) -> mavlink.MAVLink_gps_raw_int_message:
+    return mavlink.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 121, 200, 0, 0, 10, 0, h_acc)
+
+
+def ekf(flags: int) -> mavlink.MAVLink_ekf_status_report_message:
+    return mavlink.MAVLink_ekf_status_report_message(flags, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def estimator(flags: int) -> mavlink.MAVLink_estimator_status_message:
+    return mavlink.MAVLink_estimator_status_message(0, flags, *(0.1,) * 6, 0.3, 0.3)
+
+
+def sensors(present: int, enabled: int, health: int) -> mavlink.MAVLink_sys_status_message:
+    return mavlink.MAVLink_sys_status_message(
+        present, enabled, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
+    )
+
+
+def fault_of(message: mavlink.MAVLink_message, for_s: float = 2.0) -> str | None:
+    """What is wrong after an autopilot has said this twice a second for a while."""
+    health = NavigationHealth()
+    report = REPORTS[message.get_msgId()](message)
+    assert isinstance(report, GpsReport | EstimatorReport | SensorsReport)
+    now = 0.0
+    while now <= for_s:
+        health.take(report, now)
+        now += 0.5
+    return health.fault(for_s)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        gps(3),
+        gps(6, 0),
+        ekf(ALL_GOOD),
+        estimator(ALL_GOOD),
+        estimator(0x3BF),
+        # ArduPlane in software, before and after arming, and PX4.
+        sensors(0x1361FC3F, 0x1261803F, 0x1331803F),
+        sensors(0x1361FC3F, 0x1361FC3F, 0x1331FC3F),
+        sensors(0x300C03F, 0x301C03F, 0x1320C83F),
+        # A receiver that is not there does not fail.
+        sensors(0, 0x20, 0),
+    ],
+)
+def test_what_real_autopilots_send_in_good_health_is_good(message: mavlink.MAVLink_message) -> None:
+    assert fault_of(message) is None
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (gps(1), "the GPS has no fix"),
+        (gps(2), "the GPS has no fix"),
+        (gps(3, 40_000), "the GPS is certain to 40 m only"),
+        (ekf(ALL_GOOD & ~16), "the autopilot's estimator has no position"),
+        (ekf(0x400), "the autopilot's estimator has no position"),
+        (estimator(ALL_GOOD & ~2), "the autopilot's estimator has no velocity"),
+        (sensors(0x20, 0x20, 0), "the autopilot says that its GPS fails"),
+        (sensors(0x200000, 0x200000, 0), "the autopilot says that its attitude estimate fails"),
+    ],
+)
+def test_what_is_bad_for_a_second_is_told(message: mavlink.MAVLink_message, words: str) -> None:
+    assert fault_of(message, 0.5) is None
+    assert fault_of(message) == words
+
+
+def test_what_is_not_said_any_more_is_unknown() -> None:
+    health = NavigationHealth()
+    for now in (0.0, 1.0, 2.0):
+        health.take(GpsReport(fix_type=0, accuracy=None), now)
+    assert health.fault(12.0) is not None
+    assert health.fault(12.1) is None

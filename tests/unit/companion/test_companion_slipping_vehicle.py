@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.angles import wrap_angle
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
+from vfguide.elementwise import wrap_angle
 from vfguide.mavlink.reports import PositionReport
 
 MakePlan = Callable[..., FlightPlan]

@@ -17,7 +17,7 @@ from vfguide.formation.arrangement import (
     progress,
     time_of,
 )
-from vfguide.formation.assignment import assigned
+from vfguide.formation.orders import assigned
 from vfguide.formation.shapes import SHAPES, Shape, shape_slots
 from vfguide.formation.transition import (
     LAYER_M,

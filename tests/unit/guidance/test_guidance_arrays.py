@@ -177,15 +177,15 @@ def test_navigation_and_leader_motion_in_a_batch_are_those_alone(
 
     before, after = sample(0.0), sample(PERIOD)
     batch = step(first_state(before), after, times)
-    known = MotionEstimate(told=random_leaders(batch, 7), jerk=random.uniform(-1.0, 1.0, COUNT))
+    known = MotionEstimate(state=random_leaders(batch, 7), jerk=random.uniform(-1.0, 1.0, COUNT))
     motion = estimated_motion(known, batch, AIRFRAMES[0], 0.4)
     for index in range(COUNT):
         single = step(first_state(element(before, index)), element(after, index), times)
         same(batch, index, single)
         leader = element(random_leaders(batch, 7), index)
-        alone = MotionEstimate(told=leader, jerk=float(known.jerk[index]))
+        alone = MotionEstimate(state=leader, jerk=float(known.jerk[index]))
         estimated = estimated_motion(alone, single, AIRFRAMES[0], 0.4)
-        same(motion.told, index, estimated.told)
+        same(motion.state, index, estimated.state)
         assert float(motion.jerk[index]) == pytest.approx(estimated.jerk, rel=1e-12)
 
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import pytest
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.path import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import GuidanceSettings

@@ -7,7 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vfguide.guidance.leader_motion import estimated_motion, motion_at_first
+from vfguide.guidance.formation import extrapolate_by_rates
+from vfguide.guidance.leader_motion import (
+    Observation,
+    ObservedMotion,
+    RateLimits,
+    carried_on,
+    estimated_motion,
+    motion_at_first,
+    observed_at_first,
+    observed_motion,
+)
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 Vehicles = Callable[..., VehicleState[float]]
@@ -21,7 +31,7 @@ def estimates(
     motion = motion_at_first(states[0])
     for state in states[1:]:
         motion = estimated_motion(motion, state, AIRFRAME, time_constant)
-    return motion.told
+    return motion.state
 
 
 def moving(
@@ -41,7 +51,7 @@ def moving(
 
 
 def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
-    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).told
+    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).state
     assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
     assert (motion.course, motion.ground_speed) == (0.5, 22.0)
     assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
@@ -134,8 +144,8 @@ def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
             time_s=index * PERIOD,
         )
         motion = estimated_motion(motion, wild, AIRFRAME, FILTER)
-        assert abs(motion.told.turn_rate) <= 0.8173
-        assert abs(motion.told.acceleration) <= 6.0
+        assert abs(motion.state.turn_rate) <= 0.8173
+        assert abs(motion.state.acceleration) <= 6.0
 
 
 def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
@@ -144,4 +154,67 @@ def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
         motion_at_first(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
     )
     # 9.80665 tan(60 degrees)/12
-    assert motion.told.turn_rate == pytest.approx(1.41547, abs=1e-5)
+    assert motion.state.turn_rate == pytest.approx(1.41547, abs=1e-5)
+
+
+SPEED, RADIUS = 20.0, 200.0
+TURN_RATE = SPEED / RADIUS
+LIMITS = RateLimits(turn_rate=0.6, acceleration=6.0)
+
+
+def on_circle(time_s: float, *, velocity: bool = True) -> Observation:
+    """Clockwise around a centre 200 m east of the start, north at first."""
+    course = TURN_RATE * time_s
+    return Observation(
+        time_s=time_s,
+        north=RADIUS * math.sin(course),
+        east=RADIUS * (1.0 - math.cos(course)),
+        velocity=(SPEED * math.cos(course), SPEED * math.sin(course)) if velocity else None,
+    )
+
+
+def circled(period: float, until_s: float, *, velocity: bool) -> ObservedMotion:
+    motion = observed_at_first(on_circle(0.0), 0.0, SPEED)
+    for step in range(1, round(until_s / period) + 1):
+        seen = on_circle(step * period, velocity=velocity)
+        motion = observed_motion(motion, seen, LIMITS, 0.6)
+    return motion
+
+
+@pytest.mark.parametrize("period", [0.1, 0.25, 1.0])
+@pytest.mark.parametrize("velocity", [True, False])
+def test_a_steady_turn_is_found_without_error(period: float, velocity: bool) -> None:
+    state = circled(period, 40.0, velocity=velocity).state
+    truth = on_circle(40.0)
+    assert state.turn_rate == pytest.approx(TURN_RATE, abs=1e-3)
+    assert state.ground_speed == pytest.approx(SPEED, abs=0.05)
+    assert math.remainder(state.course - TURN_RATE * 40.0, math.tau) == pytest.approx(0.0, abs=2e-3)
+    assert math.hypot(state.north - truth.north, state.east - truth.east) < 0.05
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_the_place_a_second_and_a_half_later_is_known_to_decimetres(velocity: bool) -> None:
+    later = extrapolate_by_rates(circled(1.0, 40.0, velocity=velocity).state, 41.5)
+    truth = on_circle(41.5)
+    assert math.hypot(later.north - truth.north, later.east - truth.east) < 0.2
+
+
+def test_a_course_that_jumps_turns_the_frame_no_faster_than_the_aircraft_can() -> None:
+    motion = observed_at_first(on_circle(0.0), 0.0, SPEED)
+    back = Observation(time_s=0.1, north=2.0, east=0.0, velocity=(-SPEED, 1.0))
+    state = observed_motion(motion, back, LIMITS, 0.6).state
+    assert abs(state.turn_rate) <= LIMITS.turn_rate
+    assert abs(state.acceleration) <= LIMITS.acceleration
+
+
+def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed() -> None:
+    state = circled(0.25, 20.0, velocity=True).state
+    later = carried_on(state, 10.0, 1.0)
+    assert later.time_s == pytest.approx(21.0)
+    assert (later.acceleration, later.turn_acceleration) == (0.0, 0.0)
+    assert later.turn_rate == pytest.approx(TURN_RATE, abs=1e-3)
+
+
+def test_one_that_was_just_heard_flies_by_all_its_rates() -> None:
+    state = circled(0.25, 20.0, velocity=True).state
+    assert carried_on(state, 0.5, 1.0) is state

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import pytest
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
 from vfguide.guidance.path import (
     Path,

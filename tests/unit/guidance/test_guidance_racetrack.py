@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.path import Direction, PathPoint
 from vfguide.paths.racetrack import Racetrack
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
     airspeed_for_ground_velocity,

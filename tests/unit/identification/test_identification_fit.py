@@ -13,7 +13,7 @@ from vfguide.identification.fit import (
     Samples,
     course_response,
     fit_response,
-    mean_told,
+    mean_setpoint,
     speed_response,
 )
 from vfguide.identification.recording import as_seen
@@ -42,19 +42,19 @@ def steps(size: float, base: float) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def told_at(times: FloatArray, values: FloatArray, time_s: float) -> float:
+def setpoint_at(times: FloatArray, values: FloatArray, time_s: float) -> float:
     return float(values[max(int(np.searchsorted(times, time_s, side="right")) - 1, 0)])
 
 
 def course_flight(alpha: float, dead_time: float, lag: float, noise: float) -> Samples:
     """20 m/s of airspeed in a wind; the course is what is held, the heading what is seen."""
-    told_s, told = steps(0.26, 0.0)
+    setpoint_s, told = steps(0.26, 0.0)
     drift = math.asin(4.0 / 20.0)
     heading, bank = drift, 0.0
     headings = []
     for number in range(round(24.0 / FINE_S)):
         headings.append(heading)
-        target = told_at(told_s, told, number * FINE_S - dead_time)
+        target = setpoint_at(setpoint_s, told, number * FINE_S - dead_time)
         course = math.atan2(20.0 * math.sin(heading) + WIND[1], 20.0 * math.cos(heading) + WIND[0])
         error = target - course
         if lag > 0.0:
@@ -72,18 +72,18 @@ def course_flight(alpha: float, dead_time: float, lag: float, noise: float) -> S
         speed=still + 20.0,
         wind_north=still + WIND[0],
         wind_east=still + WIND[1],
-        told_s=told_s,
-        told=told,
+        setpoint_s=setpoint_s,
+        setpoint=told,
     )
 
 
 def speed_flight(beta: float, dead_time: float, lag: float, noise: float) -> Samples:
-    told_s, told = steps(2.0, 20.0)
+    setpoint_s, told = steps(2.0, 20.0)
     speed, acceleration = 20.0, 0.0
     speeds = []
     for number in range(round(24.0 / FINE_S)):
         speeds.append(speed)
-        target = told_at(told_s, told, number * FINE_S - dead_time)
+        target = setpoint_at(setpoint_s, told, number * FINE_S - dead_time)
         wanted = max(-3.0, min(3.0, beta * (target - speed)))
         acceleration = acceleration + FINE_S / lag * (wanted - acceleration) if lag else wanted
         speed += FINE_S * acceleration
@@ -96,8 +96,8 @@ def speed_flight(beta: float, dead_time: float, lag: float, noise: float) -> Sam
         speed=seen,
         wind_north=still,
         wind_east=still,
-        told_s=told_s,
-        told=told,
+        setpoint_s=setpoint_s,
+        setpoint=told,
     )
 
 
@@ -157,15 +157,15 @@ def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time() -> Non
         speed=np.zeros(3),
         wind_north=np.zeros(3),
         wind_east=np.zeros(3),
-        told_s=np.array([-1.0, 0.25]),
-        told=np.array([0.0, 8.0]),
+        setpoint_s=np.array([-1.0, 0.25]),
+        setpoint=np.array([0.0, 8.0]),
     )
     # From 0.25 on it is 8: three quarters of the first second, all of the second.
-    assert mean_told(samples, 0.0).tolist() == pytest.approx([6.0, 8.0])
+    assert mean_setpoint(samples, 0.0).tolist() == pytest.approx([6.0, 8.0])
     # Half a second later: from 0.75 on.
-    assert mean_told(samples, 0.5).tolist() == pytest.approx([2.0, 8.0])
+    assert mean_setpoint(samples, 0.5).tolist() == pytest.approx([2.0, 8.0])
     # So late that nothing of it is seen; before the first there was another like it.
-    assert mean_told(samples, 5.0).tolist() == pytest.approx([0.0, 0.0])
+    assert mean_setpoint(samples, 5.0).tolist() == pytest.approx([0.0, 0.0])
 
 
 def test_setpoints_are_indicated_airspeeds_and_what_is_seen_are_true_ones() -> None:

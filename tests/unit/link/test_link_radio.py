@@ -734,7 +734,7 @@ def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_rea
         assert one.counters[f"refused: {reason}"] > 100, reason
     assert one.counters["copies"] > 10_000
     station = one.station
-    assert len(station._newest) <= 15  # noqa: SLF001 - nothing grows with what comes
+    assert len(station._trust._newest) <= 15  # noqa: SLF001 - nothing grows with what comes
     assert len(station._questions._open) <= 8  # noqa: SLF001
     assert len(one.counters) < 25
     # And the formation is heard again once it is over.

@@ -8,7 +8,7 @@ import pytest
 from sitl_stub import Autopilot, cli
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.live import emulator_command
-from vfguide.lab.studies.article import article_mission
+from vfguide.lab.studies.flown import article_mission
 from vfguide.mission import Mission
 
 UNUSUAL_VEHICLE = {

@@ -12,9 +12,14 @@ from sitl_stub import (
     SteadyWind,
     Wind,
 )
-from sitl_stub.lagging_plant import tecs_acceleration_m_s2, tecs_integral_rate_m_s3, wanted_bank_rad
-from sitl_stub.lagging_step import MAX_LAGGING_STEP_S, lagging_stepped
-from sitl_stub.plant_state import PlantState
+from sitl_stub.lagging_plant import (
+    MAX_LAGGING_STEP_S,
+    lagging_stepped,
+    tecs_acceleration_m_s2,
+    tecs_integral_rate_m_s3,
+    wanted_bank_rad,
+)
+from sitl_stub.plant import PlantState
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 BANK = PlantParameters(kind="bank")

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, Fault, PlantParameters
-from sitl_stub.air_data import AirData, density_ratio
+from sitl_stub.air import AirData, density_ratio
 
 Make = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import

@@ -17,7 +17,7 @@ from sitl_stub import (
     plant,
     plant_of,
 )
-from sitl_stub.plant_state import PlantState
+from sitl_stub.plant import PlantState
 from sitl_stub.plants import Plant, load_plugins
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 

@@ -7,7 +7,7 @@ import pytest
 from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub import aerosonde as craft
 from sitl_stub.motion import body_motion
-from sitl_stub.plant_state import PlantState
+from sitl_stub.plant import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
     Body,

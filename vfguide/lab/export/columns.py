@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pymap3d
 
-from vfguide.angles import wrap_course
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, wrap_course
 from vfguide.errors import InputError
 from vfguide.frames import EARTH_RADIUS
 from vfguide.lab.report.geometry import slot_error

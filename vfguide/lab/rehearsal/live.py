@@ -17,9 +17,8 @@ from vfguide.companion.clock import Clock
 from vfguide.companion.plan import local_frame
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.emulators import BOOTED_S, route_of, start_of
-from vfguide.lab.rehearsal.processes import Process, free_port, python_module
-from vfguide.lab.rehearsal.truth_collector import TruthCollector
-from vfguide.lab.rehearsal.usage import Account, accounts_of
+from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
+from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.link.address import parse_links
 from vfguide.link.keys import (
     OPERATOR,

@@ -18,11 +18,9 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from vfguide.companion.plan import flight_plan
 from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import Manoeuvre
-from vfguide.lab.rehearsal.aircraft import Aircraft
+from vfguide.lab.rehearsal.aircraft import OPERATOR, REPEAT_S, Aircraft, ForeignLeader
 from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
-from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
 from vfguide.lab.rehearsal.lockstep import Flight, Progress, flight_events, fly_lockstep, instants
-from vfguide.lab.rehearsal.operator import OPERATOR, REPEAT_S
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.envelope import MAGIC as ENVELOPE_MAGIC
 from vfguide.link.envelope import Kind

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.record.flight import FlightRecord
 
 

@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vfguide.angles import wrap_angle
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.style import (
     LIMIT_COLOUR,

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vfguide.angles import wrap_course
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import FloatArray, wrap_course
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.style import (
     NARROW_INCH,

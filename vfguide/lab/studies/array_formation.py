@@ -1,38 +1,133 @@
-"""Thousands of formations at once: the laws on arrays, a plant on arrays, and nothing in between.
+"""Many formations at once, as arrays: the followers, and the step of all of them.
 
-What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step: every
-vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are called,
-with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a formation.
+The followers' laws are the same objects that companions fly, one for each batch. A law that takes no
+arrays is stepped vehicle by vehicle.
 
-Setpoints on their way from the companions to the autopilots, on arrays.
-
-The companions' calibration of airspeeds, for thousands at once: the same arithmetic on arrays.
+What a lockstep flight does through MAVLink bytes and companions is done here directly, step for step:
+every vehicle reports, is navigated, is guided, and flies on. The same functions of `vfguide.guidance` are
+called, with arrays. Row 0 of an array is the leaders, the rows below are their followers; a column is a
+formation.
 """
 
 import math
 from collections import deque
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.random import Generator
 
-from vfguide.angles import TURN, wrap_angle
 from vfguide.companion.autopilot_clock import AutopilotClock
 from vfguide.companion.own_vehicle import PERIOD_SHARE
-from vfguide.elementwise import FloatArray, clip, hypot
+from vfguide.elementwise import TURN, FloatArray, clip, hypot, wrap_angle
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.guidance.navigation import Sample, first_state, navigate
 from vfguide.lab.studies.array_case import Conditions, Push, Start, Watcher, fleet_at
-from vfguide.lab.studies.array_followers import followers_of
-from vfguide.lab.studies.array_ground import Report
-from vfguide.lab.studies.array_plant import Fleet
+from vfguide.lab.studies.array_plant import Fleet, Report
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.laws.leader import leader_step
 from vfguide.mavlink.adapter import DIGITS
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.state import LeaderState, VehicleState
+from vfguide.mission.quantity import Section
+from vfguide.state import LeaderState, Setpoint, VehicleState
+
+
+class Followers(Protocol):
+    """All followers of a batch, by one law."""
+
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """Setpoints by a leader state that is as old as it is."""
+
+    def reset(self) -> None:
+        """Forget what was learned."""
+
+
+class TogetherFollowers:
+    """By a law that takes arrays."""
+
+    def __init__(self, start: Start, conditions: Conditions) -> None:
+        law = conditions.law(start.gains, conditions.settings, conditions.airframe)
+        self._keeper: SlotKeeper[FloatArray] = SlotKeeper(law, start.slot)
+
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """One step of all."""
+        return self._keeper.step(state, leader, period=period).setpoint
+
+    def reset(self) -> None:
+        """Forget what was learned."""
+        self._keeper.reset()
+
+
+class SeparateFollowers:
+    """By a law that takes one vehicle at a time."""
+
+    def __init__(self, start: Start, conditions: Conditions) -> None:
+        self._shape = start.north[1:].shape
+        self._keepers: dict[tuple[int, ...], SlotKeeper[float]] = {
+            (row, column): SlotKeeper(
+                conditions.law(
+                    gains_of_one(start.gains, column), conditions.settings, conditions.airframe
+                ),
+                Slot(
+                    forward=float(start.slot.forward[row, column]),
+                    right=float(start.slot.right[row, column]),
+                ),
+            )
+            for row, column in np.ndindex(self._shape)
+        }
+
+    def step(
+        self, state: VehicleState[FloatArray], leader: LeaderState[FloatArray], period: float
+    ) -> Setpoint[FloatArray]:
+        """One step of each."""
+        course, speed = np.empty(self._shape), np.empty(self._shape)
+        limited = np.empty(self._shape, dtype=bool)
+        for (row, column), keeper in self._keepers.items():
+            setpoint = keeper.step(
+                one_of(state, (row, column)), one_of(leader, (column,)), period=period
+            ).setpoint
+            course[row, column], speed[row, column] = setpoint.course, setpoint.speed
+            limited[row, column] = setpoint.limited
+        return Setpoint(course=course, speed=speed, limited=limited)
+
+    def reset(self) -> None:
+        """Every one of them."""
+        for keeper in self._keepers.values():
+            keeper.reset()
+
+
+One = TypeVar("One", VehicleState[Any], LeaderState[Any])
+
+
+def one_of(states: One, place: tuple[int, ...]) -> One:
+    """One vehicle's state out of many; what is no array is everybody's."""
+    values = {name: getattr(states, name) for name in type(states).__dataclass_fields__}
+    taken: dict[str, Any] = {
+        name: float(value[place]) for name, value in values.items() if isinstance(value, np.ndarray)
+    }
+    return replace(states, **taken)
+
+
+def gains_of_one(gains: Section, column: int) -> Section:
+    """The gains of one formation: those of its column where they are arrays."""
+    own = {
+        name: value[column].item()
+        for name in type(gains).model_fields
+        if isinstance(value := getattr(gains, name), np.ndarray)
+    }
+    return gains.model_copy(update=own)
+
+
+def followers_of(start: Start, conditions: Conditions) -> Followers:
+    """The followers of a batch."""
+    together = conditions.law.arrays
+    return (TogetherFollowers if together else SeparateFollowers)(start, conditions)
 
 
 class Stream:
@@ -155,10 +250,10 @@ def fly_formations(
         )
         north, east = conditions.ground.shifted(
             (said[0][0], said[1][0]),
-            motion.told.north - sample.north[0],
-            motion.told.east - sample.east[0],
+            motion.state.north - sample.north[0],
+            motion.state.east - sample.east[0],
         )
-        heard.append(replace(motion.told, north=north, east=east))
+        heard.append(replace(motion.state, north=north, east=east))
         if step < engaged:
             # As in a companion that waits: it is guided already, and has learnt nothing.
             followers.reset()

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sitl_stub.server import precise_event_loop
-from vfguide.lab.rehearsal.usage import load
+from vfguide.lab.rehearsal.processes import load
 from vfguide.lab.studies.link_age import measure_link_age
 from vfguide.lab.studies.programs import broker
 from vfguide.lab.studies.response import measure_responses

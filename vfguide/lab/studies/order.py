@@ -12,9 +12,14 @@ from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.wind_triangle import resolve
-from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
-from vfguide.lab.rehearsal.foreign_leader import ForeignLeader
-from vfguide.lab.rehearsal.operator import LEAD_S, REPEAT_S, TIMES
+from vfguide.lab.rehearsal.aircraft import (
+    LEAD_S,
+    REPEAT_S,
+    TIMES,
+    Aircraft,
+    ForeignLeader,
+    step_all,
+)
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error

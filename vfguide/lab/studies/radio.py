@@ -9,8 +9,7 @@ import numpy as np
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
-from vfguide.lab.studies.article import AIRCRAFT, LEADER_STARTS, article_mission
-from vfguide.lab.studies.flown import figures_of
+from vfguide.lab.studies.flown import AIRCRAFT, LEADER_STARTS, article_mission, figures_of
 from vfguide.link.radio_schedule import Channel
 from vfguide.mission.model import Mission
 

@@ -21,7 +21,7 @@ import numpy as np
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.studies.article import AIRCRAFT, PATHS, article_mission
+from vfguide.lab.studies.flown import AIRCRAFT, PATHS, article_mission
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission

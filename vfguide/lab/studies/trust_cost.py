@@ -19,8 +19,7 @@ from random import Random
 from typing import Any
 
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.processes import python_module
-from vfguide.lab.rehearsal.usage import load
+from vfguide.lab.rehearsal.processes import load, python_module
 from vfguide.lab.studies.figures import figures_of
 from vfguide.lab.studies.latency import aligned, shown
 from vfguide.lab.studies.link_age import FORMATION, LEADER, publish, trust_of

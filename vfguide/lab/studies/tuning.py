@@ -15,12 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.lab.studies.array_case import Push
+from vfguide.lab.studies.array_case import Outcome, Push, Watch, conditions_of, start_of
 from vfguide.lab.studies.array_formation import fly_formations
-from vfguide.lab.studies.array_ground import Plane
-from vfguide.lab.studies.array_mission import conditions_of, start_of
-from vfguide.lab.studies.array_outcome import Outcome, Watch
-from vfguide.lab.studies.article import Changes, article_mission
+from vfguide.lab.studies.array_plant import Plane
+from vfguide.lab.studies.flown import Changes, article_mission
 from vfguide.mission.controller import gains_of
 from vfguide.mission.model import Mission
 from vfguide.state import Setpoint

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl_stub.address import SCHEMES, Address, AddressError, parse_address
+from sitl_stub.links import SCHEMES, Address, AddressError, parse_address
 
 
 @pytest.mark.parametrize(

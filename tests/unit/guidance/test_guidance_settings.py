@@ -6,7 +6,7 @@ from typing import Protocol
 
 import pytest
 
-from vfguide.angles import wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.path import Path, desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
 from vfguide.guidance.sliding_laws import course_command, sliding_course_rate

@@ -1,17 +1,19 @@
-"""`vfguide judge`: starts, watches and judges a flight whose programs run somewhere else."""
+"""`vfguide judge` and `emulate`: a flight whose programs run somewhere else, as in containers."""
 
 import asyncio
+import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
-from vfguide.commands.credentials import KeyFiles
+from vfguide.commands.credentials import KeyFiles, check_flies, watched_formation
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
+from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import Flight
-from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
-from vfguide.link.address import parse_links
+from vfguide.lab.rehearsal.watched import WatchedFlight, await_start, watched_flight
 from vfguide.link.opening import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
@@ -52,14 +54,7 @@ def judge_flight(
         VfguideError: an emulator has fallen silent.
     """
     port, credentials = truth_port(truth), keys.of_operator()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=mission.name,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    watched = watched_formation(mission, links, credentials)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:
@@ -130,3 +125,33 @@ def truth_port(text: str) -> tuple[str, int]:
     if not isinstance(address, NetworkAddress) or address.transport != Transport.UDP_IN:
         raise InputError(f"--truth: {text!r} is not udpin://HOST:PORT")
     return address.host, address.port
+
+
+PATIENCE_S = 180.0
+"""Real time that a judge may take to start the flight."""
+
+
+def emulate(
+    mission: Mission, vehicle: str, *, mavlink: str, truth: str, start: Path, speedup: float
+) -> NoReturn:
+    """Wait for the start, then become the emulator of a vehicle.
+
+    Args:
+        mission: the mission.
+        vehicle: which of its vehicles.
+        mavlink: where its companion speaks to it.
+        truth: address of the judge.
+        start: file that the judge writes.
+        speedup: simulation seconds for each real one.
+
+    Raises:
+        InputError: the vehicle does not fly in the mission.
+        VfguideError: the start does not come.
+    """
+    check_flies(mission, vehicle)
+    epoch_s = await_start(start, patience_s=PATIENCE_S)
+    command = emulator_command(
+        mission, vehicle, mavlink=mavlink, truth=truth, epoch_s=epoch_s, speedup=speedup
+    )
+    # The emulator takes this process over: it knows nothing of missions, and needs none of their memory.
+    os.execv(command[0], command)  # noqa: S606
