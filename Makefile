@@ -18,7 +18,7 @@ fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or M
 # First what takes all of the processor, with the least priority; what waits more than it computes runs beside it, and goes
 # before it. Then the formations that fly live, with nothing beside them. A part's words come when it is over.
 test: lint ## the whole test suite, as continuous integration runs it
-	+$(MAKE) --no-print-directory --jobs=3 --keep-going --output-sync=target test-lockstep test-sockets test-containers
+	+$(MAKE) --no-print-directory --jobs=3 --keep-going --output-sync=line test-lockstep test-sockets test-containers
 	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
 
 test-lockstep: $(VENV)/.dev
