@@ -47,28 +47,30 @@ def writes(rules: str, user: str) -> list[str]:
 
 def test_one_setting_asks_for_orders_and_is_off_unless_set(services: dict[str, Any]) -> None:
     assert services["console"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
-    assert services["broker"]["environment"]["OPERATORS"] == "${CONSOLE_ORDERS:+console}"
+    assert services["broker"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
     assert services["console"]["environment"]["VEHICLE"] == "console"
     assert "console" in services["keys"]["environment"]["OPERATORS"].split()
 
 
-@pytest.mark.parametrize(("operators", "orders"), [("", []), ("console", ["vfguide/+/console/#"])])
+@pytest.mark.parametrize(
+    ("asked", "orders"), [("", []), ("no", []), ("yes", ["vfguide/+/console/#"])]
+)
 def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(
-    operators: str, orders: list[str]
+    asked: str, orders: list[str]
 ) -> None:
     rules = run(
         "broker-rules",
         os.environ["PATH"],
         VEHICLES="leader f1",
         WATCHERS="judge console",
-        OPERATORS=operators,
+        ORDERS=asked,
     )
     assert writes(rules, "console") == ["vfguide/+/+/clock/ask/console", *orders]
     assert writes(rules, "judge") == ["vfguide/+/+/clock/ask/judge"]
     assert writes(rules, "f1") == ["vfguide/+/+/clock/ask/f1", "vfguide/+/f1/#"]
 
 
-@pytest.mark.parametrize(("orders", "given"), [("", False), ("yes", True)])
+@pytest.mark.parametrize(("orders", "given"), [("", False), ("no", False), ("yes", True)])
 def test_the_console_is_started_with_operator_only_where_orders_are_asked_for(
     tmp_path: Path, orders: str, given: bool
 ) -> None:
