@@ -174,7 +174,7 @@ class Arrangements:
         return None
 
     def own_up(self, now: float) -> float:
-        """Height of the own slot above the leader, m; after an abort the one it had when that began."""
+        """Height of the own slot above the leader, m; once it is ordered to loiter the one it had then."""
         if self._last_up is not None:
             return self._last_up
         if self._plan.leads or self.coordinator == self._plan.name != self._plan.timekeeper:
@@ -369,11 +369,10 @@ class Arrangements:
         # Of an order that was missed it is not known who has led since.
         if order is self._next and order.arrangement.lead == self._plan.name:
             self._appointed_s = now
-        if order.arrangement.flown is Manoeuvre.ABORT:
-            # An abort tells the mission's slots: it is given without knowing the present ones.
-            self._last_up = self.own_up(now)
-        had_left = self.flight.has_left
+        had_left, last_up = self.flight.has_left, self.own_up(now)
         self.flight.begin(order)
+        # Who loiters by it has no slot any more: an abort tells the mission's, not knowing the present ones.
+        self._last_up = last_up if self.flight.has_left else None
         self._next = None
         self._returned, self._moving = had_left and not self.flight.has_left, False
         self._older.clear()

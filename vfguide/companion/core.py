@@ -595,12 +595,12 @@ class Companion:
         return commands
 
     def _loiter_height_due(self, now: float) -> list[MAVLink_message]:
-        """Where everything was called off, a height of its own for the loiter that a heartbeat shows."""
+        """Once it is ordered to loiter, a height of its own for the loiter that a heartbeat shows."""
         control = self._authority.control(now)
         young = self._own.greatest_age(now) <= YOUNG_S
         return self._loiter_height.due(
             up=self._arrangements.own_up(now),
-            called_off=self._arrangements.flight.called_off,
+            order=self._arrangements.flight.loiters_by,
             returned=control is Control.RETURNED and young,
             engaged=control is Control.GUIDED,
             altitude_amsl=self._own_altitude,

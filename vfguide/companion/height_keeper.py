@@ -122,7 +122,7 @@ TRIES = 4
 
 
 class LoiterHeight:
-    """Of one vehicle, once everything was called off."""
+    """Of one vehicle that is ordered to loiter: each at a height of its own, as nobody steers them there."""
 
     def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:
         """Make one that has told nothing yet."""
@@ -136,7 +136,7 @@ class LoiterHeight:
         self,
         *,
         up: float,
-        called_off: int | None,
+        order: int | None,
         returned: bool,
         engaged: bool,
         altitude_amsl: float,
@@ -145,7 +145,7 @@ class LoiterHeight:
 
         Args:
             up: height of its slot above the leader at the end, m.
-            called_off: the number of the order with which everything ended; None where it goes on.
+            order: number of the order by which it loiters; None while it is in the formation.
             returned: whether the heartbeat is young, and shows the loiter that this companion has asked for.
             engaged: whether it shows a mode in which the companion steers.
             altitude_amsl: of the vehicle, m.
@@ -153,10 +153,10 @@ class LoiterHeight:
         if engaged:
             # Only then is the vehicle back in its slot: a further abort finds it where it loiters.
             self._altitude = math.nan
-        if called_off is None or not returned:
+        if order is None or not returned:
             return []
-        if called_off != self._number:
-            self._number, self._tries = called_off, 0
+        if order != self._number:
+            self._number, self._tries = order, 0
         if not math.isfinite(self._altitude):
             self._altitude = self._own_altitude(altitude_amsl - up)
         if self._tries >= TRIES or not math.isfinite(self._altitude):

@@ -149,6 +149,7 @@ class OrderedFlight:
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._route_end = RouteEnd()
         self._ended: int | None = None
+        self._left: int | None = None
 
     def adopt(self, plan: FlightPlan) -> None:
         """Go by another plan of the same vehicle from now on."""
@@ -157,6 +158,10 @@ class OrderedFlight:
     def begin(self, order: Order) -> None:
         """Fly by an order from now on."""
         self.order = order
+        if not self.has_left:
+            self._left = None
+        elif self._left is None:
+            self._left = self.number
         self.circle = self.circle_of(order.arrangement)
         if self.circle is not None:
             self.turn_radius = self.circle.radius
@@ -198,6 +203,11 @@ class OrderedFlight:
         if flown is None:
             return False
         return not self._plan.leads and flown.place_of(self._plan.name) is None
+
+    @property
+    def loiters_by(self) -> int | None:
+        """Number of the order by which this vehicle loiters; None while it is in the formation."""
+        return self._left if self.called_off is None else self.called_off
 
     @property
     def path(self) -> str | None:

@@ -203,6 +203,18 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     assert nearest(record, 15.0) >= 7.0
 
 
+def test_those_who_leave_one_after_another_loiter_at_heights_of_their_own(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered({"at_s": AT_S, "leave": ["f3"]}, {"at_s": 45, "leave": ["f2"]})
+    flight.until(75.0)
+    record = flight.record()
+    # As after an abort: 15 m for each rank above the leader, for nobody steers them there.
+    heights = [float(height(record, name)[-1]) for name in ("f1", "f2", "f3")]
+    assert heights == pytest.approx([0.0, 30.0, 45.0], abs=2.0)
+    assert nearest(record, 15.0) >= 7.0
+
+
 def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
     ordered: Callable[..., Flown],
 ) -> None:

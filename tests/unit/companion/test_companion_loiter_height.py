@@ -42,7 +42,7 @@ def altitudes(height: LoiterHeight, flown: Arrangement | None, **state: object) 
     """What a heartbeat is answered with, m above mean sea level."""
     aborts = flown is not None and flown.flown is Manoeuvre.ABORT
     known: dict[str, Any] = {"returned": True, "engaged": False, "altitude_amsl": 600.0}
-    known["called_off"] = flown.number if flown is not None and aborts else None
+    known["order"] = flown.number if flown is not None and aborts else None
     place = None if flown is None else flown.place_of("f1")
     known["up"] = 0.0 if place is None else place.end.up
     return [float(one.param1) for one in height.due(**(known | state))]
