@@ -1,10 +1,10 @@
 """How a formation takes it that the companion of its leader is killed for good, in lockstep.
 
-Run with `.venv/bin/python -m tests.benchmarks.succession [--never-stops] [MISSION ...]`; a minute for each
-line. With --never-stops the leader's aircraft has `may_stop: false`. Errors
-are those of the slots behind the leader that the deputy carries on. Followers that are in the way of the
-leader's aircraft, which flies on without its companion, leave their slots for it: they have a column of
-their own.
+Run with `.venv/bin/python -m tests.benchmarks.succession [--never-stops] [--many] [MISSION ...]`; some
+seconds for each line. With --never-stops the leader's aircraft has `may_stop: false`. With --many the
+companion is killed at 15 moments in moderate and in severe turbulence. Errors are those of the slots behind
+the leader that the deputy carries on. Followers that are in the way of the leader's aircraft, which flies on
+without its companion, leave their slots for it: they have a column of their own.
 """
 
 import re
@@ -21,6 +21,8 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 NAMES = ("line-wind", "circle-wind")
 WINDS = ("none", "moderate")
 LOST_S = (40.0, 47.0, 54.0)
+MANY_WINDS = ("moderate", "severe")
+MANY_S = tuple(float(at_s) for at_s in range(36, 66, 2))
 WATCHED_S = 15.0
 WAY = re.compile("keeping clear of|too near to")
 
@@ -72,9 +74,10 @@ def main() -> None:
         "|---|---|---|---|---|---|---|---|\n"
     )
     names, may_stop = sys.argv[1:], "--never-stops" not in sys.argv
+    winds, moments = (MANY_WINDS, MANY_S) if "--many" in sys.argv else (WINDS, LOST_S)
     for name in [one for one in names if not one.startswith("-")] or NAMES:
-        for turbulence in WINDS:
-            for lost_s in LOST_S:
+        for turbulence in winds:
+            for lost_s in moments:
                 found = figures(flown(name, turbulence, lost_s, may_stop=may_stop), lost_s)
                 cells = " | ".join(f"{value:.2f}" for value in found)
                 sys.stdout.write(f"| {name} | {turbulence} | {lost_s:g} | {cells} |\n")
