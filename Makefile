@@ -15,10 +15,10 @@ help: ## this list
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# First what takes all of the processor, with the least priority; what waits more than it computes runs beside it, and goes
-# before it. Then the formations that fly live, with nothing beside them. A part's words come when it is over.
+# Three parts side by side: flights in lockstep take what processor is left, with the least priority; sockets and brokers, and
+# after them containers, mostly wait. Then the formations that fly live, with nothing beside them.
 test: lint ## the whole test suite, as continuous integration runs it
-	+$(MAKE) --no-print-directory --jobs=3 --keep-going --output-sync=line test-lockstep test-sockets test-containers
+	+$(MAKE) --no-print-directory --jobs=3 --keep-going test-lockstep test-sockets test-containers
 	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
 
 test-lockstep: $(VENV)/.dev
@@ -28,7 +28,7 @@ test-sockets: $(VENV)/.dev
 	$(BIN)/pytest -m 'real_time and not live'
 
 # The image may be under way by then, and may be missing where there is no Docker engine: tests/docker says so.
-test-containers: $(VENV)/.dev
+test-containers: $(VENV)/.dev | test-sockets
 	-tests/docker/make-image
 	$(BIN)/pytest tests/docker
 

@@ -39,7 +39,7 @@ failed is tried again: it may have been the machine. Whole formations in contain
 """
 
 LIVE = ("autopilots", "docker", "integration/console", "integration/live")
-"""Those of them that fly whole formations, or show one in a browser: they take about a processor each."""
+"""Those of them that fly whole formations, or show one in a browser: each takes about one processor."""
 
 LONGEST = (
     "autopilots",

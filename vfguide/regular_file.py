@@ -2,8 +2,15 @@
 
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
+
+GREATEST_TEXT = 256 * 1024**2
+"""Characters of a companion's log; ten hours at 20 Hz are 60 to 120 MB. Nothing is read beyond."""
+
+LONGEST_LINE = 2000
+"""Characters; a step of a companion takes a twentieth of it."""
 
 
 class PipeOrDeviceError(OSError):
@@ -29,3 +36,11 @@ def open_regular(path: Path) -> BinaryIO:
 def open_at_once(path: str, flags: int) -> int:
     """A descriptor of a file that is not waited for."""
     return os.open(path, flags | os.O_NONBLOCK)
+
+
+def whole_lines(file: TextIO) -> Iterator[str]:
+    """Lines with their line feed, of as much as a companion could have written."""
+    left = GREATEST_TEXT
+    while (line := file.readline(LONGEST_LINE)).endswith("\n") and left > 0:
+        left -= len(line)
+        yield line

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.docker.flights import AllFlights, Flights, Scenario, Settings, fly
+from tests.docker.flights import AllFlights, Flights, Removals, Scenario, Settings, fly
 from tests.docker.programs import PROJECT, run
 from vfguide.mission import load_mission
 
@@ -92,10 +92,14 @@ def all_flights(
     for module in dict.fromkeys(item.module for item in items):
         if "docker_flights" in vars(module):
             scenarios |= module.docker_flights(missions)
-    with ThreadPoolExecutor(max_workers=1) as remover:
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        removals = Removals(pool)
         yield AllFlights(
-            lambda name: fly(compose, name, tmp_path_factory.mktemp(name), scenarios[name], remover)
+            lambda name: fly(
+                compose, name, tmp_path_factory.mktemp(name), scenarios[name], removals
+            )
         )
+        removals.finish_all()
 
 
 @pytest.fixture

@@ -16,17 +16,40 @@ Scenario = Callable[[Formation], Flown]
 Settings = dict[str, Any]
 
 
+class Removals:
+    """Containers that are removed while the next flight flies."""
+
+    def __init__(self, pool: Executor) -> None:
+        self._pool = pool
+        self._under_way: dict[str, Future[None]] = {}
+
+    def begin(self, name: str, remove: Callable[[], None]) -> None:
+        """Remove those of a scenario."""
+        self._under_way[name] = self._pool.submit(remove)
+
+    def finish(self, name: str) -> None:
+        """Wait until those of a scenario are gone: its next flight needs their ports."""
+        if name in self._under_way:
+            self._under_way.pop(name).result()
+
+    def finish_all(self) -> None:
+        """Wait until nothing of any flight stays."""
+        for name in list(self._under_way):
+            self.finish(name)
+
+
 def fly(
     compose: tuple[str, ...],
     name: str,
     directory: Path,
     flight: tuple[Scenario, Settings],
-    remover: Executor,
+    removals: Removals,
 ) -> Flown:
     """One scenario, with a mission and containers of its own; nothing of it stays, however it ends.
 
-    Its containers are removed by `remover`, which the next flight does not wait for.
+    The next flight of another scenario does not wait until its containers are removed.
     """
+    removals.finish(name)
     scenario, settings = flight
     mission = directory / "mission.yaml"
     mission.write_text(yaml.safe_dump(settings["mission"], sort_keys=False))
@@ -36,7 +59,7 @@ def fly(
     try:
         return scenario(formation)
     finally:
-        remover.submit(formation.remove)
+        removals.begin(name, formation.remove)
 
 
 class AllFlights:

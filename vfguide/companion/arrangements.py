@@ -190,6 +190,7 @@ class Arrangements:
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
         """At the end of the route everybody goes back to the autopilot, for good; see `OrderedFlight`."""
         if self.flight.watch_route(path, point, steered=steered):
+            self._moving = False
             self._say("the route is at its end: everybody back to the autopilot", warning=True)
 
     def returns_to_formation(self) -> bool:

@@ -1,11 +1,4 @@
-"""What is flown by orders: slots and heights at every moment, the path, and where the flight ends.
-
-Whether a route is flown to its end, where everybody is handed back to the autopilot, each companion finds
-out by itself, from the leader's place: nobody has to be told, and who hears nobody at that moment carries the
-leader on along the route and finds the same. Where the end is counts as known once the leader has flown a
-quarter of the circle there: a leg that touches or crosses that circle leaves it long before, and so does a
-vehicle that gathers near it.
-"""
+"""What is flown by orders: slots and heights at every moment, the path, and where the flight ends."""
 
 import math
 from dataclasses import dataclass, replace
@@ -87,7 +80,12 @@ def leader_name(plan: FlightPlan) -> str:
 
 
 class RouteEnd:
-    """What one companion has seen of the end of the leader's path."""
+    """What one companion has seen of the end of the leader's path, where all are handed back.
+
+    Each companion finds the end by itself, from the leader's place; who hears nobody carries the leader on
+    along the route and finds the same. The end counts as known once the leader has flown a quarter of the
+    circle there: a leg that only crosses that circle leaves it sooner, and so does who gathers near it.
+    """
 
     def __init__(self) -> None:
         """Nothing was seen yet."""

@@ -327,6 +327,11 @@ class OwnVehicle:
             case TimeReport():
                 self._clock.answer(report.stamp, report.autopilot_ns, now)
             case BatteryReport():
+                self._batteries = {
+                    number: (one, when)
+                    for number, (one, when) in self._batteries.items()
+                    if now - when <= SENSORS_S
+                }
                 if len(self._batteries) < MOST_BATTERIES or report.number in self._batteries:
                     self._batteries[report.number] = report, now
             case _:
@@ -342,17 +347,18 @@ class OwnVehicle:
 
     def _with_emptiest_battery(self, said: SensorsReport, now: float) -> SensorsReport:
         """The same with the battery of which least is left, where several are known."""
-        known = [
+        # Of two that have as much left the first counts: volts belong to what is left of the same battery.
+        known = [(said.battery, said.battery_voltage)]
+        known += [
             (one.remaining, one.voltage)
             for one, when in self._batteries.values()
             if now - when <= SENSORS_S
         ]
-        known.append((said.battery, said.battery_voltage))
         counted = [(left, voltage) for left, voltage in known if left is not None]
         if not counted:
             return said
         left, voltage = min(counted, key=lambda one: one[0])
-        return replace(said, battery=left, battery_voltage=voltage or said.battery_voltage)
+        return replace(said, battery=left, battery_voltage=voltage)
 
     def words(self) -> list[str]:
         """What a pilot should know of the reports, each once: one sentence each."""

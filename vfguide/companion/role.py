@@ -1,4 +1,4 @@
-"""What a companion hands to its part in the formation, what comes back, and what it wants sent."""
+"""The interface of a role (leader, follower, deputy) in a companion, and the values that go in and out."""
 
 import math
 from collections import Counter

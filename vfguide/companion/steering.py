@@ -1,4 +1,4 @@
-"""From a guidance step to what the autopilot is sent: nothing unflyable, nothing twice, and is it obeyed.
+"""From a guidance step to what the autopilot is sent: within limits, nothing twice, and whether it is obeyed.
 
 The guard: setpoints are finite and inside the vehicle's limits, whatever the laws say. It does not depend
 on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.

@@ -49,6 +49,7 @@ autopilot = autopilots.register
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
 GPS_RAW_INT = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
+BATTERY_STATUS = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
 VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 
 Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
@@ -302,7 +303,8 @@ def telemetry_at(
     health_us = max(HEALTH_US, interval_us)
     intervals = [(VFR_HUD, interval_us), (GLOBAL_POSITION_INT, interval_us)]
     if estimator is not None:
-        intervals += [(number, health_us) for number in (SYS_STATUS, GPS_RAW_INT, estimator)]
+        health = (SYS_STATUS, GPS_RAW_INT, BATTERY_STATUS, estimator)
+        intervals += [(number, health_us) for number in health]
     command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
     return [command_long(vehicle, command, *wanted) for wanted in intervals]
 

@@ -1,6 +1,6 @@
 """MAVLink frames: their ends, their signatures, and the heartbeat that makes a sender the autopilot.
 
-A companion listens to five kinds of message from one sender. Reading the header first spares the work of
+A companion listens to few kinds of message, from one sender. Reading the header first spares the work of
 decoding all the others, which on a chatty connection is most of it.
 
 Signing: only a sender that has the key is heard. pymavlink signs what goes out, with a time stamp set

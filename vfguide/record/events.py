@@ -19,7 +19,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from vfguide.regular_file import open_regular
+from vfguide.regular_file import open_regular, whole_lines
 
 EventKind = Literal["mode", "order", "lead", "text"]
 """`mode`: of the companion; `order`: what becomes of one; `lead`: who leads; `text`: all else."""
@@ -38,8 +38,8 @@ LONGEST_TEXT = 300
 MOST_EVENTS = 20_000
 """Of a vehicle, or of a record, that are read: an event a second for five hours."""
 
-LONGEST_LINE = 2000
-"""Characters."""
+LONGEST_FLIGHT_S = 1e7
+"""An event of a record is no later than this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,17 +88,16 @@ def read_events(vehicle: str, *paths: Path, zero_s: float = 0.0) -> list[FlightE
     found: list[FlightEvent] = []
     for path in paths:
         with (
-            suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
+            suppress(OSError, csv.Error),
             TextIOWrapper(
                 open_regular(path), newline="", encoding="utf-8", errors="replace"
             ) as file,
         ):
-            lines = iter(lambda: file.readline(LONGEST_LINE), "")
-            whole = (line for line in lines if line.endswith("\n"))
-            for row in csv.DictReader(whole):
+            for row in csv.DictReader(whole_lines(file)):
                 if len(found) >= MOST_EVENTS:
                     break
-                found.append(_event(vehicle, row, zero_s))
+                with suppress(ValueError, TypeError, LookupError):
+                    found.append(_event(vehicle, row, zero_s))
     return sorted(found, key=lambda event: event.time_s)
 
 
@@ -108,15 +107,19 @@ def describe_events(events: Iterable[FlightEvent]) -> list[dict[str, object]]:
 
 
 def merged_events(events: Iterable[FlightEvent]) -> tuple[FlightEvent, ...]:
-    """Events of several vehicles in the order of their times, as many as a record holds."""
-    return tuple(sorted(events, key=lambda event: event.time_s)[:MOST_EVENTS])
+    """Events of several vehicles in the order of their times, as many as a record holds.
+
+    Where they are too many, other texts are left out before what to worry about, orders and who leads.
+    """
+    by_worth = sorted(events, key=lambda event: (event.kind == "text") - 2 * event.warning)
+    return tuple(sorted(by_worth[:MOST_EVENTS], key=lambda event: event.time_s))
 
 
 def compose_events(entries: Any) -> tuple[FlightEvent, ...]:  # noqa: ANN401
     """Events from their description; LookupError, TypeError or ValueError where it is none."""
     if not isinstance(entries, list) or len(entries) > MOST_EVENTS:
         raise ValueError("its events are no list, or too many")
-    return tuple(
+    events = tuple(
         _checked(
             time_s=float(entry["time_s"]),
             vehicle=str(entry["vehicle"]),
@@ -126,6 +129,9 @@ def compose_events(entries: Any) -> tuple[FlightEvent, ...]:  # noqa: ANN401
         )
         for entry in entries
     )
+    if any(not 0.0 <= event.time_s <= LONGEST_FLIGHT_S for event in events):
+        raise ValueError("an event is of no time of the flight")
+    return events
 
 
 def _event(vehicle: str, row: dict[str, str], zero_s: float) -> FlightEvent:
@@ -139,11 +145,12 @@ def _event(vehicle: str, row: dict[str, str], zero_s: float) -> FlightEvent:
 
 
 def _checked(*, time_s: float, vehicle: str, kind: Any, text: str, warning: bool) -> FlightEvent:  # noqa: ANN401
-    if not math.isfinite(time_s) or kind not in get_args(EventKind):
-        raise ValueError("an event has no time, or is of no known kind")
+    if not math.isfinite(time_s) or kind not in get_args(EventKind) or not isinstance(text, str):
+        raise ValueError("an event has no time or text, or is of no known kind")
     return FlightEvent(time_s=time_s, vehicle=vehicle, kind=kind, text=plain(text), warning=warning)
 
 
 def plain(text: str) -> str:
-    """A text in one line, as long as it is kept."""
-    return " ".join(text.split())[:LONGEST_TEXT]
+    """The printable characters of a text in one line, as long as it is kept."""
+    words = " ".join(text.split())
+    return "".join(letter for letter in words if letter.isprintable())[:LONGEST_TEXT]

@@ -8,15 +8,14 @@ line feed is written: what a killed companion leaves is read up to there.
 import csv
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import SEEK_END, TextIOWrapper
 from pathlib import Path
-from typing import TextIO
 
 from vfguide.formation.arrangement import MAIN_PATH
-from vfguide.regular_file import open_regular
+from vfguide.regular_file import open_regular, whole_lines
 
 SUFFIX = ".guidance.csv"
 """Follows the vehicle's name."""
@@ -51,14 +50,8 @@ NO_PATH = "-"
 HEADER = (",".join(COLUMNS) + "\n").encode()
 """First line of the file."""
 
-GREATEST_SIZE = 256 * 1024**2
-"""Characters; ten hours at 20 Hz are 60 to 120 MB. Nothing is read beyond."""
-
 NEWEST_BYTES = 8192
 """Of a file that grows: some 40 steps, 2 s at 20 Hz."""
-
-LONGEST_LINE = 1000
-"""Characters; a step takes a tenth of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +141,7 @@ def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
             suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
             TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
         ):
-            steps.extend(_step(row, zero_s) for row in csv.DictReader(_whole_lines(file)))
+            steps.extend(_step(row, zero_s) for row in csv.DictReader(whole_lines(file)))
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
 
 
@@ -169,14 +162,6 @@ def read_newest(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
                 with suppress(ValueError, TypeError, LookupError, csv.Error):
                     steps.append(_step(row, zero_s))
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
-
-
-def _whole_lines(file: TextIO) -> Iterator[str]:
-    """Lines with their line feed, of as much as a companion could have written."""
-    left = GREATEST_SIZE
-    while (line := file.readline(LONGEST_LINE)).endswith("\n") and left > 0:
-        left -= len(line)
-        yield line
 
 
 def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:

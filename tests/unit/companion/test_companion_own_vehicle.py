@@ -287,6 +287,16 @@ def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own: OwnVehic
     assert (told.battery, told.battery_voltage) == (0.85, 12.2)
 
 
+def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(
+    own: OwnVehicle,
+) -> None:
+    own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
+    own.note(BatteryReport(number=1, remaining=0.4, voltage=None), 0.0)
+    told = own.sensors(1.0)
+    assert told is not None
+    assert (told.battery, told.battery_voltage) == (0.4, None)
+
+
 def test_a_battery_that_sys_status_knows_nothing_of_is_told(own: OwnVehicle) -> None:
     own.note(SensorsReport(gps=True, attitude=True), 0.0)
     own.note(BatteryReport(number=0, remaining=0.7, voltage=None), 0.0)

@@ -137,7 +137,7 @@ def test_telemetry_is_granted(address: Make, flown: Make, kind: str, adapter: Ma
     aircraft = flown(kind)
     requests = adapter(address(component_id=1)).request_telemetry(20.0)
     assert aircraft.obey(requests) == [(511, "ACCEPTED")] * len(requests)
-    assert len(requests) == 5
+    assert len(requests) == 6
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])

@@ -83,12 +83,14 @@ def test_position_and_airspeed_are_asked_for_at_the_rate(
 ) -> None:
     commands = sent(parsed, ArduPlane(address()).request_telemetry(rate_hz))
     assert {command.command for command in commands} == {511}
-    # 74 is VFR_HUD, 33 GLOBAL_POSITION_INT; twice a second SYS_STATUS, GPS_RAW_INT and EKF_STATUS_REPORT.
+    # 74 is VFR_HUD, 33 GLOBAL_POSITION_INT; twice a second SYS_STATUS, GPS_RAW_INT, BATTERY_STATUS
+    # (147) and EKF_STATUS_REPORT.
     assert {command.param1: command.param2 for command in commands} == {
         74.0: interval_us,
         33.0: interval_us,
         1.0: 500_000.0,
         24.0: 500_000.0,
+        147.0: 500_000.0,
         193.0: 500_000.0,
     }
 
@@ -102,7 +104,7 @@ def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) 
         *plane.hand_back(),
         *plane.request_telemetry(20.0),
     ]
-    assert len(messages) == 10
+    assert len(messages) == 11
     for message in sent(parsed, messages):
         assert (message.target_system, message.target_component) == (7, 3)
 

@@ -3,26 +3,31 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from vfguide.errors import InputError
 from vfguide.record.archive import read_archive, write_archive
 from vfguide.record.events import (
     HEADER,
+    MOST_EVENTS,
     FlightEvent,
     compose_events,
     encode_event,
     merged_events,
+    plain,
     read_events,
 )
 from vfguide.record.flight import FlightRecord
 
 
-def event(time_s: float, text: str, **given: object) -> FlightEvent:
-    plain = FlightEvent(time_s=time_s, vehicle="f1", kind="order", text=text)
-    return replace(plain, **given)  # type: ignore[arg-type]
+def event(time_s: float, text: str, **fields: object) -> FlightEvent:
+    usual = FlightEvent(time_s=time_s, vehicle="f1", kind="order", text=text)
+    return replace(usual, **fields)  # type: ignore[arg-type]
 
 
 def test_an_event_is_read_as_it_was_written_on_the_flights_time(tmp_path: Path) -> None:
@@ -39,12 +44,50 @@ def test_a_text_of_several_lines_is_one() -> None:
 
 @pytest.mark.parametrize(
     "rest",
-    [b"2.0,2.0,order,0,cut o", b"2.0,2.0,no kind,0,text\n", b"nan,nan,order,0,x\n", b"\xff\n"],
+    [
+        b"2.0,2.0,order,0,cut o",
+        b"2.0,2.0,no kind,0,text\n",
+        b"nan,nan,order,0,x\n",
+        b"2.0,2.0,order,0\n",
+        b"\xff\n",
+    ],
 )
 def test_what_a_killed_companion_leaves_is_read_up_to_there(tmp_path: Path, rest: bytes) -> None:
     path = tmp_path / "f1.events.csv"
     path.write_bytes(HEADER + encode_event(event(1.0, "whole"), 1.0) + rest)
     assert [one.text for one in read_events("f1", path, tmp_path / "missing")] == ["whole"]
+
+
+def test_a_damaged_line_loses_itself_alone(tmp_path: Path) -> None:
+    path = tmp_path / "f1.events.csv"
+    lines = [encode_event(event(at_s, "whole"), at_s) for at_s in (1.0, 3.0)]
+    path.write_bytes(HEADER + lines[0] + b"2.0,2.0,order,0\n" + lines[1])
+    assert [one.time_s for one in read_events("f1", path)] == [1.0, 3.0]
+
+
+@given(st.binary(max_size=300))
+def test_whatever_lies_in_a_file_reading_it_ends(data: bytes) -> None:
+    with TemporaryDirectory() as place:
+        path = Path(place) / "f1.events.csv"
+        path.write_bytes(HEADER + data)
+        assert all(math.isfinite(one.time_s) for one in read_events("f1", path))
+
+
+def test_of_too_many_events_warnings_and_orders_are_kept() -> None:
+    chat = [event(float(n), "chat", kind="text") for n in range(MOST_EVENTS)]
+    last = [event(1e5, "an order"), event(2e5, "a warning", kind="text", warning=True)]
+    assert list(merged_events([*chat, *last]))[-2:] == last
+
+
+def test_a_text_keeps_what_can_be_printed_alone() -> None:
+    assert plain("a\x1b[31m \ud800b\u202ec") == "a[31m bc"
+
+
+@pytest.mark.parametrize("time_s", [-1.0, 1e300])
+def test_an_event_of_no_time_of_the_flight_is_no_event(time_s: float) -> None:
+    entry = {"time_s": time_s, "vehicle": "f1", "kind": "order", "text": "x", "warning": False}
+    with pytest.raises(ValueError, match="no time of the flight"):
+        compose_events([entry])
 
 
 def test_events_of_all_vehicles_are_in_the_order_of_their_times() -> None:

@@ -1,9 +1,5 @@
 """Rehearsals in lockstep: in one process, or with the vehicles spread over several.
 
-Followers may fly in processes of their own, a little behind the leader's. Nobody has to know at once what
-a follower publishes, so the formation splits: this process is handed what was published elsewhere and
-needs nothing else. The instants, the seeds and therefore the bytes are the same as in one process.
-
 Time is virtual: a flight goes as fast as the computer, with the same bytes for the same seed.
 
 The aircraft of a formation may be flown by several processes. They exchange what followers publish at the
@@ -79,7 +75,7 @@ def launch(
 
 
 class WorkerProcess:
-    """The near end of such a process."""
+    """A process that flies some of the aircraft, as the one that started it sees it."""
 
     def __init__(self, mission: Mission, names: Sequence[str], epoch_s: float | None) -> None:
         """Start the process and launch these aircraft in it."""

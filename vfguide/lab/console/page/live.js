@@ -7,6 +7,8 @@ const ROOM = 6000;
 // After so long without a word the server counts as gone, milliseconds; it speaks every five seconds at least.
 const SILENCE_MS = 12000;
 const RETRY_MS = 1000;
+// Orders and changes of who leads that are kept for the time line.
+const MOST_FLOWN = 1000;
 
 class LiveFlight extends Flight {
   constructor(content) {
@@ -47,6 +49,7 @@ class LiveFlight extends Flight {
     const { t, ...before } = this.flown.at(-1);
     if (JSON.stringify(before) !== JSON.stringify(flies)) {
       this.flown.push({ t: this.end, ...flies });
+      this.flown = this.flown.slice(-MOST_FLOWN);
       this.#listFlown();
     }
   }

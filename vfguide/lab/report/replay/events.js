@@ -11,14 +11,14 @@ class EventList {
     this.flight = flight;
     this.go = go;
     this.list = box.querySelector("ol");
-    this.filled = -1;
+    this.filled = null;
     this.now = null;
   }
 
   #fill() {
     const events = this.flight.listed();
-    if (events.length === this.filled) return;
-    this.filled = events.length;
+    if (events === this.filled) return;
+    this.filled = events;
     this.events = events.slice(-MOST_LISTED);
     this.buttons = this.events.map((event) => this.#make(event));
     this.list.replaceChildren(...this.buttons.map((button) => {
