@@ -223,7 +223,15 @@ class Arrangements:
                 if not self._is_known(given):
                     self._refuse(given, objection)
                 return
-            if self.flight.shared_time(now) < order.time_s:
+            late_s = self.flight.shared_time(now) - order.time_s
+            if (
+                self._next is not None
+                and self._next.is_same(given)
+                and 0.0 <= late_s <= APPOINTED_S
+            ):
+                # Another copy of what begins at this very moment: nothing was missed, nor who is to lead.
+                given = self._next
+            if late_s < 0.0:
                 given.offset_s = math.inf
             self._begin(given, now)
         elif repeated:

@@ -66,6 +66,10 @@ class Order:
         """Whether an answer is about it, and not about another order of its number."""
         return (reply.number, reply.check) == (self.arrangement.number, self.check)
 
+    def is_same(self, other: "Order") -> bool:
+        """Whether another is a copy of it."""
+        return (other.arrangement.number, other.check) == (self.arrangement.number, self.check)
+
     def begins(self, time_s: float) -> bool:
         """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
         ahead_s = self.arrangement.time_s - time_s

@@ -833,6 +833,21 @@ def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
     assert not formation.members["f1"].leads_by_order(12.0)
 
 
+def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it(
+    plan: MakePlan, slots: dict[str, Point]
+) -> None:
+    formation = Formation(with_paths(plan))
+    formation.run(5.0)
+    order = replace(further(slots), lead="f1")
+    formation.give(order)
+    formation.run(9.95)
+    # The operator repeats it until all fly it; f1 gets that before its own next step.
+    formation.now = 10.0
+    formation.give(order)
+    assert formation.flown["f1"] == 1
+    assert formation.members["f1"].leads_by_order(10.0)
+
+
 def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
