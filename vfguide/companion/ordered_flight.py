@@ -11,7 +11,6 @@ from vfguide.formation.transition import nearest_on
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.path import END_SHARE, Path, PathPoint
 from vfguide.laws.leader import LeaderTask
-from vfguide.link.order_codec import Reply
 from vfguide.paths.circle import Circle
 
 JUMP_S = 2.0
@@ -62,13 +61,10 @@ class Order:
     offset_s: float = math.nan
     """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
 
-    def is_meant_by(self, reply: Reply) -> bool:
-        """Whether an answer is about it, and not about another order of its number."""
-        return (reply.number, reply.check) == (self.arrangement.number, self.check)
-
-    def is_same(self, other: "Order") -> bool:
-        """Whether another is a copy of it."""
-        return (other.arrangement.number, other.check) == (self.arrangement.number, self.check)
+    @property
+    def identity(self) -> tuple[int, int]:
+        """(number, check): what copies of it, and answers to it, have in common."""
+        return self.arrangement.number, self.check
 
     def begins(self, time_s: float) -> bool:
         """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
