@@ -224,13 +224,11 @@ class Arrangements:
                     self._refuse(given, objection)
                 return
             late_s = self.flight.shared_time(now) - order.time_s
-            if (
-                self._next is not None
-                and self._next.is_same(given)
-                and 0.0 <= late_s <= APPOINTED_S
-            ):
+            expected = self._next
+            in_time = 0.0 <= late_s <= APPOINTED_S
+            if expected is not None and expected.identity == given.identity and in_time:
                 # Another copy of what begins at this very moment: nothing was missed, nor who is to lead.
-                given = self._next
+                given = expected
             if late_s < 0.0:
                 given.offset_s = math.inf
             self._begin(given, now)
@@ -282,7 +280,7 @@ class Arrangements:
             return
         if reply.verdict is Verdict.UNKNOWN:
             self._note_older(vehicle, reply.number, now)
-        elif self._next is not None and self._next.is_meant_by(reply):
+        elif self._next is not None and self._next.identity == (reply.number, reply.check):
             self._answers[vehicle] = reply
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
