@@ -39,7 +39,7 @@ from tests.autopilots.simulators import (
 from tests.autopilots.true_tracks import STEP_S, true_track
 from tests.autopilots.verdict import Verdict, flight_record, judge
 from vfguide.companion.clock import Clock
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mission import Mission

@@ -26,7 +26,7 @@ from tests.autopilots.simulators import (
     find_program,
     free_instances,
 )
-from vfguide.companion.plan import adapter_of
+from vfguide.companion.mission_plan import adapter_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.reports import VersionReport
 from vfguide.mission import Mission

@@ -23,7 +23,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.mission import load_mission
 

@@ -26,7 +26,7 @@ import psutil
 import yaml
 from playwright.async_api import Page, async_playwright
 
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.studies.programs import broker
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind

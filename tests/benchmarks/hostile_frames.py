@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.mission import load_mission
 
 MISSION = Path(__file__).parents[2] / "missions" / "line-calm.yaml"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import vfguide.lab.rehearsal.aircraft
 from sitl_stub import Autopilot, Fault, Truth
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.mission import Mission, load_mission

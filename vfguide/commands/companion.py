@@ -11,8 +11,8 @@ from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
 from vfguide.companion.ground_orders import order_codes
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.order_program import OrderProgram
-from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.errors import InputError
 from vfguide.extras import require
 from vfguide.link.address import parse_links

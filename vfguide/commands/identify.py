@@ -10,7 +10,8 @@ from random import Random
 
 from vfguide.commands.credentials import check_flies
 from vfguide.companion.clock import Clock
-from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event
 from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Answer, Identification, Stage

@@ -19,7 +19,7 @@ from vfguide.commands.output import (
     written_beside,
 )
 from vfguide.commands.terminal import Terminal
-from vfguide.companion.plan import flight_plan
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.errors import InputError
 from vfguide.lab.report.metrics import summarise, summary_json

@@ -1,54 +1,32 @@
-"""From a mission file to what one companion has to know: radians, metres, and its own part only."""
+"""What one companion has to know of its mission: its own part only, in radians and metres.
+
+`mission_plan.py` makes it of a mission.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-
-import numpy as np
 
 from vfguide.companion.supervisor import Timeouts
-from vfguide.extras import require
-from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
-from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.formation import Slot, SlotLimits
+from vfguide.guidance.formation import Slot
 from vfguide.guidance.intended_motion import KnownLeader
-from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import (
     GuidanceSettings,
-    ObserverGains,
     PathGains,
-    SlidingGains,
     course_delay,
     limit_bandwidth,
 )
 from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
-from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mavlink.parameters import AutopilotResponse
-from vfguide.mission.controller import gains_of
-from vfguide.mission.flight_path import PathShape, path_of
-from vfguide.mission.model import Mission
-from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.quantity import Section
-from vfguide.mission.vehicle import Vehicle as MissionVehicle
-from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe
 
 STOPPED_S = 0.7
 """A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
 under a parachute has: the place where it was last heard is not flown through."""
-
-PLACES = 500
-"""At which a path is looked at for its lowest."""
-
-CREWED_M = 65.0
-"""Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
-
-LEAST_SILENCE_S = 2.5
-"""A leader without a companion is not silent before: one message a second, half a second late, one lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,121 +192,6 @@ class FlightPlan:
         return tuple(one.name for one in self.others if not one.leads)
 
 
-def flight_plan(mission: Mission, name: str) -> FlightPlan:
-    """The part of the vehicle with this name.
-
-    Raises:
-        KeyError: the mission has no vehicle of this name.
-        VfguideError: a library of its law is not installed.
-    """
-    vehicle = mission.vehicles[name]
-    height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
-    up = 0.0
-    paths = known_paths(mission)
-    task: LeaderTask | FollowerTask
-    if name == mission.leader.vehicle:
-        task = leader_task(mission)
-    else:
-        offset = mission.followers_by_name[name].slot
-        up = offset.up_m
-        height += up
-        task = follower_task(mission, vehicle, offset)
-        require(*laws.find(mission.controller.type).libraries)
-    return FlightPlan(
-        name=name,
-        system_id=vehicle.system_id,
-        component_id=vehicle.component_id,
-        rate_hz=mission.rehearsal.rate_hz,
-        frame=local_frame(mission),
-        altitude_amsl=height,
-        settings=guidance_settings(mission),
-        law=laws.find(mission.controller.type),
-        gains=gains_of(mission.controller),
-        airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
-        asks_response=vehicle.response == "auto",
-        slips=vehicle.slips,
-        timeouts=timeouts_of(mission),
-        engage_from=vehicle.engage_from,
-        task=task,
-        height=height - mission.origin.altitude_amsl_m,
-        lowest=height - mission.origin.altitude_amsl_m + lowest_of(paths),
-        up=up,
-        rank=formation_of(mission).index(name),
-        others=other_vehicles(mission, name),
-        timekeeper=mission.timekeeper,
-        traffic_m=mission.avoidance.traffic_m,
-        lead=lead_plan(mission, name) if mission.deputies else None,
-        loiter_up=loiter_step(mission) * formation_of(mission).index(name),
-        loiter_room=fence_room(mission) - loiter_step(mission) * len(mission.followers),
-        paths=paths,
-    )
-
-
-def loiter_step(mission: Mission) -> float:
-    """Between the heights of two that loiter once everything was called off, m: within the fence's height."""
-    room = fence_room(mission) / max(len(mission.followers), 1)
-    return min(max(room, 0.0), STACK_M)
-
-
-def fence_room(mission: Mission) -> float:
-    """From the flying height to the top of the lowest fence, m; infinite without one."""
-    fences = [mission.fence, *(one.fence for one in mission.paths_by_name.values())]
-    limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
-    return min(limits, default=math.inf) - mission.height_above_origin_m
-
-
-def known_paths(mission: Mission) -> dict[str, KnownPath]:
-    """The paths of a mission by name; none where its leader has no companion."""
-    if mission.leader.is_foreign:
-        return {}
-    checks = mission.path_checks
-    return {name: known_path(shape, checks[name]) for name, shape in mission.paths_by_name.items()}
-
-
-def known_path(shape: PathShape, check: int = 0) -> KnownPath:
-    """A path of a mission, and the field around it."""
-    return KnownPath(
-        path_of(shape),
-        PathGains(gain=shape.gain, approach_angle=shape.approach_angle),
-        check=check,
-    )
-
-
-def lowest_of(paths: Mapping[str, KnownPath]) -> float:
-    """The lowest place of any path, m above the flying height; 0 where none is known or all are higher."""
-    lowest = [0.0]
-    for known in paths.values():
-        places = known.path.at(known.path.outline(PLACES))
-        lowest.append(float(np.min(places.height, initial=0.0)))
-    return min(lowest)
-
-
-def lead_plan(mission: Mission, name: str) -> LeadPlan:
-    """Who may lead, and what the vehicle of this name flies while another does."""
-    slot = SlotOffset(forward_m=0.0, right_m=0.0)
-    if name != mission.leader.vehicle:
-        slot = mission.followers_by_name[name].slot
-    require(*laws.find(mission.controller.type).libraries)
-    return LeadPlan(
-        order=(mission.leader.vehicle, *mission.deputies),
-        task=follower_task(mission, mission.vehicles[name], slot),
-        altitude_amsl=mission.origin.altitude_amsl_m + mission.height_above_origin_m,
-    )
-
-
-def timeouts_of(mission: Mission) -> Timeouts:
-    """How long silences are borne."""
-    patience = Timeouts(**mission.patience.model_dump())
-    if not mission.leader.is_foreign:
-        return patience
-    return replace(patience, leader_s=max(patience.leader_s, LEAST_SILENCE_S))
-
-
-def formation_of(mission: Mission) -> list[str]:
-    """Names of all vehicles by rank."""
-    return [mission.leader.vehicle, *mission.followers_by_name]
-
-
 def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
     """The plan with what the autopilot says of itself; limits are the tighter of its own and the declared."""
     airframe = plan.airframe
@@ -369,173 +232,3 @@ def course_settings(plan: FlightPlan) -> GuidanceSettings:
     sliding = plan.settings.sliding
     delay = course_delay(sliding, plan.airframe, slips=plan.slips, period=1.0 / plan.rate_hz)
     return replace(plan.settings, sliding=limit_bandwidth(sliding, delay))
-
-
-def local_frame(mission: Mission) -> LocalFrame:
-    """The frame around the mission's origin."""
-    origin = mission.origin
-    return frame_at(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
-
-
-@lru_cache
-def frame_at(latitude_deg: float, longitude_deg: float, altitude_amsl: float) -> LocalFrame:
-    """The frame at an origin (degrees, m): one for all of a process, who share what they read."""
-    return LocalFrame(latitude_deg, longitude_deg, altitude_amsl)
-
-
-def airframe_of(vehicle: MissionVehicle) -> Airframe:
-    """Response and limits of a vehicle."""
-    return Airframe(
-        hold=vehicle.plant,
-        alpha=vehicle.alpha_1_s,
-        beta=vehicle.beta_1_s,
-        airspeed_min=vehicle.airspeed_range_m_s[0],
-        airspeed_max=vehicle.airspeed_range_m_s[1],
-        max_bank=math.radians(vehicle.max_bank_deg),
-        max_acceleration=vehicle.max_acceleration_m_s2,
-        course_dead_time=vehicle.course_dead_time_s,
-        course_lag=vehicle.course_lag_s,
-        speed_dead_time=vehicle.speed_dead_time_s,
-        speed_lag=vehicle.speed_lag_s,
-        # One that slips is an ArduPlane, whose hold is one of the total energy too.
-        speed_hold="total-energy" if vehicle.slips else vehicle.speed_hold,
-        height_delay=vehicle.height_delay_s,
-        climb_max=vehicle.climb_range_m_s[1],
-        sink_max=-vehicle.climb_range_m_s[0],
-    )
-
-
-def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
-    """How to speak to a vehicle's autopilot."""
-    address = Vehicle(
-        system_id=vehicle.system_id,
-        component_id=vehicle.component_id,
-        hold=vehicle.plant,
-        lateral_acceleration=GRAVITY * math.tan(math.radians(vehicle.max_bank_deg)),
-        px4_steering=vehicle.px4_steering,
-    )
-    adapter: AutopilotAdapter = autopilots.find(vehicle.autopilot)(address)
-    return adapter
-
-
-def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
-    """A slot of the mission, for a vehicle that holds it."""
-    lowest, highest = vehicle.airspeed_range_m_s
-    return FollowerTask(
-        slot=Slot(forward=offset.forward_m, right=offset.right_m),
-        follows_height=mission.follows_height,
-        leader=foreign_leader(mission) if mission.leader.is_foreign else known_leader(mission),
-        airspeed=min(max(mission.leader.airspeed_m_s, lowest), highest),
-    )
-
-
-def known_leader(mission: Mission) -> KnownLeader:
-    """What the mission tells about a leader with a companion."""
-    leads = leader_task(mission)
-    return KnownLeader(
-        path=leads.path,
-        path_gains=leads.path_gains,
-        airspeed=leads.airspeed,
-        rate_filter_s=mission.controller.rate_filter_s,
-        height=mission.height_above_origin_m,
-    )
-
-
-def foreign_leader(mission: Mission) -> ForeignLeader:
-    """What the mission tells about a leader without one."""
-    leader, vehicle = mission.leader, mission.leader_vehicle
-    return ForeignLeader(
-        connection=leader.connection or "",
-        system_id=vehicle.system_id if leader.follows == "mavlink" else None,
-        icao_address=leader.icao_address,
-        least_delay_s=leader.least_delay_s,
-        airframe=airframe_of(vehicle),
-        rate_filter_s=mission.controller.rate_filter_s,
-        height=mission.height_above_origin_m,
-    )
-
-
-def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
-    """All vehicles but the one of this name."""
-    own = slot_of(mission, name)
-    found = []
-    for rank, other in enumerate(formation_of(mission)):
-        if other == name:
-            continue
-        slot = slot_of(mission, other)
-        bank = math.radians(mission.vehicles[other].max_bank_deg)
-        found.append(
-            OtherVehicle(
-                name=other,
-                rank=rank,
-                leads=rank == 0,
-                slot=slot,
-                spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
-                lateral_acceleration=GRAVITY * math.tan(bank),
-                stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
-                may_stop=mission.vehicles[other].may_stop,
-                least_m=CREWED_M if rank == 0 and mission.leader.follows == "adsb" else 0.0,
-            )
-        )
-    return tuple(found)
-
-
-def slot_of(mission: Mission, name: str) -> Slot[float]:
-    """The slot of a vehicle, the leader's at its own place."""
-    if name == mission.leader.vehicle:
-        return Slot(forward=0.0, right=0.0)
-    offset = mission.followers_by_name[name].slot
-    return Slot(forward=offset.forward_m, right=offset.right_m)
-
-
-def leader_task(mission: Mission) -> LeaderTask:
-    """Path, law, cruise, and whom to give way to."""
-    law = leader_laws.find(mission.leader.law)
-    known = known_path(mission.path)
-    return LeaderTask(
-        path=known.path,
-        path_gains=known.gains,
-        airspeed=mission.leader.airspeed_m_s,
-        height=mission.height_above_origin_m,
-        law=law,
-        gains=law.Gains.model_validate(mission.leader.gains),
-        followers=tuple(
-            SlotLimits(
-                slot=Slot(forward=follower.slot.forward_m, right=follower.slot.right_m),
-                airspeed_min=mission.vehicles[follower.vehicle].airspeed_range_m_s[0],
-                airspeed_max=mission.vehicles[follower.vehicle].airspeed_range_m_s[1],
-            )
-            for follower in mission.followers
-        ),
-    )
-
-
-def guidance_settings(mission: Mission) -> GuidanceSettings:
-    """Gains and switches of every law."""
-    chosen = mission.controller
-    return GuidanceSettings(
-        sliding=SlidingGains(
-            kappa=chosen.kappa,
-            epsilon=chosen.epsilon,
-            boundary_layer_factor=chosen.boundary_layer_factor,
-            loop_delay_s=chosen.loop_delay_s,
-            rho=chosen.rho,
-        ),
-        observer=ObserverGains(
-            gamma=chosen.observer.gamma, rho=chosen.observer.rho, sigma=chosen.observer.sigma
-        ),
-        filters=FilterTimes(
-            position_s=chosen.position_filter_s,
-            wind_s=chosen.wind_filter_s,
-            velocity_s=chosen.velocity_filter_s,
-        ),
-        rate_filter_s=chosen.rate_filter_s,
-        speed_source=chosen.leader_speed_source,
-        predict_leader=chosen.predict_leader,
-        wind_feedforward=chosen.wind_feedforward,
-        give_way=chosen.give_way,
-        # What a leader without a companion means to fly is not known.
-        slot_frame="leader"
-        if mission.leader.is_foreign
-        else laws.find(chosen.type).slot_frame or chosen.slot_frame,
-    )

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 import sitl_stub
 import vfguide.lab.rehearsal.aircraft
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all

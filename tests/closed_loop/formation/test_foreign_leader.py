@@ -9,8 +9,8 @@ import pytest
 
 from vfguide.companion.core import Companion
 from vfguide.companion.leader_telemetry import LeaderTelemetry
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import ForeignLeader as ForeignLeaderPlan
-from vfguide.companion.plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.mission import Mission
 

@@ -16,7 +16,7 @@ from PIL import Image
 from playwright.async_api import Page, expect
 
 from vfguide.commands.console import live_console
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.console.model import Formation
 from vfguide.lab.console.server import Address, served

@@ -12,7 +12,8 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.link.codec import LeaderMessage, encode

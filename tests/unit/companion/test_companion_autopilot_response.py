@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import FlightPlan, adapter_of, flown_by
+from vfguide.companion.mission_plan import adapter_of
+from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.model import Mission

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission.model import Mission

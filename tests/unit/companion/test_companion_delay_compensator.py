@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
-from vfguide.companion.plan import flight_plan
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.guidance.airframe import (
     ActiveSetpoint,
     Bias,

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.mission.model import Mission
 

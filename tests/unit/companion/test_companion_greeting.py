@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.companion.conftest import Flight, mission_of
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 
 GREETING_S = 8.0
 

@@ -15,8 +15,9 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from vfguide.companion import order_program
 from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import GroundOrders, order_codes
+from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
-from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import OrderRequest
 from vfguide.mission import Mission, load_mission

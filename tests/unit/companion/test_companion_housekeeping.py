@@ -5,7 +5,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.companion.mission_plan import adapter_of
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.mission.model import Mission
 

@@ -9,7 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.height_keeper import TRIES, LoiterHeight
-from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan, loiter_step
+from vfguide.companion.mission_plan import adapter_of, flight_plan, loiter_step
+from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport

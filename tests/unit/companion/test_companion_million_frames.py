@@ -13,7 +13,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from pymavlink.generator.mavcrc import x25crc
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.mission.model import Mission
 
 Make = Callable[..., Any]

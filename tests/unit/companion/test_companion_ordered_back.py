@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import MemoryStore
-from vfguide.companion.plan import adapter_of
+from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.supervisor import Control
 from vfguide.mavlink.reports import HeartbeatReport
 from vfguide.mission.model import Mission

@@ -3,7 +3,8 @@ from collections.abc import Callable
 
 import pytest
 
-from vfguide.companion.plan import FlightPlan, FollowerTask, adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.supervisor import Timeouts
 from vfguide.guidance.formation import Slot
 from vfguide.laws.field import SlotGains

@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import FlightPlan, adapter_of
+from vfguide.companion.mission_plan import adapter_of
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.mission.model import Mission
 

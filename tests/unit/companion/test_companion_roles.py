@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan, FollowerTask, flight_plan
+from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.roles import FollowerRole, LeaderRole, SuccessionRole, role_of
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock

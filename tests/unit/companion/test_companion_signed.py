@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
 from sitl_stub import Signing as AutopilotSigning
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.framing import Signing
 from vfguide.mission.model import Mission

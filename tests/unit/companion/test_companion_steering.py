@@ -8,8 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.own_vehicle import NavigatedState
-from vfguide.companion.plan import FlightPlan, adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable
 from vfguide.mission.model import Mission

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Place, Point
 from vfguide.lab.console.model import Formation, slot_of

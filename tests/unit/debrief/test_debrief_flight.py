@@ -13,7 +13,7 @@ import yaml
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text

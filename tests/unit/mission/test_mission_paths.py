@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from vfguide.companion.plan import flight_plan
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
 from vfguide.formation.wording import flown_in_words

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
-from vfguide.companion.plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.role import Event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Manoeuvre

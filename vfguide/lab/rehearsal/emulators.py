@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import sitl_stub
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from vfguide.companion.clock import Clock
-from vfguide.companion.plan import local_frame
+from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.emulators import BOOTED_S, route_of, start_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module

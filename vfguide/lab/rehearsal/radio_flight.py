@@ -15,7 +15,7 @@ from random import Random
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from vfguide.companion.plan import flight_plan
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.lab.rehearsal.aircraft import OPERATOR, REPEAT_S, Aircraft, ForeignLeader

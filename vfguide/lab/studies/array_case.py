@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.companion.plan import airframe_of, guidance_settings, leader_task
+from vfguide.companion.mission_plan import airframe_of, guidance_settings, leader_task
 from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.errors import VfguideError
 from vfguide.guidance.formation import Slot
