@@ -3,28 +3,25 @@
 import cmath
 import math
 from collections import Counter
-from dataclasses import replace
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
+from vfguide.companion.followed_leader import FollowedLeader
 from vfguide.companion.height_keeper import HeightKeeper
-from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import (
     FlightPlan,
     FollowerTask,
-    ForeignLeader,
     follower_law,
     late_laws,
 )
 from vfguide.companion.role import Role, RoleStep
-from vfguide.companion.state_publisher import GAP_S, StatePublisher
-from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
-from vfguide.elementwise import low_pass, wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import (
     Slot,
     breakaway_course,
@@ -33,36 +30,14 @@ from vfguide.guidance.formation import (
     slot_motion,
 )
 from vfguide.guidance.height import (
-    PLANNED_S,
-    UNPLANNED_S,
-    HeightDeviation,
     HeightTarget,
-    followed_height,
-    height_deviation,
     held_height,
-    path_height,
 )
-from vfguide.guidance.intended_motion import (
-    IntendedMotion,
-    KnownLeader,
-    extrapolate_along_path,
-    intended_at_first,
-    intended_motion,
-    planned_motion,
-)
-from vfguide.guidance.leader_motion import carried_on
-from vfguide.guidance.path import Path, PathPoint
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
-
-CARRY_S = 0.25
-"""Longest step in which a silent leader is carried on."""
-
-MOST_STEPS = 240
-"""A minute of them: after a longer gap in telemetry they are longer."""
 
 PUBLISH_S = 0.2
 """Between states for the other followers: they move little relative to each other in that time."""
@@ -79,12 +54,6 @@ PUBLISH_FREE_S = 0.1
 LEAST_SETTLE_S = 1.0
 GREATEST_SETTLE_S = 60.0
 """Bounds of the time constant with which a follower is thought to reach its slot."""
-
-HANDED_BACK_S = 5.0
-"""Longer than it takes an autopilot to be handed back after the formation has broken up."""
-
-WIND_S = 5.0
-"""Memory of the mean wind."""
 
 IN_SLOT_M = 2.0
 """From the slot: nearer a follower is in it."""
@@ -114,22 +83,10 @@ class FollowerRole(Role):
         self._plan = plan
         self._task = task
         self._clock = clock
-        # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
-        self._moved_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
-        self._leader: StateReceiver | LeaderTelemetry = (
-            LeaderTelemetry(
-                task.leader, plan.frame, moved_s=self._moved_s, system_id=plan.system_id
-            )
-            if isinstance(task.leader, ForeignLeader)
-            else StateReceiver(plan.frame, clock, moved_s=self._moved_s)
-        )
-        self._followed = self._leader
-        self._deputy: str | None = None
-        self.leads = False
-        """Whether this vehicle stands in for a leader that is lost, and carries its motion on for all."""
+        self.followed = FollowedLeader(plan, task, clock, arrangements)
+        """What it knows of its leader."""
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
-        self._leader_name = next((one.name for one in plan.others if one.leads), "")
         self._report = report or StatePublisher(plan)
         self._published_time = -math.inf
         self._distance = math.inf
@@ -140,108 +97,26 @@ class FollowerRole(Role):
         self._late_keepers = tuple(
             SlotKeeper(law, task.slot, slot_at=self.slot_at) for law in late_laws(plan)
         )
-        self._carried: LeaderState[float] | None = None
-        self._intended: IntendedMotion | None = None
-        self._intended_path: Path | None = None
-        self._deviation: HeightDeviation | None = None
         self._height = HeightKeeper(plan)
         self._height_wanted = held_height(plan.height)
         self._asked_height = plan.height
-        self._leader_height: float | None = None
-        self._wind = (0.0, 0.0)
         self._breakaway_course: float | None = None
 
     @property
     def counters(self) -> Counter[str]:
         """States that were not used, by reason."""
         aircraft = self._keep_clear.aircraft
-        return self._leader.counters + self._traffic.counters + aircraft.counters
+        return self.followed.receiver.counters + self._traffic.counters + aircraft.counters
 
     @property
     def foreign_leader(self) -> HeardState | None:
         """How a leader without a companion was heard to move last, on the own clock; None of any other."""
-        return self._leader.newest if isinstance(self._leader, LeaderTelemetry) else None
-
-    @property
-    def leader(self) -> LeaderState[float] | None:
-        """Newest leader state as slots are fixed to it, times on the follower's clock."""
-        if isinstance(self._task.leader, ForeignLeader):
-            return self._leader.newest
-        return None if self._intended is None else self._intended.motion
-
-    def _intend(self) -> None:
-        """Find out how the leader means to fly, by what it was just heard to do."""
-        heard, before, known = self._followed.newest, self._intended, self._known_leader()
-        if heard is None:
-            return
-        if isinstance(known, ForeignLeader):
-            self._note_height(heard, held_height(known.height), UNPLANNED_S)
-            return
-        measured, heard = heard, self._with_height(heard)
-        planned = planned_motion(heard, known, self._wind)
-        at_once = self._planned_height(heard, planned.point, 0.0)
-        self._note_height(measured, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
-        passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
-        slot_frame = self._plan.settings.slot_frame
-        follows_path = (
-            slot_frame != "leader" and heard.steered and known.path is self._intended_path
-        )
-        self._intended_path = known.path
-        if before is None or not follows_path or not 0.0 < passed_s <= GAP_S:
-            self._intended = intended_at_first(heard, planned)
-        else:
-            as_planned = slot_frame == "plan"
-            self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
-
-    def _with_height(self, heard: HeardState) -> HeardState:
-        """A state of the leader; one whose altitude is doubted with the height that was known last.
-
-        A path that climbs is searched by height, and a deputy that leads on says a height.
-        """
-        if math.isfinite(heard.height):
-            return heard
-        planned = self._task.leader.height if self._leader_height is None else self._leader_height
-        off = 0.0 if self._deviation is None else self._deviation.height
-        return replace(heard, height=planned + off)
-
-    def _note_height(
-        self, heard: LeaderState[float], planned: HeightTarget, memory_s: float
-    ) -> None:
-        """Find out by how much the leader flies above what is planned for it."""
-        if self._task.follows_height:
-            self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
-
-    def _planned_height(
-        self, leader: LeaderState[float], point: PathPoint[float], ahead_s: float
-    ) -> HeightTarget:
-        """What the mission says of the leader's height; on the circle of a hold, the one where it began."""
-        known = self._routed_leader()
-        if isinstance(known, ForeignLeader):
-            return held_height(known.height)
-        if self._arrangements.flight.circle is not None and self._leader_height is not None:
-            return held_height(self._leader_height)
-        found = path_height(known.path, point, leader, flying=known.height, ahead_s=ahead_s)
-        self._leader_height = found.height
-        return found
+        return self.followed.foreign
 
     def _height_target(self, navigated: NavigatedState, leader: LeaderState[float]) -> HeightTarget:
         """How high the slot is: now, and when a setpoint takes effect."""
-        known, now = self._known_leader(), navigated.state.time_s
-        ahead_s = self._height.delay_s(navigated)
-        planned = held_height(known.height)
-        if not isinstance(known, ForeignLeader):
-            intended = None if self._carried is not None else self._intended
-            point = known.point_beside(leader) if intended is None else intended.planned.point
-            # As it was heard, gusts included: the leader looks ahead by that, too.
-            motion = leader if intended is None else self._followed.newest or leader
-            planned = self._planned_height(motion, point, now - motion.time_s + ahead_s)
-        deviation = self._deviation or HeightDeviation(time_s=now)
-        if now - deviation.time_s > self._plan.timeouts.leader_s:
-            # Nothing is heard of how it goes on beside its plan.
-            deviation = replace(deviation, climb_rate=0.0)
-        target = followed_height(
-            planned, deviation, flying=known.height, now_s=now, ahead_s=ahead_s
-        )
+        now, ahead_s = navigated.state.time_s, self._height.delay_s(navigated)
+        target = self.followed.height(leader, now, ahead_s)
         (up, rate), (up_ahead, _) = self._slot_height(now), self._slot_height(now + ahead_s)
         return HeightTarget(
             height=target.height + up,
@@ -260,53 +135,29 @@ class FollowerRole(Role):
 
     def follow_leader(self) -> None:
         """Fly by the mission's leader, as it was heard last."""
-        self._follow(self._leader)
+        self._breakaway_course = None
+        self.followed.follow_leader()
 
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
-        newer = self._leader.take(data, now)
-        if newer and not isinstance(self._leader, LeaderTelemetry):
-            # One without a companion knows of no order.
-            self._arrangements.hear(self._leader_name, self._leader.newest, now)
-        self._traffic.note(self._leader_name, self._leader)
+        newer = self.followed.note_leader(data, now)
+        self._traffic.note(self.followed.name, self.followed.receiver)
         return newer
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of the leader by which a deputy leads, and fly by it if it is sound and newer."""
-        if self.note_lead(vehicle, data, now):
+        if self.followed.note_lead(vehicle, data, now):
             self.follow_lead()
-
-    def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
-        """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
-        if vehicle != self._deputy:
-            self._deputy = vehicle
-            self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
-        return self._carried_on.take(data, now)
 
     def follow_lead(self) -> None:
         """Fly by the leader by which a deputy leads, as it was heard last."""
-        self._follow(self._carried_on)
-
-    def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
-        """Fly by the newest state of a receiver."""
-        self.leads, self._followed = False, receiver
-        if receiver is self._leader:
-            self._deputy = None
-        self._carried = self._breakaway_course = None
-        self._intend()
+        self._breakaway_course = None
+        self.followed.follow_lead()
 
     def take_lead(self) -> None:
         """Carry the leader on along its path from now on, for as long as it takes."""
-        self.leads, self._deputy, self._breakaway_course = True, None, None
-
-    @property
-    def carried(self) -> LeaderState[float] | None:
-        """The leader as it is carried on while it is not heard; None while it is."""
-        return self._carried
-
-    def note_wind(self, navigated: NavigatedState) -> None:
-        """Get to know the wind while another part is flown."""
-        self._note_wind(navigated)
+        self._breakaway_course = None
+        self.followed.take_lead()
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of another follower."""
@@ -327,49 +178,26 @@ class FollowerRole(Role):
 
     def to_leader(self, now: float) -> bytes:
         """Heartbeats and questions for the time, where the leader has no companion."""
-        return self._leader.say(now) if isinstance(self._leader, LeaderTelemetry) else b""
+        return self.followed.to_say(now)
 
     def words(self) -> list[str]:
         """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""
-        heard = [f"the leader {words}" for words in self._leader.words()] + self._traffic.words()
-        return heard + self._keep_clear.words()
+        return self.followed.words() + self._traffic.words() + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""
-        return 0.0 if self.leads else self._heard_age(now)
-
-    def _heard_age(self, now: float) -> float:
-        return math.inf if self.leader is None else now - self.leader.time_s
+        return self.followed.age(now)
 
     def slot_at(self, time_s: float) -> Slot[float]:
         """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
         return self._arrangements.flight.slot(self._plan.name, time_s) or self._task.slot
 
-    def _known_leader(self) -> KnownLeader | ForeignLeader:
-        """What is known of the leader: on a path of the mission, or on the circle of a hold."""
-        known, circle = self._routed_leader(), self._arrangements.flight.circle
-        if circle is None or isinstance(known, ForeignLeader):
-            return known
-        return replace(known, path=circle, least_radius=self._arrangements.flight.turn_radius)
-
-    def _routed_leader(self) -> KnownLeader | ForeignLeader:
-        """What is known of the leader, whether it holds now or not."""
-        known, route = self._task.leader, self._arrangements.flight.route
-        radius = self._arrangements.flight.turn_radius
-        if isinstance(known, ForeignLeader) or (route is None and radius == 0.0):
-            return known
-        if route is None:
-            return replace(known, least_radius=radius)
-        return replace(
-            known, path=route.path, path_gains=route.gains, least_radius=route.least_radius
-        )
-
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
-        self._note_wind(navigated)
+        self.followed.note_wind(navigated)
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
-        leader = self._leader_at(navigated)
+        leader = self.followed.at(navigated)
         if leader is None:
             return RoleStep(
                 setpoint=None,
@@ -378,7 +206,7 @@ class FollowerRole(Role):
                 lyapunov=math.nan,
                 publish=self._own_state(navigated, motion, mode, math.nan),
             )
-        self._watch_route(leader)
+        self.followed.watch_route(leader)
         breaks_away = mode is Mode.BREAKAWAY
         if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):
@@ -434,25 +262,6 @@ class FollowerRole(Role):
     def _up(self, navigated: NavigatedState) -> float:
         """How far above the vehicle its slot is, m."""
         return self._height_wanted.height - (navigated.altitude_amsl - self._plan.frame.altitude_m)
-
-    def _watch_route(self, leader: LeaderState[float]) -> None:
-        """See whether the leader, as it is heard or carried on, is at the end of its path."""
-        known, heard = self._known_leader(), self._followed.newest
-        if heard is None or isinstance(known, ForeignLeader) or known.path.last_circle is None:
-            return
-        point = known.point_beside(leader)
-        self._arrangements.watch_route(known.path, point, steered=heard.steered)
-
-    def _note_wind(self, navigated: NavigatedState) -> None:
-        """The mean wind, in which the leader's speed is planned."""
-        state, (north, east) = navigated.state, self._wind
-        if not math.isfinite(navigated.interval):
-            self._wind = state.wind_north, state.wind_east
-            return
-        self._wind = (
-            low_pass(north, state.wind_north, navigated.interval, WIND_S),
-            low_pass(east, state.wind_east, navigated.interval, WIND_S),
-        )
 
     def _late_law(
         self, keeper: SlotKeeper[float], navigated: NavigatedState, leader: LeaderState[float]
@@ -526,28 +335,6 @@ class FollowerRole(Role):
             arrangement=self._arrangements.number,
             course_setpoint=course_setpoint,
         )
-
-    def _leader_at(self, navigated: NavigatedState) -> LeaderState[float] | None:
-        """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
-        heard, known = self.leader, self._known_leader()
-        now = navigated.state.time_s
-        if isinstance(known, ForeignLeader):
-            return None if heard is None else carried_on(heard, now - heard.time_s, GAP_S)
-        fresh = self._heard_age(now) <= self._plan.timeouts.leader_s and not self.leads
-        if heard is None or fresh:
-            return heard
-        carried = self._carried
-        if carried is None:
-            carried = extrapolate_by_rates(heard, min(now, heard.time_s + GAP_S))
-        # One step, or many after a gap in telemetry.
-        count = min(math.ceil((now - carried.time_s) / CARRY_S), MOST_STEPS)
-        for left in range(count, 0, -1):
-            time_s = carried.time_s + (now - carried.time_s) / left
-            carried = extrapolate_along_path(
-                carried, replace(navigated.state, time_s=time_s), known
-            )
-        self._carried = carried
-        return carried
 
     def _away(self, navigated: NavigatedState, leader: LeaderState[float]) -> Setpoint[float]:
         """Setpoint of the breakaway: a fixed course to the side of the slot."""

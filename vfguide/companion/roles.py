@@ -87,7 +87,8 @@ class SuccessionRole(Role):
     def _flies_path(self) -> bool:
         """Whether this vehicle is the leader that the formation is fixed to."""
         return self._leader_role is not None and (
-            self._succession.listens or (self._succession.leads and not self._follower_role.leads)
+            self._succession.listens
+            or (self._succession.leads and not self._follower_role.followed.stands_in)
         )
 
     @property
@@ -107,9 +108,9 @@ class SuccessionRole(Role):
         self._report.term = self._succession.term
         self._arrangements.coordinator = self._succession.holder
         if self._flies_path:
-            self._follower_role.note_wind(navigated)
+            self._follower_role.followed.note_wind(navigated)
         step = self._role.step(navigated, mode)
-        motion = step.motion or self._follower_role.carried
+        motion = step.motion or self._follower_role.followed.carried
         self._last = None if motion is None else (motion, navigated)
         if self._succession.leads and self._succession.term > 0:
             return replace(step, lead=self._state_to_lead_by(steered=mode.steers))
@@ -196,13 +197,13 @@ class SuccessionRole(Role):
         follower, succession = self._follower_role, self._succession
         taken = False
         if succession.may_obey(vehicle, state.term):
-            taken = follower.note_lead(vehicle, data, now)
+            taken = follower.followed.note_lead(vehicle, data, now)
             if not taken and self._knows_time(state):
                 return
         if not succession.hear_leader(vehicle, state.term, now, steered=state.steered):
             self._counters["not of the leader"] += 1
             return
-        follower.leads = False
+        follower.followed.stands_in = False
         if taken and not succession.is_leaving(now):
             follower.follow_lead()
 

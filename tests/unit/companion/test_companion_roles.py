@@ -124,7 +124,7 @@ def test_a_leader_state_is_put_into_the_local_frame(
 ) -> None:
     data = leader_bytes(10.0, course=0.5, ground_speed=21.0, acceleration=0.25, turn_rate=0.125)
     follower.receive(data, 10.2)
-    state = follower.leader
+    state = follower.followed.motion
     assert state is not None
     assert (state.north, state.east) == (
         pytest.approx(200.0, abs=1e-3),
@@ -174,9 +174,9 @@ def test_a_leader_state_of_the_wrong_time_is_counted_and_forgotten(
     follower: FollowerRole, leader_bytes: Make, time_s: float, now: float, reason: str
 ) -> None:
     follower.receive(leader_bytes(10.0), 10.0)
-    kept = follower.leader
+    kept = follower.followed.motion
     follower.receive(leader_bytes(0.0, time_s=time_s, latitude_deg=47.0), now)
-    assert follower.leader == kept
+    assert follower.followed.motion == kept
     assert dict(follower.counters) == {reason: 1}
 
 
@@ -192,7 +192,7 @@ def test_the_first_leader_state_must_be_of_the_right_time_too(
     follower: FollowerRole, leader_bytes: Make, time_s: float
 ) -> None:
     follower.receive(leader_bytes(0.0, time_s=time_s), 10.0)
-    assert follower.leader is None
+    assert follower.followed.motion is None
 
 
 def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
@@ -221,7 +221,7 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
 @pytest.mark.parametrize("data", [b"", b"VFLS", bytes(88)])
 def test_what_is_no_leader_state_is_counted(follower: FollowerRole, data: bytes) -> None:
     follower.receive(data, 10.0)
-    assert follower.leader is None
+    assert follower.followed.motion is None
     assert dict(follower.counters) == {"malformed": 1}
 
 
@@ -276,9 +276,9 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakeP
             ),
             now,
         )
-        assert role.leader is not None
+        assert role.followed.motion is not None
         assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
-        assert role.leader.height == pytest.approx(made.height + place.height, abs=1.0)
+        assert role.followed.motion.height == pytest.approx(made.height + place.height, abs=1.0)
 
 
 def deputy_of(mission: Mission, name: str, clock: SharedClock = SAME_CLOCK) -> SuccessionRole:
@@ -375,7 +375,7 @@ def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(
         packed = received
     role.receive(encode(packed), 1.0)
     role.receive_neighbour("f2", encode(packed), 1.0)
-    assert role.leader is not None
+    assert role.followed.motion is not None
     assert arrangements.waits(1.0)
 
 
