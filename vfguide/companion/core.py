@@ -5,38 +5,27 @@ leads to one guidance step and one pair of setpoints at once.
 """
 
 import math
-import struct
 from collections import Counter
 from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.announcer import Announcer, PlottedValues, mode_sentence
+from vfguide.companion.announcer import Announcer, mode_sentence
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
 from vfguide.companion.ground_orders import GroundOrders, Words
+from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
-from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.parameter_check import ParameterCheck
+from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event, Outgoing, RoleStep, Snapshot
-from vfguide.companion.roles import role_of
-from vfguide.companion.state_publisher import TargetSender
-from vfguide.companion.steering import Steering
+from vfguide.companion.role import Event, Outgoing, Snapshot
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
-from vfguide.errors import described_error
-from vfguide.formation.arrangement import Arrangement, Point
+from vfguide.formation.arrangement import Arrangement
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import (
-    Acknowledgements,
-    ground_station_heartbeat,
-    heartbeat,
-    time_question,
-)
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import (
@@ -58,24 +47,6 @@ from vfguide.mavlink.reports import (
     VersionReport,
 )
 from vfguide.state import HeardState
-
-HEARTBEAT_S = 1.0
-"""Between heartbeats, and between tries of what the autopilot has not answered to."""
-
-FAILURE_S = 10.0
-"""Between two texts that guidance fails."""
-
-FAIL_SAFE_S = 5.0
-"""For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""
-
-FAIL_SAFE = (
-    "nothing to steer by, and it does not show that it was handed back: this companion falls silent, for the"
-    " autopilot's fail-safe to act where it is set; take over"
-)
-"""What the pilot hears then."""
-
-RATE_SHARE = 0.7
-"""Below this share of the rate that was asked for, telemetry is asked for again."""
 
 
 class Companion:
@@ -109,7 +80,6 @@ class Companion:
             order_codes: what ground stations may order by number; None to hear none of that.
             greeting_s: for so long after the leader it waits to hear all others before it joins them, s.
         """
-        self._plan = plan
         self._adapter = adapter
         self._phase = FlightPhase(
             adapter,
@@ -124,7 +94,6 @@ class Companion:
             self._phase,
         )
         self._announcer = Announcer(plan.name)
-        self._plotted = PlottedValues()
         self._wakefulness = Wakefulness()
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
@@ -136,32 +105,17 @@ class Companion:
             signing=signing,
             takes_orders=self.ground_orders is not None,
         )
-        self._own = OwnVehicle(plan)
         self._clock = clock
         self._arrangements = Arrangements(plan, clock)
-        self._role = role_of(plan, clock, self._arrangements)
-        self._mode = Mode.WAITING
-        self._telemetry_time = -math.inf
-        self._idle_since = self._return_since = self._leader_since = math.inf
-        self._greeting_s = greeting_s
-        self._interval = math.inf
-        self._asked_for_telemetry = False
-        self._distance = math.inf
-        self._housekeeping_time = -math.inf
-        self._target_sender = TargetSender(plan) if sends_target else None
-        self._failure_time = -math.inf
-        self._slot: Point | None = None
-        self._lyapunov = math.nan
-        self._ready = self._has_steered = self._stands_back = False
-        self._stopped = self._leaving = False
-        self._steering = Steering(plan, adapter, self._own)
-        self._commands = Acknowledgements()
-        self._loiter_height = LoiterHeight(plan, adapter)
-        self._own_altitude = math.nan
-        self._parameter_check = (
-            ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
+        self._vehicle = GuidedVehicle(
+            plan, adapter, self._authority, clock, self._arrangements, sends_target=sends_target
         )
-        self._wind: tuple[float, float] | None = None
+        self._mode = Mode.WAITING
+        self._idle_since = self._leader_since = math.inf
+        self._greeting_s = greeting_s
+        self._stands_back = self._stopped = self._leaving = False
+        self._loiter_height = LoiterHeight(plan, adapter)
+        self._housekeeping = Housekeeping(plan, adapter, self._authority, inspect=inspect)
 
     @property
     def flight_mode(self) -> str:
@@ -171,31 +125,36 @@ class Companion:
     @property
     def wind(self) -> tuple[float, float] | None:
         """(north, east) of the wind that it flies by, m/s; None while not known."""
-        return self._wind
+        return self._vehicle.wind
 
     def sensors(self, now: float) -> SensorsReport | None:
         """What the autopilot said last of its sensors and its battery; None if that is long ago."""
-        return self._own.sensors(now)
+        return self._vehicle.own.sensors(now)
 
     @property
     def snapshot(self) -> Snapshot:
         """What it did last."""
         return Snapshot(
             mode=self._mode,
-            setpoint=self._steering.setpoint,
-            lyapunov=self._lyapunov,
-            slot=self._slot,
+            setpoint=self._vehicle.steering.setpoint,
+            lyapunov=self._vehicle.lyapunov,
+            slot=self._vehicle.slot,
             left=self._arrangements.flight.has_left,
             path=self._arrangements.flight.path,
-            lead=self._role.lead if self._mode.steers else None,
+            lead=self._vehicle.role.lead if self._mode.steers else None,
         )
 
     @property
     def counters(self) -> Counter[str]:
         """What arrived and was not used, by reason."""
-        own = self._own.counters + Counter({"old when it was read": self._old_datagrams})
+        own = self._vehicle.own.counters + Counter({"old when it was read": self._old_datagrams})
         own += self._arrangements.counters
-        return self._codec.counters + self._role.counters + self._steering.counters + own
+        return (
+            self._codec.counters
+            + self._vehicle.role.counters
+            + self._vehicle.steering.counters
+            + own
+        )
 
     @property
     def arrangement(self) -> Arrangement | None:
@@ -204,11 +163,11 @@ class Companion:
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link, or a datagram of a leader without a companion."""
-        self._role.receive(data, now)
+        self._vehicle.role.receive(data, now)
 
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
-        self._role.lose_link(now)
+        self._vehicle.role.lose_link(now)
 
     def stand_back(self, now: float, *, twin: bool) -> Outgoing:
         """Leave the vehicle to another companion of this name, or not any more, as the link has found out."""
@@ -224,11 +183,11 @@ class Companion:
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of the leader by which a vehicle of this name leads, from the link."""
-        self._role.receive_lead(vehicle, data, now)
+        self._vehicle.role.receive_lead(vehicle, data, now)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower, of this name, from the link."""
-        self._role.receive_neighbour(vehicle, data, now)
+        self._vehicle.role.receive_neighbour(vehicle, data, now)
 
     def receive_order(
         self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
@@ -283,7 +242,7 @@ class Companion:
             self._leaving = True
             self._announcer.change("stopping, handing back to the autopilot; watch that it does")
         if not self._stopped:
-            out.share(self._role.leave())
+            out.share(self._vehicle.role.leave())
         self._stopped = True
         self._mode = Mode.WAITING
         return self._finish([], now, out)
@@ -307,7 +266,7 @@ class Companion:
             if isinstance(report, CommandReport):
                 self._authority.hear_answer(report, now)
             elif isinstance(report, TimeReport):
-                self._own.note(report, now)
+                self._vehicle.own.note(report, now)
         return messages
 
     def _is_waking(self, now: float, out: Outgoing) -> bool:
@@ -315,7 +274,7 @@ class Companion:
         hung_s = self._wakefulness.note_call(now)
         if hung_s:
             self._authority.forget()
-            self._telemetry_time = -math.inf
+            self._vehicle.telemetry_time = -math.inf
             out.warn(
                 f"this companion stood still for {hung_s:.0f} s, and steers again by what it hears"
                 " from now on; check the load of its computer",
@@ -328,7 +287,15 @@ class Companion:
         if not self._stopped:
             self._follow_orders(now, out)
             self._change_mode(now, out)
-        messages += self._housekeeping(now, out)
+        messages += self._housekeeping.due(
+            self._vehicle,
+            self._mode,
+            now,
+            out,
+            stopped=self._stopped,
+            returns=lambda: self._wish(now) is Wish.RETURN,
+        )
+        self._vehicle.adopt(self._housekeeping.plan)
         for text in self._authority.notices():
             out.warn(text, now)
         for event in out.events:
@@ -337,9 +304,9 @@ class Companion:
                 tell(event.text, now)
         messages += self._announcer.due(now)
         if self._authority.connected and not self._stopped:
-            messages += self._plotted.due(self._mode, now)
+            messages += self._vehicle.plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
-        out.to_leader = self._role.to_leader(now)
+        out.to_leader = self._vehicle.role.to_leader(now)
         return out
 
     def _follow_orders(self, now: float, out: Outgoing) -> None:
@@ -353,16 +320,6 @@ class Companion:
         if arrangements.returns_to_formation():
             self._authority.renew()
 
-    def _adopt(self, plan: FlightPlan) -> None:
-        """Fly by another plan from now on; what was known of the flight is learned anew, in a second."""
-        if plan is self._plan:
-            return
-        self._plan = plan
-        self._own = OwnVehicle(plan)
-        self._arrangements.adopt(plan)
-        self._role = role_of(plan, self._clock, self._arrangements)
-        self._steering = Steering(plan, self._adapter, self._own)
-
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for the leader, infinite before the first.
 
@@ -370,19 +327,7 @@ class Companion:
         """
         if self._stands_back or self._arrangements.flight.has_left or self._arrangements.waits(now):
             return math.inf
-        return self._role.leader_age(now)
-
-    def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
-        """FOLLOW_TARGET for aircraft without a companion; a failure to send it ends no flight."""
-        if self._target_sender is None:
-            return
-        try:
-            out.to_others = self._target_sender.due(step.motion, navigated)
-        except (ValueError, struct.error) as error:
-            text = (
-                f"FOLLOW_TARGET cannot be sent ({error}): aircraft that follow it are on their own"
-            )
-            out.warn(text, navigated.state.time_s)
+        return self._vehicle.role.leader_age(now)
 
     @property
     def order_number(self) -> int:
@@ -392,12 +337,12 @@ class Companion:
     @property
     def foreign_leader(self) -> HeardState | None:
         """How a leader without a companion was heard to move last, on the own clock; None of any other."""
-        return self._role.foreign_leader
+        return self._vehicle.role.foreign_leader
 
     @property
     def leadership(self) -> tuple[str, int] | None:
         """Who leads as far as is known, and its term; None where the mission names no deputies."""
-        return self._role.leadership
+        return self._vehicle.role.leadership
 
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
@@ -405,15 +350,15 @@ class Companion:
             return "another companion of this name was here before: stop one of them"
         return self._arrangements.obstacle(now) or obstacle(
             self._timeouts,
-            telemetry_age=now - self._telemetry_time,
-            doubts=self._own.doubts,
+            telemetry_age=now - self._vehicle.telemetry_time,
+            doubts=self._vehicle.own.doubts,
             leader_age=self.leader_age(now),
             time_known=math.isfinite(self._clock.from_own(now)),
         )
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
         """One datagram, whose commands wait for their answers from now on."""
-        self._commands.sent(messages, now)
+        self._housekeeping.commands.sent(messages, now)
         return self._codec.encode(messages)
 
     def _take_request(
@@ -439,7 +384,7 @@ class Companion:
                 | SensorsReport()
                 | BatteryReport()
             ):
-                self._own.note(report, now)
+                self._vehicle.own.note(report, now)
             case HeartbeatReport():
                 out.warn(self._authority.hear(report, now), now)
                 self._change_mode(now, out)
@@ -449,13 +394,12 @@ class Companion:
             case CommandReport():
                 self._authority.hear_answer(report, now)
                 self._loiter_height.answered(report)
-                out.warn(self._commands.answered(report, now), now)
+                out.warn(self._housekeeping.commands.answered(report, now), now)
                 out.warn(self._adapter.hear(report), now)
             case VersionReport():
                 out.tell(self._adapter.hear(report), now)
             case ParameterReport():
-                if self._parameter_check is not None:
-                    self._parameter_check.take(report)
+                self._housekeeping.hear_parameter(report)
             case TextReport():
                 worrying = report.severity <= mavlink.MAV_SEVERITY_WARNING
                 text = f"autopilot: {report.text}"
@@ -465,7 +409,7 @@ class Companion:
     def _note(self, report: TrafficReport | LandedReport, now: float) -> None:
         """Take what nothing is answered to."""
         if isinstance(report, TrafficReport):
-            self._role.receive_traffic(report, now)
+            self._vehicle.role.receive_traffic(report, now)
         else:
             self._phase.hear_landed(report, now)
 
@@ -473,90 +417,38 @@ class Companion:
         self, report: PositionReport, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
         """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
-        reboots = self._own.reboots
-        navigated = self._own.take(report, now)
-        if self._own.reboots > reboots:
+        reboots = self._vehicle.own.reboots
+        navigated = self._vehicle.own.take(report, now)
+        if self._vehicle.own.reboots > reboots:
             self._authority.rebooted()
-        if self._own.doubts:
+        if self._vehicle.own.doubts:
             self._phase.doubt_position()
         elif navigated is not None:
             self._phase.hear_position(report, navigated.state, now)
-        for words in self._own.words():
+        for words in self._vehicle.own.words():
             out.warn(words, now)
-        for words in self._role.successions():
+        for words in self._vehicle.role.successions():
             out.warn(words, now, kind="lead")
-        for words in self._role.words():
+        for words in self._vehicle.role.words():
             out.warn(words, now)
-        return [] if navigated is None else self._guide(navigated, now, out)
-
-    def _guide(self, navigated: NavigatedState, now: float, out: Outgoing) -> list[MAVLink_message]:
-        """One guidance step, and what it sends."""
-        self._wind = navigated.state.wind_north, navigated.state.wind_east
-        self._own_altitude = navigated.place.altitude_amsl
-        if not navigated.steerable:
-            out.share(self._role.step(navigated, Mode.WAITING))
-            self._change_mode(now, out)
+        if navigated is None:
             return []
-        try:
-            step = self._role.step(navigated, self._mode)
-        except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
-            # Without a step telemetry counts as lost: the vehicle is handed back soon.
-            self._tell_of_failure(error, now, out)
-            return []
-        self._telemetry_time = now
-        self._interval = navigated.interval
-        self._distance, self._slot = step.distance, step.slot
-        # Who has left the formation has no slot to be away from.
-        if not self._arrangements.flight.has_left:
-            self._plotted.note(step, now)
-        out.share(step)
-        self._tell_followers(step, navigated, out)
+        step = self._vehicle.step(navigated, self._mode, now, out)
         self._change_mode(now, out)
-        messages = self._steer(step, navigated, now, out)
-        for words in self._steering.words():
-            out.warn(words, now)
-        return messages
-
-    def _steer(
-        self, step: RoleStep, navigated: NavigatedState, now: float, out: Outgoing
-    ) -> list[MAVLink_message]:
-        """What a step sends to the autopilot."""
-        setpoint = self._steering.check(step, now)
-        self._own.note_setpoint(setpoint if self._mode.steers else None, now)
-        if setpoint is None:
-            return []
-        self._ready = True
-        if self._mode.steers and self._authority.is_current(now):
-            self._authority.note_steering()
-            self._lyapunov = step.lyapunov
-            out.steered = self._has_steered = True
-            return self._steering.fly(setpoint, step.climb_m, navigated, now)
-        if self._mode is not Mode.LOST and self._authority.recognised:
-            return self._steering.stay_ready(setpoint, navigated, now)
-        return []
-
-    def _tell_of_failure(self, error: Exception, now: float, out: Outgoing) -> None:
-        """Tell the pilot, now and then, that guidance has failed."""
-        if now - self._failure_time >= FAILURE_S:
-            self._failure_time = now
-            out.warn(
-                f"guidance fails ({described_error(error)}): take over; mend the law or the path",
-                now,
-            )
-        self._change_mode(now, out)
+        return [] if step is None else self._vehicle.steer(step, navigated, self._mode, now, out)
 
     def _change_mode(self, now: float, out: Outgoing) -> None:
         """Follow the supervisor."""
         control = self._authority.control(now)
-        if self._plan.asks_response:
+        if self._vehicle.plan.asks_response:
             # Not steered by a response that the autopilot is about to put right.
             control = Control.UNKNOWN
         situation = Situation(
             control=control,
-            telemetry_age=now - self._telemetry_time,
+            telemetry_age=now - self._vehicle.telemetry_time,
             leader_age=self.leader_age(now),
             steered=self._authority.answers_for_vehicle,
-            distance=self._distance,
+            distance=self._vehicle.distance,
         )
         before, self._mode = self._mode, next_mode(self._mode, situation, self._timeouts)
         if self._mode.steers or control is not Control.GUIDED:
@@ -567,21 +459,21 @@ class Companion:
         text = f"{before.value} -> {self._mode.value}"
         out.events.append(Event(time_s=now, text=text, kind="mode"))
         if not before.steers:
-            self._steering.begin()
+            self._vehicle.steering.begin()
         if self._mode.steers is not before.steers:
-            self._steering.reset()
+            self._vehicle.steering.reset()
 
     def _sentence(self, situation: Situation, now: float) -> str:
         """What this companion does, and what the pilot can do."""
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
         # Only what is known to be of now is answered with a command.
-        returns = situation.steered and math.isfinite(self._own.greatest_age(now))
+        returns = situation.steered and math.isfinite(self._vehicle.own.greatest_age(now))
         returns_s = self._timeouts.telemetry_lost_s if returns else None
         return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
     def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
-        wish, age_s = self._wish(now), self._own.greatest_age(now)
+        wish, age_s = self._wish(now), self._vehicle.own.greatest_age(now)
         if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
@@ -597,13 +489,13 @@ class Companion:
     def _loiter_height_due(self, now: float) -> list[MAVLink_message]:
         """Once it is ordered to loiter, a height of its own for the loiter that a heartbeat shows."""
         control = self._authority.control(now)
-        young = self._own.greatest_age(now) <= YOUNG_S
+        young = self._vehicle.own.greatest_age(now) <= YOUNG_S
         return self._loiter_height.due(
             up=self._arrangements.own_up(now),
             order=self._arrangements.flight.loiters_by,
             returned=control is Control.RETURNED and young,
             engaged=control is Control.GUIDED,
-            altitude_amsl=self._own_altitude,
+            altitude_amsl=self._vehicle.altitude,
         )
 
     def _wish(self, now: float) -> Wish:
@@ -612,81 +504,27 @@ class Companion:
             return Wish.RETURN if self._leaving else Wish.NONE
         if self._stands_back:
             # The other one may steer this very vehicle.
-            return Wish.RETURN if self._has_steered else Wish.NONE
+            return Wish.RETURN if self._vehicle.has_steered else Wish.NONE
         lost_s = self._timeouts.telemetry_lost_s
-        deaf = now - max(self._telemetry_time, self._wakefulness.since) > lost_s
+        deaf = now - max(self._vehicle.telemetry_time, self._wakefulness.since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
-        gone = longest_s < self._role.leader_age(now) < math.inf
+        gone = longest_s < self._vehicle.role.leader_age(now) < math.inf
         gone = gone or self._arrangements.flight.has_left
-        if gone or self._steering.closed(now) or deaf or idle:
+        if gone or self._vehicle.steering.closed(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
-        ready = adapter.is_ready and (self._ready or not adapter.streams_before_engaging)
+        ready = adapter.is_ready and (self._vehicle.is_ready or not adapter.streams_before_engaging)
         followable = self.leader_age(now) <= self._timeouts.leader_s
-        heard = now - self._telemetry_time <= self._timeouts.telemetry_s
-        informed = followable and heard and math.isfinite(self._interval)
+        heard = now - self._vehicle.telemetry_time <= self._timeouts.telemetry_s
+        informed = followable and heard and math.isfinite(self._vehicle.interval)
         informed = informed and not self._awaits_others(now)
         waiting = self._mode in {Mode.WAITING, Mode.PILOT}
         return Wish.STEER if waiting and ready and informed else Wish.NONE
 
     def _awaits_others(self, now: float) -> bool:
         """Whether somebody may be about to be heard for the first time, of whom it could not keep clear."""
-        if self._role.leader_age(now) < math.inf:
+        if self._vehicle.role.leader_age(now) < math.inf:
             self._leader_since = min(self._leader_since, now)
-        return now - self._leader_since < self._greeting_s and bool(self._role.unheard())
-
-    def _housekeeping(self, now: float, out: Outgoing) -> list[MAVLink_message]:
-        """Heartbeat, and whatever the autopilot still has to be asked for."""
-        stamp = self._own.time_question(now) if self._authority.connected else None
-        messages = [] if stamp is None else [time_question(stamp)]
-        if now - self._housekeeping_time < HEARTBEAT_S:
-            return messages
-        self._housekeeping_time = now
-        if not self._leaves_to_fail_safe(now, out):
-            messages += self._heartbeats()
-        if self._stopped:
-            return messages
-        silent = now - self._telemetry_time > self._timeouts.telemetry_s
-        slow = self._interval * self._plan.rate_hz * RATE_SHARE > 1.0
-        authority = self._authority
-        # What comes unasked may have another rate, or its parts each their own.
-        if authority.connected and (silent or slow or not self._asked_for_telemetry):
-            self._asked_for_telemetry = True
-            messages += self._adapter.request_telemetry(self._plan.rate_hz)
-        if not silent:
-            for text in self._commands.overdue(now):
-                out.warn(text, now)
-        if authority.connected and authority.recognised:
-            messages += self._questions(now, out)
-        return messages
-
-    def _leaves_to_fail_safe(self, now: float, out: Outgoing) -> bool:
-        """Whether a vehicle flies on by old setpoints although it should have been handed back.
-
-        Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
-        heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
-        """
-        authority = self._authority
-        unheard = authority.silence_s(now) > self._timeouts.telemetry_lost_s
-        wanted = authority.answers_for_vehicle and (unheard or self._wish(now) is Wish.RETURN)
-        self._return_since = min(self._return_since, now) if wanted else math.inf
-        if now - self._return_since <= FAIL_SAFE_S:
-            return False
-        out.warn(FAIL_SAFE, now)
-        return True
-
-    def _heartbeats(self) -> list[MAVLink_message]:
-        """Of this companion; while no pilot flies also of what the autopilot's fail-safe counts."""
-        if self._adapter.counts_ground_stations and self._mode is not Mode.PILOT:
-            return [heartbeat(), ground_station_heartbeat()]
-        return [heartbeat()]
-
-    def _questions(self, now: float, out: Outgoing) -> list[MAVLink_message]:
-        """What is not known of the autopilot yet."""
-        messages = self._adapter.questions()
-        if self._parameter_check is not None:
-            messages += self._parameter_check.requests(lambda text: out.warn(text, now))
-            self._adopt(self._parameter_check.plan)
-        return messages
+        return now - self._leader_since < self._greeting_s and bool(self._vehicle.role.unheard())

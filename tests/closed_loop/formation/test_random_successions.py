@@ -78,7 +78,7 @@ class Flight(RuleBasedStateMachine):
             self.mail += one.step(self.now, heard)
         self.steps += 1
         truths = [one._emulator.truth() for one in self.aircraft.values()]  # noqa: SLF001
-        frame = self.aircraft["f1"].companion._plan.frame  # noqa: SLF001
+        frame = self.aircraft["f1"].companion._vehicle.plan.frame  # noqa: SLF001
         spots = [
             (*frame.to_local(t.latitude_deg, t.longitude_deg), t.altitude_amsl_m) for t in truths
         ]

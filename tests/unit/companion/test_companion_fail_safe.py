@@ -164,7 +164,7 @@ def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(
     def fails(*_: object) -> None:
         raise ValueError("the path\nhas no course here")
 
-    monkeypatch.setattr(flown.companion._role, "step", fails)  # noqa: SLF001
+    monkeypatch.setattr(flown.companion._vehicle.role, "step", fails)  # noqa: SLF001
     flown.run(DEAF_S + 14.0)
     assert flown.autopilot.truth().mode == "LOITER"
     said = texts(flown, DEAF_S)

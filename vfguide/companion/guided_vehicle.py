@@ -1,0 +1,167 @@
+"""One vehicle, navigated and guided: a position report in, the messages of a setpoint out."""
+
+import math
+import struct
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.announcer import PlottedValues
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.authority import ModeAuthority
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.role import Outgoing, RoleStep
+from vfguide.companion.roles import role_of
+from vfguide.companion.state_publisher import TargetSender
+from vfguide.companion.steering import Steering
+from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SharedClock
+from vfguide.errors import described_error
+from vfguide.formation.arrangement import Point
+from vfguide.mavlink.adapter import AutopilotAdapter
+
+FAILURE_S = 10.0
+"""Between two texts that guidance fails."""
+
+
+class GuidedVehicle:
+    """What a companion makes of its vehicle's positions, and what it made of the last."""
+
+    slot: Point | None
+    """That was ordered; None for the mission's, and for the leader."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        adapter: AutopilotAdapter,
+        authority: ModeAuthority,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        *,
+        sends_target: bool,
+    ) -> None:
+        """Make one of which nothing has been heard yet.
+
+        Args:
+            plan: of the vehicle.
+            adapter: how to speak to its autopilot.
+            authority: who may steer.
+            clock: that the formation shares.
+            arrangements: what was ordered of the formation.
+            sends_target: whether to send FOLLOW_TARGET, if this is the leader.
+        """
+        self._adapter = adapter
+        self._authority = authority
+        self._clock = clock
+        self._arrangements = arrangements
+        self._fly_by(plan)
+        self._target_sender = TargetSender(plan) if sends_target else None
+        self.plotted = PlottedValues()
+        """What ground stations draw of the flight."""
+        self.telemetry_time = -math.inf
+        """When guidance was computed last, s."""
+        self.interval = math.inf
+        """Between the last two positions, s."""
+        self.distance = math.inf
+        """From slot or path, m; infinite while not known."""
+        self.slot = None
+        self.lyapunov = math.nan
+        """Of the last step that was steered by, m²; NaN for the leader."""
+        self.wind: tuple[float, float] | None = None
+        """(north, east) of the wind that it flies by, m/s; None while not known."""
+        self.altitude = math.nan
+        """m above mean sea level."""
+        self.is_ready = False
+        """Whether a setpoint has been computed that may be flown."""
+        self.has_steered = False
+        """Whether one was ever flown."""
+        self._failure_time = -math.inf
+
+    def _fly_by(self, plan: FlightPlan) -> None:
+        self.plan = plan
+        """By which it flies."""
+        self.own = OwnVehicle(plan)
+        """Its navigation."""
+        self.role = role_of(plan, self._clock, self._arrangements)
+        """Its part in the formation."""
+        self.steering = Steering(plan, self._adapter, self.own)
+        """What goes to its autopilot."""
+
+    def adopt(self, plan: FlightPlan) -> None:
+        """Fly by another plan from now on; what was known of the flight is learned anew, in a second."""
+        if plan is self.plan:
+            return
+        self._arrangements.adopt(plan)
+        self._fly_by(plan)
+
+    def step(
+        self, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
+    ) -> RoleStep | None:
+        """One guidance step, which is shared with the formation; None where there is nothing to steer by."""
+        self.wind = navigated.state.wind_north, navigated.state.wind_east
+        self.altitude = navigated.place.altitude_amsl
+        if not navigated.steerable:
+            out.share(self.role.step(navigated, Mode.WAITING))
+            return None
+        try:
+            step = self.role.step(navigated, mode)
+        except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
+            # Without a step telemetry counts as lost: the vehicle is handed back soon.
+            self._tell_of_failure(error, now, out)
+            return None
+        self.telemetry_time = now
+        self.interval = navigated.interval
+        self.distance, self.slot = step.distance, step.slot
+        # Who has left the formation has no slot to be away from.
+        if not self._arrangements.flight.has_left:
+            self.plotted.note(step, now)
+        out.share(step)
+        self._tell_followers(step, navigated, out)
+        return step
+
+    def steer(
+        self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
+    ) -> list[MAVLink_message]:
+        """What a step sends to the autopilot."""
+        messages = self._flown(step, navigated, mode, now, out)
+        for words in self.steering.words():
+            out.warn(words, now)
+        return messages
+
+    def _flown(
+        self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
+    ) -> list[MAVLink_message]:
+        setpoint = self.steering.check(step, now)
+        self.own.note_setpoint(setpoint if mode.steers else None, now)
+        if setpoint is None:
+            return []
+        self.is_ready = True
+        if mode.steers and self._authority.is_current(now):
+            self._authority.note_steering()
+            self.lyapunov = step.lyapunov
+            out.steered = self.has_steered = True
+            return self.steering.fly(setpoint, step.climb_m, navigated, now)
+        if mode is not Mode.LOST and self._authority.recognised:
+            return self.steering.stay_ready(setpoint, navigated, now)
+        return []
+
+    def _tell_of_failure(self, error: Exception, now: float, out: Outgoing) -> None:
+        """Tell the pilot, now and then, that guidance has failed."""
+        if now - self._failure_time >= FAILURE_S:
+            self._failure_time = now
+            out.warn(
+                f"guidance fails ({described_error(error)}): take over; mend the law or the path",
+                now,
+            )
+
+    def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
+        """FOLLOW_TARGET for aircraft without a companion; a failure to send it ends no flight."""
+        if self._target_sender is None:
+            return
+        try:
+            out.to_others = self._target_sender.due(step.motion, navigated)
+        except (ValueError, struct.error) as error:
+            text = (
+                f"FOLLOW_TARGET cannot be sent ({error}): aircraft that follow it are on their own"
+            )
+            out.warn(text, navigated.state.time_s)

@@ -1,0 +1,150 @@
+"""What goes to the autopilot by time: heartbeats, requests for telemetry, and questions about it."""
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from vfguide.companion.authority import ModeAuthority
+from vfguide.companion.guided_vehicle import GuidedVehicle
+from vfguide.companion.parameter_check import ParameterCheck
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.role import Outgoing
+from vfguide.companion.supervisor import Mode
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import (
+    Acknowledgements,
+    ground_station_heartbeat,
+    heartbeat,
+    time_question,
+)
+from vfguide.mavlink.reports import ParameterReport
+
+HEARTBEAT_S = 1.0
+"""Between heartbeats, and between tries of what the autopilot has not answered to."""
+
+FAIL_SAFE_S = 5.0
+"""For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""
+
+FAIL_SAFE = (
+    "nothing to steer by, and it does not show that it was handed back: this companion falls silent, for the"
+    " autopilot's fail-safe to act where it is set; take over"
+)
+"""What the pilot hears then."""
+
+RATE_SHARE = 0.7
+"""Below this share of the rate that was asked for, telemetry is asked for again."""
+
+
+class Housekeeping:
+    """Of one companion."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        adapter: AutopilotAdapter,
+        authority: ModeAuthority,
+        *,
+        inspect: bool,
+    ) -> None:
+        """Make one that has sent nothing yet.
+
+        Args:
+            plan: of the vehicle.
+            adapter: how to speak to its autopilot.
+            authority: who may steer.
+            inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
+        """
+        self._plan = plan
+        self._adapter = adapter
+        self._authority = authority
+        self._timeouts = plan.timeouts
+        self._parameter_check = (
+            ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
+        )
+        self._time = -math.inf
+        self._asked_for_telemetry = False
+        self._return_since = math.inf
+        self.commands = Acknowledgements()
+        """Of commands that were sent, by whatever part of the companion."""
+
+    @property
+    def plan(self) -> FlightPlan:
+        """With what the autopilot said of itself, once it has and where it is asked for."""
+        return self._plan if self._parameter_check is None else self._parameter_check.plan
+
+    def hear_parameter(self, report: ParameterReport) -> None:
+        """Take a parameter, asked for by whomever."""
+        if self._parameter_check is not None:
+            self._parameter_check.take(report)
+
+    def due(
+        self,
+        vehicle: GuidedVehicle,
+        mode: Mode,
+        now: float,
+        out: Outgoing,
+        *,
+        stopped: bool,
+        returns: Callable[[], bool],
+    ) -> list[MAVLink_message]:
+        """What is to be sent now.
+
+        Args:
+            vehicle: that is guided.
+            mode: of the companion.
+            now: s.
+            out: takes what the pilot should know.
+            stopped: whether the companion has said its last words: then nothing is asked any more.
+            returns: tells whether the vehicle is to be handed back.
+        """
+        authority = self._authority
+        stamp = vehicle.own.time_question(now) if authority.connected else None
+        messages = [] if stamp is None else [time_question(stamp)]
+        if now - self._time < HEARTBEAT_S:
+            return messages
+        self._time = now
+        if not self._leaves_to_fail_safe(now, out, returns):
+            messages += self._heartbeats(mode)
+        if stopped:
+            return messages
+        silent = now - vehicle.telemetry_time > self._timeouts.telemetry_s
+        slow = vehicle.interval * self._plan.rate_hz * RATE_SHARE > 1.0
+        # What comes unasked may have another rate, or its parts each their own.
+        if authority.connected and (silent or slow or not self._asked_for_telemetry):
+            self._asked_for_telemetry = True
+            messages += self._adapter.request_telemetry(self._plan.rate_hz)
+        if not silent:
+            for text in self.commands.overdue(now):
+                out.warn(text, now)
+        if authority.connected and authority.recognised:
+            messages += self._questions(now, out)
+        return messages
+
+    def _leaves_to_fail_safe(self, now: float, out: Outgoing, returns: Callable[[], bool]) -> bool:
+        """Whether a vehicle flies on by old setpoints although it should have been handed back.
+
+        Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
+        heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
+        """
+        authority = self._authority
+        unheard = authority.silence_s(now) > self._timeouts.telemetry_lost_s
+        wanted = authority.answers_for_vehicle and (unheard or returns())
+        self._return_since = min(self._return_since, now) if wanted else math.inf
+        if now - self._return_since <= FAIL_SAFE_S:
+            return False
+        out.warn(FAIL_SAFE, now)
+        return True
+
+    def _heartbeats(self, mode: Mode) -> list[MAVLink_message]:
+        """Of this companion; while no pilot flies also of what the autopilot's fail-safe counts."""
+        if self._adapter.counts_ground_stations and mode is not Mode.PILOT:
+            return [heartbeat(), ground_station_heartbeat()]
+        return [heartbeat()]
+
+    def _questions(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+        """What is not known of the autopilot yet."""
+        messages = self._adapter.questions()
+        if self._parameter_check is not None:
+            messages += self._parameter_check.requests(lambda text: out.warn(text, now))
+        return messages
