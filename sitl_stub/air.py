@@ -31,6 +31,28 @@ LAPSE_K_M = 0.0065
 DENSITY_EXPONENT = 4.2559
 """The standard atmosphere's: g M / (R L) - 1."""
 
+WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
+"""How slowly an autopilot's own estimate of the wind follows the wind."""
+
+KNOT_M_S = 0.514444
+
+FOOT_M = 0.3048
+
+LOWEST_M, HIGHEST_M = 10.0 * FOOT_M, 1000.0 * FOOT_M
+"""Heights for which the low-altitude model is meant; below and above, that of the end."""
+
+WAVES = 384
+"""Plane waves of a field."""
+
+SHORTEST_WAVE_M = 4.0
+"""About twice the span of a small aircraft: shorter waves cancel out over its wings."""
+
+ROUGHNESS_M = 0.15 * FOOT_M
+"""z0 of the profile: MIL-F-8785C's for landing, over open ground; 2 feet elsewhere."""
+
+LEAST_HEIGHT_M = 1.0
+"""Nearer to the ground the profile ends."""
+
 
 def density_ratio(altitude_amsl_m: float) -> float:
     """Air density in parts of the sea level's: (1 - L h / T_0)^4.2559, ICAO standard atmosphere."""
@@ -102,10 +124,6 @@ class ArticleWind:
         return speed_m_s * math.cos(toward_rad), speed_m_s * math.sin(toward_rad)
 
 
-WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
-"""How slowly an autopilot's own estimate of the wind follows the wind."""
-
-
 def followed_wind_m_s(
     known_m_s: tuple[float, float], wind_m_s: tuple[float, float], span_s: float
 ) -> tuple[float, float]:
@@ -118,8 +136,6 @@ def followed_wind_m_s(
 Turbulence = Literal["none", "light", "moderate", "severe"]
 """MIL-F-8785C's levels."""
 
-KNOT_M_S = 0.514444
-FOOT_M = 0.3048
 
 WIND_AT_20_FEET_M_S: dict[Turbulence, float] = {
     "none": 0.0,
@@ -129,14 +145,6 @@ WIND_AT_20_FEET_M_S: dict[Turbulence, float] = {
 }
 """W20, the wind 20 feet above the ground, that stands for each level."""
 
-LOWEST_M, HIGHEST_M = 10.0 * FOOT_M, 1000.0 * FOOT_M
-"""Heights for which the low-altitude model is meant; below and above, that of the end."""
-
-WAVES = 384
-"""Plane waves of a field."""
-
-SHORTEST_WAVE_M = 4.0
-"""About twice the span of a small aircraft: shorter waves cancel out over its wings."""
 
 Vector = NDArray[np.float64]
 
@@ -221,13 +229,6 @@ def unit_vectors(random: Generator) -> Vector:
     vectors = random.standard_normal((WAVES, 3))
     normalised: Vector = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     return normalised
-
-
-ROUGHNESS_M = 0.15 * FOOT_M
-"""z0 of the profile: MIL-F-8785C's for landing, over open ground; 2 feet elsewhere."""
-
-LEAST_HEIGHT_M = 1.0
-"""Nearer to the ground the profile ends."""
 
 
 class Place(NamedTuple):

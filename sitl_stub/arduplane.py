@@ -74,6 +74,29 @@ OLD_NAMES: Mapping[str, tuple[str, float]] = {
 SETTLED_LOOP_RATE_HZ = 200
 """SCHED_LOOP_RATE where the emulator is told none: its telemetry is on time anyway."""
 
+MIN_LATERAL_ACCELERATION_M_S2 = 0.05
+"""What a lateral acceleration limit of zero becomes: the aircraft as good as does not turn."""
+
+COURSE, HEADING, CANCEL = 0.0, 1.0, 2.0
+"""param1 of GUIDED_CHANGE_HEADING."""
+
+AIRSPEED, GROUND_SPEED = 0.0, 1.0
+"""SPEED_TYPE."""
+
+NO_CHANGE, DEFAULT_SPEED = -1.0, -2.0
+"""DO_CHANGE_SPEED's special values of a speed."""
+
+LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
+"""Below these ArduPlane does not arm."""
+
+CHANGE_MODE = 1
+"""MAV_DO_REPOSITION_FLAGS: enter GUIDED for it."""
+
+AUTO, FBWA = 10, 5
+
+LONG_ACTIONS: Mapping[float, int] = {1.0: RTL.custom_mode, 2.0: FBWA, 4.0: AUTO}
+"""Modes by FS_LONG_ACTN: home, gliding, the mission; 0 goes on in GUIDED and AUTO."""
+
 
 def arduplane_parameters(config: AutopilotConfig) -> Parameters:
     """The parameters of an aircraft at its start."""
@@ -157,19 +180,6 @@ def guided_p(config: AutopilotConfig) -> float:
         return plant.guided_p_cdeg_rad
     middle_speed_m_s = 0.5 * (plant.airspeed_min_m_s + plant.airspeed_max_m_s)
     return round(100.0 * math.degrees(plant.alpha_1_s * middle_speed_m_s / GRAVITY_M_S2))
-
-
-MIN_LATERAL_ACCELERATION_M_S2 = 0.05
-"""What a lateral acceleration limit of zero becomes: the aircraft as good as does not turn."""
-
-COURSE, HEADING, CANCEL = 0.0, 1.0, 2.0
-"""param1 of GUIDED_CHANGE_HEADING."""
-
-AIRSPEED, GROUND_SPEED = 0.0, 1.0
-"""SPEED_TYPE."""
-
-NO_CHANGE, DEFAULT_SPEED = -1.0, -2.0
-"""DO_CHANGE_SPEED's special values of a speed."""
 
 
 class Guided:
@@ -276,18 +286,6 @@ def change_any_altitude(flight: Flight, command: Command) -> Result:
     if flight.mode in {LOITER, GUIDED}:
         flight.hold_height(target)
     return Result.ACCEPTED
-
-
-LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
-"""Below these ArduPlane does not arm."""
-
-CHANGE_MODE = 1
-"""MAV_DO_REPOSITION_FLAGS: enter GUIDED for it."""
-
-AUTO, FBWA = 10, 5
-
-LONG_ACTIONS: Mapping[float, int] = {1.0: RTL.custom_mode, 2.0: FBWA, 4.0: AUTO}
-"""Modes by FS_LONG_ACTN: home, gliding, the mission; 0 goes on in GUIDED and AUTO."""
 
 
 class ArduPlane:

@@ -43,6 +43,26 @@ from sitl_stub.truth import Truth, truth_of
 MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
 """In which the two autopilots fly a mission."""
 
+IGNORED = frozenset(
+    {
+        "COMMAND_ACK",
+        "SYSTEM_TIME",
+        "STATUSTEXT",
+        "NAMED_VALUE_FLOAT",
+        "MISSION_ACK",
+        "RADIO_STATUS",
+        "RC_CHANNELS_OVERRIDE",
+        "MANUAL_CONTROL",
+    }
+)
+"""Ordinary traffic that changes nothing here."""
+
+PERSONALITIES: dict[str, Callable[[AutopilotConfig], Personality]] = {
+    "ardupilot": ArduPlane,
+    "px4": Px4,
+}
+"""The autopilots by the name in the configuration."""
+
 
 def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:
     """The configured flight, with the distances that the autopilot's parameters give it."""
@@ -126,26 +146,6 @@ def state_on_the_ground(config: AutopilotConfig) -> PlantState:
         config.home_altitude_amsl_m,
     )
 
-
-IGNORED = frozenset(
-    {
-        "COMMAND_ACK",
-        "SYSTEM_TIME",
-        "STATUSTEXT",
-        "NAMED_VALUE_FLOAT",
-        "MISSION_ACK",
-        "RADIO_STATUS",
-        "RC_CHANNELS_OVERRIDE",
-        "MANUAL_CONTROL",
-    }
-)
-"""Ordinary traffic that changes nothing here."""
-
-PERSONALITIES: dict[str, Callable[[AutopilotConfig], Personality]] = {
-    "ardupilot": ArduPlane,
-    "px4": Px4,
-}
-"""The autopilots by the name in the configuration."""
 
 Replies = list[MAVLink_message]
 

@@ -33,6 +33,20 @@ CHECKSUM = 2
 SIGNED, SIGNATURE = 0x01, 13
 """MAVLink 2: the flag of a signed frame, and the bytes that this adds."""
 
+KEY_BYTES = 32
+
+EPOCH_UNIX_S = 1_420_070_400
+
+TICKS_PER_S = 100_000
+
+NEW_STREAM_MAY_LAG_TICKS = 60 * TICKS_PER_S
+"""By how much a stream that was not heard before may be behind, by the specification."""
+
+LONGEST_TIMESTAMP = 2**48 - 1
+
+COMPONENT_ID = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
+
 
 class StreamFramer:
     """Cuts one connection's bytes into frames.
@@ -92,14 +106,6 @@ def frame_length(stream: bytes, start: int) -> int | None:
     checksum.accumulate(bytes((message.crc_extra,)))
     return length if checksum.crc == int.from_bytes(stream[end - CHECKSUM : end], "little") else 0
 
-
-KEY_BYTES = 32
-EPOCH_UNIX_S = 1_420_070_400
-TICKS_PER_S = 100_000
-NEW_STREAM_MAY_LAG_TICKS = 60 * TICKS_PER_S
-"""By how much a stream that was not heard before may be behind, by the specification."""
-
-LONGEST_TIMESTAMP = 2**48 - 1
 
 Stream = tuple[int, int, int]
 """System, component and link."""
@@ -175,10 +181,6 @@ def frames_of(data: bytes) -> list[bytes]:
             frames.append(data[start : start + length])
         start = next_magic(data, start + (length or 1))
     return frames
-
-
-COMPONENT_ID = 1
-"""MAV_COMP_ID_AUTOPILOT1."""
 
 
 class Codec:

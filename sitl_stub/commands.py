@@ -41,6 +41,23 @@ ABOVE_HOME_FRAMES = frozenset({3, 6})
 CUSTOM_MODE_FLAG = 1
 """MAV_MODE_FLAG_CUSTOM_MODE_ENABLED: a mode change speaks of custom modes, or is not understood."""
 
+FORCED = 21196.0
+"""param2 that disarms in flight."""
+
+FORCED_ARMING = 2989.0
+"""param2 that arms against all checks."""
+
+MISSION_MESSAGES = (
+    "MISSION_REQUEST_LIST",
+    "MISSION_REQUEST",
+    "MISSION_REQUEST_INT",
+    "MISSION_COUNT",
+    "MISSION_CLEAR_ALL",
+)
+"""What `mission_reply` answers."""
+
+LONGEST_TEXT = 50
+
 
 class Result(IntEnum):
     """MAV_RESULT, in the common message set's numbers."""
@@ -172,13 +189,6 @@ def height_target(
     return None
 
 
-FORCED = 21196.0
-"""param2 that disarms in flight."""
-
-FORCED_ARMING = 2989.0
-"""param2 that arms against all checks."""
-
-
 class Arming:
     """MAV_CMD_COMPONENT_ARM_DISARM, for one autopilot."""
 
@@ -250,19 +260,6 @@ def mission_reply(message: MAVLink_message) -> list[MAVLink_message]:
     else:
         result = mavlink.MAV_MISSION_INVALID_SEQUENCE
     return [mavlink.MAVLink_mission_ack_message(*to, result, kind)]
-
-
-MISSION_MESSAGES = (
-    "MISSION_REQUEST_LIST",
-    "MISSION_REQUEST",
-    "MISSION_REQUEST_INT",
-    "MISSION_COUNT",
-    "MISSION_CLEAR_ALL",
-)
-"""What `mission_reply` answers."""
-
-
-LONGEST_TEXT = 50
 
 
 def timesync_reply(message: MAVLink_message, boot_ns: int) -> list[MAVLink_message]:

@@ -33,6 +33,14 @@ from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 FIELD_GAIN = 2.0
 """Of the field around the circle, in parts of 1 / radius."""
 
+LEAST_AIRSPEED_M_S = 1.0
+
+GREATEST_BANK_DEG = 80.0
+"""No parameter lets it fly slower or bank more: its turns would have no end."""
+
+CIRCLE_BANK_RAD = math.radians(15.0)
+"""Bank of a circle without a centre: 150 m of radius at 20 m/s."""
+
 
 @dataclass(frozen=True, slots=True)
 class Orbit:
@@ -130,14 +138,6 @@ class Commanded:
         while self._speeds and self._speeds[0][0] <= time_us:
             speed = self._speeds.popleft()[1]
             self.now = Targets(self.now.turn, speed, self.now.height)
-
-
-LEAST_AIRSPEED_M_S = 1.0
-GREATEST_BANK_DEG = 80.0
-"""No parameter lets it fly slower or bank more: its turns would have no end."""
-
-CIRCLE_BANK_RAD = math.radians(15.0)
-"""Bank of a circle without a centre: 150 m of radius at 20 m/s."""
 
 
 class Flight:

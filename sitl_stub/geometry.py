@@ -10,6 +10,15 @@ The place where a flight started.
 import math
 from dataclasses import dataclass
 
+MIN_GROUND_SPEED_M_S = 0.1
+"""Floor of a ground speed along a course, so that it stays positive and dividing by it finite."""
+
+SEMI_MAJOR_AXIS_M = 6_378_137.0
+"""Equatorial radius of WGS-84."""
+
+ECCENTRICITY_SQUARED = 6.694379990141316e-3
+"""First eccentricity of WGS-84, squared: f (2 - f) with f = 1/298.257223563."""
+
 
 def wrap_to_pi(angle_rad: float) -> float:
     """The same direction in (-pi, pi]: what an error between two courses must be."""
@@ -22,10 +31,6 @@ def wrap_to_two_pi(angle_rad: float) -> float:
     wrapped = angle_rad % math.tau
     # A tiny negative angle rounds up to the full circle itself.
     return wrapped if wrapped < math.tau else 0.0
-
-
-MIN_GROUND_SPEED_M_S = 0.1
-"""Floor of a ground speed along a course, so that it stays positive and dividing by it finite."""
 
 
 def ground_speed_along_m_s(
@@ -53,13 +58,6 @@ def airspeed_of_m_s(
         ground_speed_m_s * math.cos(course_rad) - wind_north_m_s,
         ground_speed_m_s * math.sin(course_rad) - wind_east_m_s,
     )
-
-
-SEMI_MAJOR_AXIS_M = 6_378_137.0
-"""Equatorial radius of WGS-84."""
-
-ECCENTRICITY_SQUARED = 6.694379990141316e-3
-"""First eccentricity of WGS-84, squared: f (2 - f) with f = 1/298.257223563."""
 
 
 def radii_m(latitude_rad: float) -> tuple[float, float]:

@@ -51,6 +51,9 @@ PX4_REFERENCE_1_S = 20.0
 TECS_HEIGHT_SHARE = 0.4
 """Part of the kinetic energy's change that comes out of the height: 2 m for 6 m/s."""
 
+MAX_LAGGING_STEP_S = 0.025
+"""Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
+
 
 class LaggingRates(NamedTuple):
     """How everything moves at one moment."""
@@ -200,10 +203,6 @@ def shown_bank_rad(
     if parameters.rolls:
         return roll_rad
     return bank_of_rad(rates.turn_rate_rad_s, airspeed_m_s)
-
-
-MAX_LAGGING_STEP_S = 0.025
-"""Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
 
 
 def rates_of(

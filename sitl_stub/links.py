@@ -26,6 +26,20 @@ HOST_NAME = re.compile(r"(?=.{1,253}\Z)[a-z0-9_-]{1,63}(\.[a-z0-9_-]{1,63})*\.?"
 SHOWN_CHARACTERS = 80
 """How much of a wrong address is repeated in the message about it."""
 
+PEER_REMEMBERED_S = 10.0
+"""How long a UDP peer that has spoken is spoken to; the last one that spoke stays for good."""
+
+MAX_PEERS = 32
+"""UDP peers or TCP clients at one time."""
+
+MAX_UNSENT_BYTES = 65_536
+"""A TCP peer that lets more than this pile up misses telemetry instead of getting it late."""
+
+CONNECT_TIMEOUT_S = 5.0
+
+FIRST_DELAY_S, LONGEST_DELAY_S = 0.2, 5.0
+"""Between two attempts to connect: doubling from the first to the longest, each with jitter."""
+
 
 class AddressError(ValueError):
     """Not an address that can be used here; the message is one line."""
@@ -85,19 +99,6 @@ def is_ipv6(text: str) -> bool:
         return False
     return True
 
-
-PEER_REMEMBERED_S = 10.0
-"""How long a UDP peer that has spoken is spoken to; the last one that spoke stays for good."""
-
-MAX_PEERS = 32
-"""UDP peers or TCP clients at one time."""
-
-MAX_UNSENT_BYTES = 65_536
-"""A TCP peer that lets more than this pile up misses telemetry instead of getting it late."""
-
-CONNECT_TIMEOUT_S = 5.0
-FIRST_DELAY_S, LONGEST_DELAY_S = 0.2, 5.0
-"""Between two attempts to connect: doubling from the first to the longest, each with jitter."""
 
 Take = Callable[[bytes], None]
 """What is called with the whole frames that arrive."""

@@ -12,6 +12,9 @@ from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
 GRAVITY_M_S2 = 9.80665
 """Standard gravity."""
 
+HEIGHT_DAMPING = math.sqrt(0.5)
+"""Of the height hold: it passes its target by 4 % of a step."""
+
 
 def clamped(value: float, limit: float) -> float:
     """`value` kept within [-limit, limit]."""
@@ -55,10 +58,6 @@ def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_
     """Speed loop: dV/dt = sat(beta (target - V)), article, model equations."""
     limit = min(parameters.max_acceleration_m_s2, target.max_acceleration_m_s2)
     return clamped(parameters.beta_1_s * (target.speed_m_s - speed_m_s), limit)
-
-
-HEIGHT_DAMPING = math.sqrt(0.5)
-"""Of the height hold: it passes its target by 4 % of a step."""
 
 
 def wanted_climb_m_s(

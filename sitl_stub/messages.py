@@ -15,6 +15,34 @@ from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.motion import Motion
 from sitl_stub.personality import Personality
 
+SATELLITES = 14
+"""Of a good fix."""
+
+CRUISE_THROTTLE_PERCENT = 50
+"""Reported for want of an engine model."""
+
+CAPABILITIES = 0b1111
+"""Position, velocity, acceleration, attitude and rates."""
+
+POSITION_VARIANCE_M2 = 0.25
+
+VELOCITY_VARIANCE_M2_S2 = 0.01
+"""What is said of errors, for want of an estimator."""
+
+SENSORS = 0x10000027
+"""Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK wants healthy."""
+
+UNREADY = 0x10000020
+"""Those that are not healthy yet while sensors settle: GPS and pre-arm check."""
+
+CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
+
+ESTIMATOR_FLYING = 0x33F
+"""The same bits of PX4's."""
+
+EKF_FLYING = 0x33F
+"""Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
+
 
 class Report(NamedTuple):
     """What all messages of one instant are made from, so that they agree."""
@@ -70,13 +98,6 @@ def degrees_e7(angle_rad: float) -> int:
 def millimetres(length_m: float) -> int:
     """A height in mm, kept within the field's 32 bits."""
     return max(-(2**31), min(2**31 - 1, round(length_m * 1000.0)))
-
-
-SATELLITES = 14
-"""Of a good fix."""
-
-CRUISE_THROTTLE_PERCENT = 50
-"""Reported for want of an engine model."""
 
 
 def gps_raw_int(report: Report) -> MAVLink_message:
@@ -222,14 +243,6 @@ def global_position_int(report: Report) -> MAVLink_message:
     )
 
 
-CAPABILITIES = 0b1111
-"""Position, velocity, acceleration, attitude and rates."""
-
-POSITION_VARIANCE_M2 = 0.25
-VELOCITY_VARIANCE_M2_S2 = 0.01
-"""What is said of errors, for want of an estimator."""
-
-
 def global_position_int_cov(report: Report) -> MAVLink_message:
     """Position, velocity and covariance: time since boot in microseconds, m/s."""
     motion, altitude_m = report.motion, report.altitude_amsl_m
@@ -331,20 +344,6 @@ def adsb_vehicle(report: Report) -> MAVLink_message:
         | mavlink.ADSB_FLAGS_VALID_VELOCITY,
         0,
     )
-
-
-SENSORS = 0x10000027
-"""Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK wants healthy."""
-
-UNREADY = 0x10000020
-"""Those that are not healthy yet while sensors settle: GPS and pre-arm check."""
-
-CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
-ESTIMATOR_FLYING = 0x33F
-"""The same bits of PX4's."""
-
-EKF_FLYING = 0x33F
-"""Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
 
 
 def heartbeat(report: Report) -> MAVLink_message:

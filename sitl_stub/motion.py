@@ -13,6 +13,15 @@ from sitl_stub.rigid_body import air_flow, attitude_rates, body_to_ground, veloc
 from sitl_stub.six_dof import body_of
 from sitl_stub.targets import Targets
 
+ROLL_ACCELERATION_M_S2 = 4.0
+"""Along the runway."""
+
+LIFT_OFF_MARGIN = 1.1
+"""Airspeed of lifting off, in parts of the slowest that is flown."""
+
+REACHED_WITHIN_M = 2.0
+"""Below the wanted height by which a climb counts as over, as in ArduPlane."""
+
 
 class Motion(NamedTuple):
     """The true motion at one instant. A tuple, since one is made per report."""
@@ -126,15 +135,6 @@ def rolling_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
 
 Phase = Literal["standing", "rolling", "climbing", "flying"]
 """Standing and rolling are on the ground; climbing is the take-off's part in the air."""
-
-ROLL_ACCELERATION_M_S2 = 4.0
-"""Along the runway."""
-
-LIFT_OFF_MARGIN = 1.1
-"""Airspeed of lifting off, in parts of the slowest that is flown."""
-
-REACHED_WITHIN_M = 2.0
-"""Below the wanted height by which a climb counts as over, as in ArduPlane."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

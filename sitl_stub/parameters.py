@@ -17,6 +17,16 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.config import AutopilotConfig
 
+LIST_INTERVAL_US = 20_000
+
+LIST_BURST = 10
+"""A list goes out ten parameters at a time, so that datagrams stay short and links breathe."""
+
+HASH_CHECK = "_HASH_CHECK"
+"""Of PX4: asks for a checksum instead of the whole list; set, it ends the sending of a list."""
+
+NO_INDEX, NO_PARAMETER = 65_535, -1
+
 
 class ParameterType(IntEnum):
     """MAV_PARAM_TYPE, as far as these autopilots use it."""
@@ -146,16 +156,6 @@ def float_of_bytes(four: bytes) -> float:
     """The single-precision float that has these bytes, least significant first."""
     value: float = struct.unpack("<f", four)[0]
     return value
-
-
-LIST_INTERVAL_US = 20_000
-LIST_BURST = 10
-"""A list goes out ten parameters at a time, so that datagrams stay short and links breathe."""
-
-HASH_CHECK = "_HASH_CHECK"
-"""Of PX4: asks for a checksum instead of the whole list; set, it ends the sending of a list."""
-
-NO_INDEX, NO_PARAMETER = 65_535, -1
 
 
 class ParameterServer:

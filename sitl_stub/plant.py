@@ -26,6 +26,10 @@ from sitl_stub.loops import acceleration_m_s2, climb_acceleration_m_s2, turn_rat
 from sitl_stub.rigid_body import Body
 from sitl_stub.targets import HeightTarget, SpeedKind, Targets
 
+MAX_STEP_S = 0.05
+"""Longest integration step. Over two minutes of turning in the article's wind such steps stay within
+the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
@@ -79,10 +83,6 @@ __all__ = [
     "stepped",
     "with_speed_kind",
 ]
-
-MAX_STEP_S = 0.05
-"""Longest integration step. Over two minutes of turning in the article's wind such steps stay within
-the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
 
 
 class Rates(NamedTuple):

@@ -32,6 +32,21 @@ TICK_S = 1.0
 SHARED_S, OWN_S = 1100.0, 60.0
 """Correlation times of what receivers share, and of what is their own."""
 
+HEADING_RAD = math.radians(0.3)
+"""Of each heading: an autopilot's compass, Beard and McLain."""
+
+AIRSPEED_M_S = 0.08
+"""Of each airspeed: 2 Pa at 20 m/s."""
+
+CALIBRATION = 0.02
+"""Of the airspeed sensor's scale, which stays as it is during a flight."""
+
+ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
+"""Of each altitude (10 Pa); of its drift, and how slow that is."""
+
+CLOCK_RATE = 20e-6
+"""Of the rate of the autopilot's clock: an ordinary crystal's."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grade:
@@ -52,21 +67,6 @@ GRADES: dict[SensorGrade, Grade] = {
     "sbas": Grade(shared_m=0.82, own_m=0.14, white_m=0.02, velocity_m_s=0.042),
     "standalone": Grade(shared_m=1.26, own_m=0.2, white_m=0.02, velocity_m_s=0.042),
 }
-
-HEADING_RAD = math.radians(0.3)
-"""Of each heading: an autopilot's compass, Beard and McLain."""
-
-AIRSPEED_M_S = 0.08
-"""Of each airspeed: 2 Pa at 20 m/s."""
-
-CALIBRATION = 0.02
-"""Of the airspeed sensor's scale, which stays as it is during a flight."""
-
-ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
-"""Of each altitude (10 Pa); of its drift, and how slow that is."""
-
-CLOCK_RATE = 20e-6
-"""Of the rate of the autopilot's clock: an ordinary crystal's."""
 
 
 class GaussMarkov:

@@ -25,6 +25,12 @@ BEGINNING = b'{"system_id": '
 Write = Callable[[bytes], object]
 """Takes one line; each reaches its reader whole."""
 
+LONGEST_STRETCH_S = 0.05
+"""Real time for which a late emulator flies on before it listens again."""
+
+LATE_S = 1.0
+"""Real time behind the clock that is worth a warning."""
+
 
 class TruthLog:
     """When the next sample is due, and where it goes."""
@@ -121,11 +127,6 @@ def datagrams(url: str) -> Iterator[Write]:
 
 __all__ = ["LinkError", "Service", "SimulationClock", "precise_event_loop", "serve", "serve_all"]
 
-LONGEST_STRETCH_S = 0.05
-"""Real time for which a late emulator flies on before it listens again."""
-
-LATE_S = 1.0
-"""Real time behind the clock that is worth a warning."""
 
 logger = logging.getLogger("sitl_stub")
 

@@ -46,6 +46,43 @@ from sitl_stub.telemetry import (
     WIND,
 )
 
+PROTOCOL_VERSION = 300
+
+AVAILABLE_MODES = 435
+
+MAVLINK_2 = 200
+"""MAVLink 2.0 as PROTOCOL_VERSION says it; 100 is the oldest that is understood."""
+
+MIN_INTERVAL_US = 10_000
+"""Fastest stream where no scheduler limits it: 100 Hz."""
+
+LONGEST_INTERVAL_US = 2**31 - 1
+"""What MESSAGE_INTERVAL can tell of: 36 minutes."""
+
+LOOP_SHARE = 0.8
+"""Fastest stream in parts of the scheduler's loop rate: ArduPilot denies more."""
+
+DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        SYS_STATUS,
+        MISSION_CURRENT,
+        GPS_RAW_INT,
+        NAV_CONTROLLER_OUTPUT,
+    ),
+    mavlink.MAV_DATA_STREAM_POSITION: (GLOBAL_POSITION_INT, LOCAL_POSITION_NED),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (SYSTEM_TIME, WIND, BATTERY_STATUS, EKF_STATUS_REPORT),
+}
+"""What ArduPilot sends in each of the streams that older ground stations ask for."""
+
+ON_REQUEST: Mapping[int, int] = {
+    REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
+    REQUEST_AUTOPILOT_CAPABILITIES: AUTOPILOT_VERSION,
+    GET_HOME_POSITION: HOME_POSITION,
+}
+"""Commands that ask for one message each."""
+
 
 class Schedule:
     """Periodic messages by id, in whole microseconds of simulation time.
@@ -100,13 +137,6 @@ class Schedule:
         self.next_due_us = first_us
 
 
-PROTOCOL_VERSION = 300
-AVAILABLE_MODES = 435
-
-MAVLINK_2 = 200
-"""MAVLink 2.0 as PROTOCOL_VERSION says it; 100 is the oldest that is understood."""
-
-
 class ExtraMessage(MAVLink_message):  # type: ignore[misc] # pymavlink is not typed
     """A message given by its number, the extra byte of its checksum, and its payload."""
 
@@ -138,37 +168,6 @@ def available_modes(modes: Sequence[Mode], index: int) -> list[MAVLink_message]:
             payload = struct.pack("<IIBBB35s", mode.custom_mode, 0, len(modes), number, 0, name)
             messages.append(ExtraMessage(AVAILABLE_MODES, "AVAILABLE_MODES", 134, payload))
     return messages
-
-
-MIN_INTERVAL_US = 10_000
-"""Fastest stream where no scheduler limits it: 100 Hz."""
-
-LONGEST_INTERVAL_US = 2**31 - 1
-"""What MESSAGE_INTERVAL can tell of: 36 minutes."""
-
-LOOP_SHARE = 0.8
-"""Fastest stream in parts of the scheduler's loop rate: ArduPilot denies more."""
-
-DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
-    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        SYS_STATUS,
-        MISSION_CURRENT,
-        GPS_RAW_INT,
-        NAV_CONTROLLER_OUTPUT,
-    ),
-    mavlink.MAV_DATA_STREAM_POSITION: (GLOBAL_POSITION_INT, LOCAL_POSITION_NED),
-    mavlink.MAV_DATA_STREAM_EXTRA1: (ATTITUDE,),
-    mavlink.MAV_DATA_STREAM_EXTRA2: (VFR_HUD,),
-    mavlink.MAV_DATA_STREAM_EXTRA3: (SYSTEM_TIME, WIND, BATTERY_STATUS, EKF_STATUS_REPORT),
-}
-"""What ArduPilot sends in each of the streams that older ground stations ask for."""
-
-ON_REQUEST: Mapping[int, int] = {
-    REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
-    REQUEST_AUTOPILOT_CAPABILITIES: AUTOPILOT_VERSION,
-    GET_HOME_POSITION: HOME_POSITION,
-}
-"""Commands that ask for one message each."""
 
 
 Wanted = int | list[MAVLink_message]

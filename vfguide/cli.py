@@ -39,6 +39,21 @@ app = typer.Typer(
 app.add_typer(bench, name="bench")
 app.add_typer(keys, name="keys")
 
+COMMANDS = (
+    fly,
+    companion,
+    identify,
+    judge,
+    emulate,
+    order,
+    status,
+    console,
+    check,
+    report,
+    export,
+    analyse,
+)
+
 
 def tell_version(wanted: bool) -> None:
     """Print the version and end.
@@ -62,21 +77,6 @@ def program(
     """Vector-field guidance that flies several fixed-wing UAVs as one formation, over MAVLink."""
     del version
 
-
-COMMANDS = (
-    fly,
-    companion,
-    identify,
-    judge,
-    emulate,
-    order,
-    status,
-    console,
-    check,
-    report,
-    export,
-    analyse,
-)
 
 for command in COMMANDS:
     app.command()(with_plugins(command))

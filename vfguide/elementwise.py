@@ -17,6 +17,8 @@ BoolArray = NDArray[np.bool_]
 Number = TypeVar("Number", float, FloatArray)
 """A float, or an array of them: never a mixture of the two in one formula's arguments."""
 
+TURN = 2.0 * math.pi
+
 
 def sin(angle: Number) -> Number:
     """Sine of an angle in radians."""
@@ -89,9 +91,6 @@ def where(condition: bool | BoolArray, first: Number, second: Number) -> Number:
 def low_pass(previous: Number, target: Number, period: float, time_constant: float) -> Number:
     """First-order low-pass filter, backward Euler."""
     return previous + (period / (time_constant + period)) * (target - previous)
-
-
-TURN = 2.0 * math.pi
 
 
 def wrap_angle(angle: Number) -> Number:

@@ -46,6 +46,19 @@ from vfguide.registry import laws
 
 CONDITIONS = ("shipped", "bad link")
 
+SCALE_COLUMNS = (
+    "vehicles",
+    "times real time",
+    "µs per vehicle and step",
+    "memory, MB",
+    "guidance step, µs",
+    "companion",
+    "of it decode",
+    "encode",
+    "guidance",
+)
+"""Of the table of sizes; the last are shares of the whole time."""
+
 
 def compare_laws(
     chosen: Sequence[str] | None,
@@ -153,20 +166,6 @@ def processor() -> str:
         return platform.processor()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor()
-
-
-SCALE_COLUMNS = (
-    "vehicles",
-    "times real time",
-    "µs per vehicle and step",
-    "memory, MB",
-    "guidance step, µs",
-    "companion",
-    "of it decode",
-    "encode",
-    "guidance",
-)
-"""Of the table of sizes; the last are shares of the whole time."""
 
 
 def write(json_file: Path | None, content: dict[str, Any]) -> None:

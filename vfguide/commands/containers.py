@@ -21,6 +21,9 @@ from vfguide.mission import Mission
 LOOK_S = 0.2
 """Real time between looks at the flight."""
 
+PATIENCE_S = 180.0
+"""Real time that a judge may take to start the flight."""
+
 
 def judge_flight(
     mission: Mission,
@@ -125,10 +128,6 @@ def truth_port(text: str) -> tuple[str, int]:
     if not isinstance(address, NetworkAddress) or address.transport != Transport.UDP_IN:
         raise InputError(f"--truth: {text!r} is not udpin://HOST:PORT")
     return address.host, address.port
-
-
-PATIENCE_S = 180.0
-"""Real time that a judge may take to start the flight."""
 
 
 def emulate(

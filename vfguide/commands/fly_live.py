@@ -39,6 +39,9 @@ UNKNOWN = "-"
 Show = Callable[[float, "Sequence[Row]"], None]
 """Called with the simulation time and the vehicles, again and again."""
 
+LOOK_S = 0.25
+"""Real time between looks at the flight."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
@@ -154,10 +157,6 @@ def plain_lines(console: Terminal, title: str, duration_s: float) -> Show:
             console.tell(f"{title}: {now_s:g} of {duration_s:g} s: {line_of(rows)}")
 
     return show
-
-
-LOOK_S = 0.25
-"""Real time between looks at the flight."""
 
 
 def fly_live(

@@ -24,6 +24,23 @@ MOST_REMEMBERED = 64
 LASTS_S = 2.0
 """Why nothing is steered is told once it has lasted for so long: it changes on the way into steering."""
 
+INTERVAL_S = 0.5
+"""Between two values of a name: a ground station draws a curve of them, and a telemetry radio has room."""
+
+OLD_S = 1.0
+"""An error that is older than this is not sent: the curve has a gap there."""
+
+MODE_NUMBERS = {
+    Mode.WAITING: 0,
+    Mode.JOINING: 1,
+    Mode.TRACKING: 2,
+    Mode.PREDICTING: 3,
+    Mode.BREAKAWAY: 4,
+    Mode.LOST: 5,
+    Mode.PILOT: 6,
+}
+"""What `form_mode` shows; people's plots go by them, so they stay."""
+
 
 class Announcer:
     """Texts of one companion."""
@@ -169,24 +186,6 @@ def waiting_sentence(
     if control is Control.DISARMED:
         return "disarmed, not steering; nothing to do"
     return f"{flight_mode}, not steering; select {guided} to be steered"
-
-
-INTERVAL_S = 0.5
-"""Between two values of a name: a ground station draws a curve of them, and a telemetry radio has room."""
-
-OLD_S = 1.0
-"""An error that is older than this is not sent: the curve has a gap there."""
-
-MODE_NUMBERS = {
-    Mode.WAITING: 0,
-    Mode.JOINING: 1,
-    Mode.TRACKING: 2,
-    Mode.PREDICTING: 3,
-    Mode.BREAKAWAY: 4,
-    Mode.LOST: 5,
-    Mode.PILOT: 6,
-}
-"""What `form_mode` shows; people's plots go by them, so they stay."""
 
 
 class PlottedValues:

@@ -29,63 +29,6 @@ APART_S = 2.0
 GREATEST_SKEW = 0.2
 """Of a clock that runs evenly; one that is slower stands still now and then."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bracket:
-    """What one answer shows of the difference between the clocks."""
-
-    autopilot_s: float
-    """When it was given, s on the autopilot's clock."""
-    least: float
-    """Companion's clock less the autopilot's at least, s."""
-    most: float
-    """At most, s."""
-
-
-class ClockRate:
-    """Learns by how much a second of the autopilot is longer than one of the companion."""
-
-    def __init__(self) -> None:
-        self._brackets: deque[Bracket] = deque()
-        self.skew = 0.0
-        """Seconds of the companion beyond one, for each second of the autopilot; above 0 where it is slow."""
-
-    def forget(self) -> None:
-        """The autopilot has started anew."""
-        self._brackets.clear()
-
-    def note(self, newest: Bracket) -> bool:
-        """Take the newest answer; returns whether the rate is another one now."""
-        brackets = self._brackets
-        if brackets and newest.autopilot_s <= brackets[-1].autopilot_s:
-            brackets.clear()
-        brackets.append(newest)
-        while newest.autopilot_s - brackets[0].autopilot_s > RATE_WINDOW_S:
-            brackets.popleft()
-        oldest = brackets[0]
-        if newest.autopilot_s - oldest.autopilot_s < RATE_WINDOW_S - APART_S:
-            return False
-        pairs = [(oldest, one) for one in brackets] + [(one, newest) for one in brackets]
-        bounds = [bounds_of(*pair) for pair in pairs]
-        lowest, highest = max(low for low, _ in bounds), min(high for _, high in bounds)
-        if lowest > highest:
-            # It does not run evenly: it has just lost time all at once, or has another rate now.
-            return False
-        before = self.skew
-        # Where every pair says that it is not the companion's, the middle is the likeliest.
-        skew = 0.0 if lowest <= 0.0 <= highest else 0.5 * (lowest + highest)
-        self.skew = min(max(skew, -GREATEST_SKEW), GREATEST_SKEW)
-        return self.skew != before
-
-
-def bounds_of(first: Bracket, second: Bracket) -> tuple[float, float]:
-    """Least and greatest growth of the difference for each second between two answers."""
-    passed = second.autopilot_s - first.autopilot_s
-    if passed < APART_S:
-        return -math.inf, math.inf
-    return (second.least - first.most) / passed, (second.most - first.least) / passed
-
-
 ASK_S = 0.5
 """Between questions for the autopilot's time: a slip is found in less than a second."""
 
@@ -142,6 +85,62 @@ CERTAIN_COUNT = 3
 
 EVEN = 0.25
 """By this share of the time that has passed they may disagree with it, and by 0.1 s of jitter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bracket:
+    """What one answer shows of the difference between the clocks."""
+
+    autopilot_s: float
+    """When it was given, s on the autopilot's clock."""
+    least: float
+    """Companion's clock less the autopilot's at least, s."""
+    most: float
+    """At most, s."""
+
+
+class ClockRate:
+    """Learns by how much a second of the autopilot is longer than one of the companion."""
+
+    def __init__(self) -> None:
+        self._brackets: deque[Bracket] = deque()
+        self.skew = 0.0
+        """Seconds of the companion beyond one, for each second of the autopilot; above 0 where it is slow."""
+
+    def forget(self) -> None:
+        """The autopilot has started anew."""
+        self._brackets.clear()
+
+    def note(self, newest: Bracket) -> bool:
+        """Take the newest answer; returns whether the rate is another one now."""
+        brackets = self._brackets
+        if brackets and newest.autopilot_s <= brackets[-1].autopilot_s:
+            brackets.clear()
+        brackets.append(newest)
+        while newest.autopilot_s - brackets[0].autopilot_s > RATE_WINDOW_S:
+            brackets.popleft()
+        oldest = brackets[0]
+        if newest.autopilot_s - oldest.autopilot_s < RATE_WINDOW_S - APART_S:
+            return False
+        pairs = [(oldest, one) for one in brackets] + [(one, newest) for one in brackets]
+        bounds = [bounds_of(*pair) for pair in pairs]
+        lowest, highest = max(low for low, _ in bounds), min(high for _, high in bounds)
+        if lowest > highest:
+            # It does not run evenly: it has just lost time all at once, or has another rate now.
+            return False
+        before = self.skew
+        # Where every pair says that it is not the companion's, the middle is the likeliest.
+        skew = 0.0 if lowest <= 0.0 <= highest else 0.5 * (lowest + highest)
+        self.skew = min(max(skew, -GREATEST_SKEW), GREATEST_SKEW)
+        return self.skew != before
+
+
+def bounds_of(first: Bracket, second: Bracket) -> tuple[float, float]:
+    """Least and greatest growth of the difference for each second between two answers."""
+    passed = second.autopilot_s - first.autopilot_s
+    if passed < APART_S:
+        return -math.inf, math.inf
+    return (second.least - first.most) / passed, (second.most - first.least) / passed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,6 +33,16 @@ STEP_S = 0.05
 WATCH_S = 0.6
 """Time constant with which bank and acceleration of a vehicle that nobody steers are seen."""
 
+ENERGY_S = 10.0
+"""Memory of the acceleration of a total-energy hold, whose pitch swings (PX4's simulated plane: at 0.5 Hz;
+that of ArduPilot's with the yaw): taken off at once it would feed the swing."""
+
+GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
+"""What a model may be off by; more is no bias but a vehicle that does something else."""
+
+GAP_S = 1.0
+"""After a silence longer than this everything is learned anew."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Memory:
@@ -50,16 +60,6 @@ SLIPPING = Memory(turn_rate_s=3.0, answer_s=0.5)
 """Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz): what
 a swing adds to the turn rate would feed it, taken off at once. Nor may what it adds to the course come back
 as roll: the low-pass on the answer leaves a third of it."""
-
-ENERGY_S = 10.0
-"""Memory of the acceleration of a total-energy hold, whose pitch swings (PX4's simulated plane: at 0.5 Hz;
-that of ArduPilot's with the yaw): taken off at once it would feed the swing."""
-
-GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
-"""What a model may be off by; more is no bias but a vehicle that does something else."""
-
-GAP_S = 1.0
-"""After a silence longer than this everything is learned anew."""
 
 
 def memory_of(*, slips: bool, speed_hold: SpeedHold) -> Memory:

@@ -33,6 +33,45 @@ RETURN_M_S = 0.5
 ALTITUDE_RETURN_S = 2.0
 """For so long doubted reports have to agree with each other before they are believed again."""
 
+BAD_S = 1.0
+"""Something has to be bad for so long: estimators change lanes, and a receiver may drop one navigated."""
+
+FRESH_S = 10.0
+"""What was said longer ago than this says nothing any more."""
+
+LEAST_FIX = 3
+"""GPS_FIX_TYPE_3D_FIX: with less there is no height, or no position at all."""
+
+GREATEST_ERROR_M = 15.0
+"""A receiver that is less certain than this is no help to a formation."""
+
+QUIET_S = 10.0
+"""Between two texts that something is not believed."""
+
+LASTING_S = 1.0
+"""A second fault that lasts for longer is told all the same, a third one after twice as long."""
+
+ROW_S = 30.0
+"""Faults that follow each other within this time are counted: texts that say the same are sent once in it."""
+
+FROZEN_S = 0.5
+"""A position that does not change by a centimetre for longer, of a vehicle that moves, is frozen."""
+
+MOVING_M_S = 5.0
+"""Airspeed of a vehicle that moves for certain."""
+
+AIRSPEED_OFF_M_S = 8.0
+"""By so much an airspeed may differ from the one that ground velocity and wind come to."""
+
+WIND_CHANGE_M_S2 = 0.5
+"""And by so much more for each second for which no airspeed was believed."""
+
+UNDERSPEED = 0.6
+"""Of the lowest airspeed: no fixed wing flies slower."""
+
+AIRSPEED_SHARE = 0.6
+"""But never by more than this share of it: a blocked tube shows nothing at all."""
+
 
 class AltitudeGate:
     """Judges the altitudes of one vehicle.
@@ -95,19 +134,6 @@ def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
     return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)
 
 
-BAD_S = 1.0
-"""Something has to be bad for so long: estimators change lanes, and a receiver may drop one navigated."""
-
-FRESH_S = 10.0
-"""What was said longer ago than this says nothing any more."""
-
-LEAST_FIX = 3
-"""GPS_FIX_TYPE_3D_FIX: with less there is no height, or no position at all."""
-
-GREATEST_ERROR_M = 15.0
-"""A receiver that is less certain than this is no help to a formation."""
-
-
 @dataclass(slots=True)
 class Word:
     """The newest word of one of them."""
@@ -167,34 +193,6 @@ def fault_of(report: GpsReport | EstimatorReport | SensorsReport) -> str | None:
             if not report.attitude:
                 return "the autopilot says that its attitude estimate fails"
     return None
-
-
-QUIET_S = 10.0
-"""Between two texts that something is not believed."""
-
-LASTING_S = 1.0
-"""A second fault that lasts for longer is told all the same, a third one after twice as long."""
-
-ROW_S = 30.0
-"""Faults that follow each other within this time are counted: texts that say the same are sent once in it."""
-
-FROZEN_S = 0.5
-"""A position that does not change by a centimetre for longer, of a vehicle that moves, is frozen."""
-
-MOVING_M_S = 5.0
-"""Airspeed of a vehicle that moves for certain."""
-
-AIRSPEED_OFF_M_S = 8.0
-"""By so much an airspeed may differ from the one that ground velocity and wind come to."""
-
-WIND_CHANGE_M_S2 = 0.5
-"""And by so much more for each second for which no airspeed was believed."""
-
-UNDERSPEED = 0.6
-"""Of the lowest airspeed: no fixed wing flies slower."""
-
-AIRSPEED_SHARE = 0.6
-"""But never by more than this share of it: a blocked tube shows nothing at all."""
 
 
 class FrozenPosition:

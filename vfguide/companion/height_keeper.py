@@ -46,6 +46,9 @@ MOST_M = 100.0
 
 GAP_S = 1.0
 
+TRIES = 4
+"""Heartbeats that are answered with the height, as long as it is not accepted."""
+
 
 class HeightKeeper:
     """Of one vehicle."""
@@ -115,10 +118,6 @@ class HeightKeeper:
         if climb_rate < -LEAST_CLIMB and self._missing < -LEAST_MISSING:
             return max(per_acceleration * (self._missing + LEAST_MISSING), climb_rate)
         return 0.0
-
-
-TRIES = 4
-"""Heartbeats that are answered with the height, as long as it is not accepted."""
 
 
 class LoiterHeight:

@@ -39,6 +39,40 @@ LAST_TURN_S = 1.0
 WIND_S = 0.6
 """A vehicle that was heard this short a time ago flies in the wind of now."""
 
+SPACING_SHARE = 0.65
+"""Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
+
+BERTH_M = 15.0
+"""Distance that is kept from the predicted arc of one that is not under guidance."""
+
+DRIFT_M_S = 1.0
+"""How fast a silent vehicle may leave the places where it is believed to be, m/s."""
+
+LEVEL_S = 4.0
+"""How far ahead a vehicle that is not under guidance is thought to level out."""
+
+TURNS_OFF_M_S = 3.0
+"""A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
+
+ALONG_S = 4.0
+"""How far ahead steered vehicles are looked at: they keep clear themselves, and go for their slots."""
+
+ARC_S = 2.0
+"""How far ahead it may."""
+
+STANDING_M = 5.5
+"""Distance that is kept from a place where one may stand: the 5 m of the promise, and what places are off.
+Nothing has to be predicted of it. A follower right behind has to leave its slot by as much."""
+
+HOLDS_S = 5.0
+"""How far ahead a silent vehicle may hold its last course.
+
+Who sees less far ahead speeds up and crosses in front of it where there was time to let it pass.
+"""
+
+STANDS_S = 3.0
+"""How far ahead it may stand where it was last heard: most silences are those of the link."""
+
 
 class Sightings:
     """What was heard last of some vehicles, one row for each."""
@@ -131,40 +165,6 @@ class Sightings:
 
 
 IntArray = NDArray[np.intp]
-
-SPACING_SHARE = 0.65
-"""Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
-
-BERTH_M = 15.0
-"""Distance that is kept from the predicted arc of one that is not under guidance."""
-
-DRIFT_M_S = 1.0
-"""How fast a silent vehicle may leave the places where it is believed to be, m/s."""
-
-LEVEL_S = 4.0
-"""How far ahead a vehicle that is not under guidance is thought to level out."""
-
-TURNS_OFF_M_S = 3.0
-"""A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
-
-ALONG_S = 4.0
-"""How far ahead steered vehicles are looked at: they keep clear themselves, and go for their slots."""
-
-ARC_S = 2.0
-"""How far ahead it may."""
-
-STANDING_M = 5.5
-"""Distance that is kept from a place where one may stand: the 5 m of the promise, and what places are off.
-Nothing has to be predicted of it. A follower right behind has to leave its slot by as much."""
-
-HOLDS_S = 5.0
-"""How far ahead a silent vehicle may hold its last course.
-
-Who sees less far ahead speeds up and crosses in front of it where there was time to let it pass.
-"""
-
-STANDS_S = 3.0
-"""How far ahead it may stand where it was last heard: most silences are those of the link."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,6 +36,35 @@ NO_HEIGHT = (
 )
 """What the pilot hears then."""
 
+MEMORY_S = 3.0
+"""Time constant of the turn rates that are compared."""
+
+EXPECTED_LEAST = 0.05
+"""rad/s: less than this is not asked for long enough to be judged."""
+
+FOLLOWED_SHARE = 0.2
+"""Below this share of the turn that is expected, a course does not follow."""
+
+TRACKING_PATIENCE_S = 4.0
+"""How long that has to last, on top of the memory."""
+
+ALTITUDE_M = 20.0
+"""Farther from the altitude of the mission than this is worth a text."""
+
+GAP_S = 1.0
+
+ALTITUDE_S = 5.0
+"""Between repetitions of the altitude."""
+
+ALTITUDE_STEP_M = 0.02
+"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
+
+ALTITUDE_DIGITS = 2
+"""Decimals of an altitude: autopilots keep centimetres."""
+
+CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
+"""In the place of a step in height."""
+
 
 def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
     """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
@@ -94,24 +123,6 @@ class SetpointGuard:
             self.counters["height below the floor"] += 1
         self._has_height, self._height = True, max(asked, self._floor)
         return self._height, None
-
-
-MEMORY_S = 3.0
-"""Time constant of the turn rates that are compared."""
-
-EXPECTED_LEAST = 0.05
-"""rad/s: less than this is not asked for long enough to be judged."""
-
-FOLLOWED_SHARE = 0.2
-"""Below this share of the turn that is expected, a course does not follow."""
-
-TRACKING_PATIENCE_S = 4.0
-"""How long that has to last, on top of the memory."""
-
-ALTITUDE_M = 20.0
-"""Farther from the altitude of the mission than this is worth a text."""
-
-GAP_S = 1.0
 
 
 class TrackingMonitor:
@@ -186,19 +197,6 @@ def expected_turn_rate(
     limit = bank_limited_turn_rate(airframe.max_bank, max(state.airspeed, 1.0))
     wanted = airframe.alpha * wrap_angle(setpoint.course - state.course)
     return min(max(wanted, -limit), limit)
-
-
-ALTITUDE_S = 5.0
-"""Between repetitions of the altitude."""
-
-ALTITUDE_STEP_M = 0.02
-"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
-
-ALTITUDE_DIGITS = 2
-"""Decimals of an altitude: autopilots keep centimetres."""
-
-CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
-"""In the place of a step in height."""
 
 
 class Steering:

@@ -16,6 +16,34 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
+HANG_S = 2.0
+"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
+
+STALL_S = 0.5
+"""After longer than this between two calls modes are commanded only once a new question was answered: what is
+read first has waited."""
+
+AWAKE_S = 1.0
+"""For so long after a hang what waited in buffers arrives."""
+
+DRIFT = 100e-6
+"""s/s by which two clocks may run apart: the least difference grows with it, and does not rule for ever."""
+
+SOONER_S = 1.0
+"""A message that is earlier than the fastest by more than this has another clock."""
+
+LATE_S = 5.0
+"""One that is later by more than this is too old to be of use."""
+
+CERTAIN_COUNT, CERTAIN_S = 3, 1.0
+"""Stamps have to go on from elsewhere so often, and for so long, before the sender has another clock."""
+
+STANDS_S = 10.0
+"""The same where stamps go on from where they were, and are only late: a slow radio is no new clock."""
+
+EVEN_S = 1.0
+"""By so much they may disagree with each other meanwhile."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedClock:
@@ -29,17 +57,6 @@ class SharedClock:
 
 SAME_CLOCK = SharedClock()
 """Where all companions read one clock."""
-
-
-HANG_S = 2.0
-"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
-
-STALL_S = 0.5
-"""After longer than this between two calls modes are commanded only once a new question was answered: what is
-read first has waited."""
-
-AWAKE_S = 1.0
-"""For so long after a hang what waited in buffers arrives."""
 
 
 class Wakefulness:
@@ -78,25 +95,6 @@ class Wakefulness:
     def is_stale(self, stamp: float) -> bool:
         """Whether something was true at a time (s) before the last stall."""
         return stamp < self._stalled
-
-
-DRIFT = 100e-6
-"""s/s by which two clocks may run apart: the least difference grows with it, and does not rule for ever."""
-
-SOONER_S = 1.0
-"""A message that is earlier than the fastest by more than this has another clock."""
-
-LATE_S = 5.0
-"""One that is later by more than this is too old to be of use."""
-
-CERTAIN_COUNT, CERTAIN_S = 3, 1.0
-"""Stamps have to go on from elsewhere so often, and for so long, before the sender has another clock."""
-
-STANDS_S = 10.0
-"""The same where stamps go on from where they were, and are only late: a slow radio is no new clock."""
-
-EVEN_S = 1.0
-"""By so much they may disagree with each other meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,6 +36,15 @@ from vfguide.formation.transition import (
     transition,
 )
 
+STACK_M = 15.0
+"""Between the heights of two that hold."""
+
+FAR_BEHIND = (-300.0, 0.0)
+"""From about there a vehicle comes that joins: the others have the first choice of slots."""
+
+STEP_M = 0.1
+"""Slots are ordered to this: orders carry no more."""
+
 
 def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str, Offset]:
     """The place of each follower.
@@ -67,15 +76,6 @@ def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str,
 
 
 Action = Literal["hold", "resume", "abort"]
-
-STACK_M = 15.0
-"""Between the heights of two that hold."""
-
-FAR_BEHIND = (-300.0, 0.0)
-"""From about there a vehicle comes that joins: the others have the first choice of slots."""
-
-STEP_M = 0.1
-"""Slots are ordered to this: orders carry no more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,6 +19,27 @@ from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY, coordinated_turn_rate, first_order_lag
 from vfguide.state import Airframe
 
+SETTLED_S = 1.0
+"""At the beginning of a stretch the vehicle has settled for at least this long."""
+
+LOWEST = np.array([0.02, 0.0, 0.02])
+
+HIGHEST = np.array([20.0, 5.0, 5.0])
+
+SETTLED = 1e-6
+"""A step that lowers the sum of squares by less than this share was the last."""
+
+STEP = 1e-4
+"""Of the parameters, relative: models interpolate between reports, and are not smooth below this."""
+
+LEAST_LAG = 0.08
+"""s: less cannot be told from a dead time."""
+
+LAG_GAIN = 0.85
+"""A lag is believed where it brings the residuals down to less than this of what they are without."""
+
+NORMAL_95 = 1.96
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
@@ -57,9 +78,6 @@ def mean_setpoint(samples: Samples, dead_time: float) -> FloatArray:
 
 Parameters = tuple[float, float, float]
 """Bandwidth (1/s), dead time (s), lag (s)."""
-
-SETTLED_S = 1.0
-"""At the beginning of a stretch the vehicle has settled for at least this long."""
 
 
 class TurningVehicle(NamedTuple):
@@ -169,23 +187,7 @@ def speed_response(samples: Samples, parameters: Parameters, airframe: Airframe)
 Model = Callable[[Parameters], FloatArray]
 """What would have been seen with some response."""
 
-LOWEST = np.array([0.02, 0.0, 0.02])
-HIGHEST = np.array([20.0, 5.0, 5.0])
 STARTS: tuple[Parameters, ...] = ((1.0, 0.1, 0.2), (0.5, 0.5, 0.5))
-
-SETTLED = 1e-6
-"""A step that lowers the sum of squares by less than this share was the last."""
-
-STEP = 1e-4
-"""Of the parameters, relative: models interpolate between reports, and are not smooth below this."""
-
-LEAST_LAG = 0.08
-"""s: less cannot be told from a dead time."""
-
-LAG_GAIN = 0.85
-"""A lag is believed where it brings the residuals down to less than this of what they are without."""
-
-NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

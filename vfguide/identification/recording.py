@@ -41,6 +41,12 @@ SETTLE_S = 8.0
 TURN_S = 14.0
 """For each half of the turn back."""
 
+LEAST_REPORTS = 100
+"""Fewer of them say nothing."""
+
+WIND_S = 20.0
+"""The wind that a stretch is flown in is the mean over this long: more than a response takes."""
+
 
 class Phase(Enum):
     """What a segment is for."""
@@ -127,13 +133,6 @@ def described(airframe: Airframe, repeats: int) -> list[str]:
             " 300 m to the right clear, and more in wind"
         ),
     ]
-
-
-LEAST_REPORTS = 100
-"""Fewer of them say nothing."""
-
-WIND_S = 20.0
-"""The wind that a stretch is flown in is the mean over this long: more than a response takes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,6 +35,44 @@ MOST_TOPICS = 256
 MOST_TURNS = 256
 """Messages that are read before any is used: a flood must not keep everything waiting."""
 
+REMEMBERED = 256
+"""States that may be on their way there and back; some seconds of them."""
+
+DEAF_CHECKS = 2
+"""Checks in a row with states sent and none heard, after which it is no delay any more."""
+
+KEEPALIVE_S = 2
+"""After this long without a word from the broker it is asked whether it lives."""
+
+DIAL_S = 2.0
+"""s for the TCP connection, and again for TLS."""
+
+ANSWER_S = 1.5
+"""s for each answer of the broker."""
+
+SEND_BUFFER = 8 * 1024
+"""Bytes in the kernel: by default minutes of states would wait there for a broker that does not read."""
+
+LONGEST_SILENCE = 5_000
+"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
+
+SOCKET_OPTIONS = (
+    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE),
+    (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
+)
+
+UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
+
+NUMBERED = re.compile(r"^\[(Errno -?\d+|SSL: \w+|SSL)\] *| \(_ssl\.c:\d+\)$")
+
+ALERT = re.compile(r"\[SSL: \w*ALERT\w*\] \w+ alert (?P<what>.*?)( \(_ssl\.c:\d+\))?$")
+
+REMEDY = "start a broker there, or correct the address of the link"
+
+REFUSALS = (134, 135)
+"""Bad user name or password, and not authorized; brokers use either for a wrong password."""
+
 
 class NewestOnly:
     """One message for each topic: a newer one takes the place of one that nobody has fetched."""
@@ -129,13 +167,6 @@ class Inbox:
         return Delivered
 
 
-REMEMBERED = 256
-"""States that may be on their way there and back; some seconds of them."""
-
-DEAF_CHECKS = 2
-"""Checks in a row with states sent and none heard, after which it is no delay any more."""
-
-
 class Echo:
     """States of one vehicle, as sent and as heard."""
 
@@ -168,35 +199,6 @@ class Echo:
         self._deaf = self._deaf + 1 if self._speaks and not self.heard else 0
         self._speaks = False
         return self._deaf >= DEAF_CHECKS
-
-
-KEEPALIVE_S = 2
-"""After this long without a word from the broker it is asked whether it lives."""
-
-DIAL_S = 2.0
-"""s for the TCP connection, and again for TLS."""
-
-ANSWER_S = 1.5
-"""s for each answer of the broker."""
-
-SEND_BUFFER = 8 * 1024
-"""Bytes in the kernel: by default minutes of states would wait there for a broker that does not read."""
-
-LONGEST_SILENCE = 5_000
-"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
-
-SOCKET_OPTIONS = (
-    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
-    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE),
-    (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
-)
-
-UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
-NUMBERED = re.compile(r"^\[(Errno -?\d+|SSL: \w+|SSL)\] *| \(_ssl\.c:\d+\)$")
-ALERT = re.compile(r"\[SSL: \w*ALERT\w*\] \w+ alert (?P<what>.*?)( \(_ssl\.c:\d+\))?$")
-REMEDY = "start a broker there, or correct the address of the link"
-REFUSALS = (134, 135)
-"""Bad user name or password, and not authorized; brokers use either for a wrong password."""
 
 
 class LastWords(logging.Logger):

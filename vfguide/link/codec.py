@@ -46,6 +46,17 @@ SIZE = LAYOUT.size + CHECKSUM.size
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
 """Greatest magnitude of each value: beyond them it is no aircraft's state."""
 
+CLOCK_VERSION = 2
+
+ASK, TELL = b"VFCA", b"VFCT"
+
+ASK_LAYOUT = struct.Struct("<4sB3xQd")
+
+TELL_LAYOUT = struct.Struct("<4sB3xQ3d")
+
+GREATEST_TIME_S = 1e10
+"""Three hundred years: beyond that it is no clock's, and differences lose their microseconds."""
+
 
 class LinkDataError(ValueError):
     """Bytes from the link that are no leader state; the text says why."""
@@ -163,15 +174,6 @@ def course_in_steps(course: float) -> int:
 def is_leaders(data: bytes) -> bool:
     """Whether these bytes say of themselves that they are the state by which their sender leads."""
     return len(data) == SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
-
-
-CLOCK_VERSION = 2
-ASK, TELL = b"VFCA", b"VFCT"
-ASK_LAYOUT = struct.Struct("<4sB3xQd")
-TELL_LAYOUT = struct.Struct("<4sB3xQ3d")
-
-GREATEST_TIME_S = 1e10
-"""Three hundred years: beyond that it is no clock's, and differences lose their microseconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

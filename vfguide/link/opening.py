@@ -31,6 +31,9 @@ within."""
 SHORTEST_PAUSE_S = 0.2
 """s from one question to the next, however much there is to hurry for."""
 
+HEARD_SHARE = 1.5
+"""Of the time within which everybody says how it is: so long it takes to hear all of them."""
+
 
 class Link:
     """One member's access to what its formation shares. All of it belongs to one event loop."""
@@ -200,10 +203,6 @@ async def keep_asking(member: Member) -> None:
         with suppress(TimeoutError):
             async with asyncio.timeout(max(clock.pause_s - SHORTEST_PAUSE_S, 0.0)):
                 await member.hurry.wait()
-
-
-HEARD_SHARE = 1.5
-"""Of the time within which everybody says how it is: so long it takes to hear all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,6 +27,25 @@ from vfguide.link.peer_clock import OPEN
 ANSWERABLE_S = 1.5
 """A question that has waited for so long is not answered: its asker has asked again."""
 
+MOST_PIECES = 24
+"""Of one message: 672 bytes are a signed order to 11 followers with names of up to 18 characters."""
+
+ROUNDS = 3
+"""Times that all pieces of an answer, or of an order that is repeated, are said: nobody acknowledges them."""
+
+FORGET_S = 2.0
+"""An operator who has not given an order again for this long does not want it to be said any more."""
+
+MOST_WAITING = 4
+"""Messages that wait for their turns: one more, and the oldest is forgotten."""
+
+PACKED_KINDS = {
+    Kind.ORDER: PackedKind.ORDER,
+    Kind.REPLY: PackedKind.REPLY,
+    Kind.REPEAT: PackedKind.REPEAT,
+}
+"""Kinds of messages that are said in pieces."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueuedBody:
@@ -104,26 +123,6 @@ class Questions:
         asker = min(self._heard, key=lambda one: self._answered_s.get(one, -math.inf))
         self._answered_s[asker] = now
         return asker, self._heard.pop(asker)
-
-
-MOST_PIECES = 24
-"""Of one message: 672 bytes are a signed order to 11 followers with names of up to 18 characters."""
-
-ROUNDS = 3
-"""Times that all pieces of an answer, or of an order that is repeated, are said: nobody acknowledges them."""
-
-FORGET_S = 2.0
-"""An operator who has not given an order again for this long does not want it to be said any more."""
-
-MOST_WAITING = 4
-"""Messages that wait for their turns: one more, and the oldest is forgotten."""
-
-PACKED_KINDS = {
-    Kind.ORDER: PackedKind.ORDER,
-    Kind.REPLY: PackedKind.REPLY,
-    Kind.REPEAT: PackedKind.REPEAT,
-}
-"""Kinds of messages that are said in pieces."""
 
 
 def mark_of(content: bytes) -> int:

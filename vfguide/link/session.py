@@ -23,6 +23,31 @@ from vfguide.link.presence import Presence
 ORDERING = {Kind.ORDER: "order", Kind.REPEAT: "repeat", Kind.REPLY: "reply"}
 """Last level of the topics of orders."""
 
+BEAT_S = 1.0
+"""s between presences. Each is acknowledged: a broker that hangs shows within this and an answer's time."""
+
+ECHO_REST_S = 20.0
+"""s from one time that own states are listened for to the next."""
+
+WATCH_S = 0.25
+"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature
+that is not looked at costs nothing."""
+
+INSISTENCE_S = 0.1
+"""s after which a task that has not ended is cancelled again."""
+
+REFUSED = 128
+"""Subscriptions with this result or above are not granted."""
+
+STABLE_S = 5.0
+"""A connection that lasted this long was a success: the next try follows soon."""
+
+GOODBYE_S = 0.5
+"""s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
+
+IDENTIFIER_BYTES = 8
+"""Of chance in the name of a client."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
@@ -83,23 +108,6 @@ class Topics:
 def level(name: str) -> str:
     """A name as one level of a topic: its slashes and wildcards would be read as something else."""
     return quote(name, safe=" !'()*,:;=@&")
-
-
-BEAT_S = 1.0
-"""s between presences. Each is acknowledged: a broker that hangs shows within this and an answer's time."""
-
-ECHO_REST_S = 20.0
-"""s from one time that own states are listened for to the next."""
-
-WATCH_S = 0.25
-"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature
-that is not looked at costs nothing."""
-
-INSISTENCE_S = 0.1
-"""s after which a task that has not ended is cancelled again."""
-
-REFUSED = 128
-"""Subscriptions with this result or above are not granted."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -297,15 +305,6 @@ async def cancel(tasks: Iterable[asyncio.Task[object]]) -> None:
 
 
 logger = logging.getLogger(__name__)
-
-STABLE_S = 5.0
-"""A connection that lasted this long was a success: the next try follows soon."""
-
-GOODBYE_S = 0.5
-"""s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
-
-IDENTIFIER_BYTES = 8
-"""Of chance in the name of a client."""
 
 
 class Reconnecting:

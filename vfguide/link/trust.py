@@ -47,12 +47,6 @@ MOST_STRANGERS = 256
 REPEATABLE = frozenset({Kind.WILL})
 """Kinds that may come late: a broker keeps a will for as long as the connection lasts."""
 
-
-def new_session() -> int:
-    """A number for one run of a program: 64 bits of chance, not 0."""
-    return secrets.randbits(64) or 1
-
-
 TWIN = "another companion of this name"
 """Why a message is refused that is signed with one's own key, and not by oneself."""
 
@@ -62,6 +56,11 @@ HEARD_BEFORE = "heard before"
 FORGED_PER_S = 500
 """Signatures a second that are looked at in vain, at most: a tenth of a core. What a flood of forgeries hides
 is not heard; the vehicle is steered all the same."""
+
+
+def new_session() -> int:
+    """A number for one run of a program: 64 bits of chance, not 0."""
+    return secrets.randbits(64) or 1
 
 
 class RefusedError(Exception):

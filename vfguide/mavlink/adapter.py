@@ -27,6 +27,22 @@ NAMES = {
 }
 """What people call them."""
 
+GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
+SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
+
+GPS_RAW_INT = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
+
+BATTERY_STATUS = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
+
+VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
+
+HEALTH_US = 500_000
+"""Between the autopilot's words of its own health: found bad within two seconds."""
+
+DIGITS = 2
+"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
+
 
 def autopilot_name(autopilot: int) -> str:
     """Name of a MAV_AUTOPILOT."""
@@ -46,11 +62,6 @@ def other_autopilot(autopilot: int, expected: int) -> str | None:
 autopilot = autopilots.register
 """`@autopilot("name")` makes a class known as the adapter of `vehicles.*.autopilot: name`."""
 
-GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
-GPS_RAW_INT = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
-BATTERY_STATUS = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
-VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 
 Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
 """How a PX4 is steered: by what its version has, or by one of `px4_steering`."""
@@ -70,10 +81,6 @@ class AutopilotSetpoint:
     """Of the vehicle now, degrees: some autopilots are given a course as a point ahead."""
     longitude_deg: float
     """Of the vehicle now, degrees."""
-
-
-HEALTH_US = 500_000
-"""Between the autopilot's words of its own health: found bad within two seconds."""
 
 
 class AutopilotAdapter(ABC):
@@ -322,9 +329,6 @@ def compass_degrees(course: float) -> float:
     """
     return round(math.degrees(wrap_course(course)), 3) % 360.0
 
-
-DIGITS = 2
-"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
 
 Kind = tuple[int, int]
 Content = tuple[object, ...]

@@ -34,6 +34,11 @@ DIGITS = re.compile(r"[0-9]{1,9}")
 BRACKETS = re.compile(r"\[[0-9a-fA-F:.]+(%[A-Za-z0-9_.-]+)?\]")
 NUMERIC = re.compile(r"[0-9.]+")
 
+SERIAL_EXAMPLE = "serial:///dev/ttyACM0:57600"
+
+REMEDY = "it is tried for ever: see that the autopilot is on, and that --mavlink names its end"
+"""Whatever keeps it from being connected: a port that is not there, nobody who listens, nobody who speaks."""
+
 
 class Transport(StrEnum):
     """How a network address is spoken to."""
@@ -59,7 +64,6 @@ EXAMPLES = {
     Transport.TCP_IN: "tcpin://0.0.0.0:5760",
     Transport.TCP_OUT: "tcpout://HOST:5760",
 }
-SERIAL_EXAMPLE = "serial:///dev/ttyACM0:57600"
 ALL_EXAMPLES = f"{', '.join(EXAMPLES.values())} or {SERIAL_EXAMPLE}"
 
 
@@ -192,9 +196,6 @@ def _shortened(text: str) -> str:
 
 
 logger = logging.getLogger(__name__)
-
-REMEDY = "it is tried for ever: see that the autopilot is on, and that --mavlink names its end"
-"""Whatever keeps it from being connected: a port that is not there, nobody who listens, nobody who speaks."""
 
 
 class Status:

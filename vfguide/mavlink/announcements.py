@@ -18,6 +18,50 @@ CHUNK = 50
 MOST_CHUNKS = 6
 """Longer texts are cut: a telemetry radio carries a few hundred bytes a second."""
 
+SILENCE_S = 3.0
+"""A command that was sent all this time and never answered is not heard."""
+
+QUIET_S = 10.0
+"""A refusal that comes again after this long is told again."""
+
+MOST_REFUSALS = 64
+"""Kinds of them that are remembered: more is noise, and not told."""
+
+GOOD = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
+
+REASONS: dict[tuple[int, int], str] = {
+    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_FAILED): (
+        "not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
+        "a ground speed, which it does not hold"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_DENIED): (
+        "not in Guided Course, or a course that it does not take"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_UNSUPPORTED): (
+        "this firmware was built without guided commands"
+    ),
+    (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
+    (mavlink.MAV_CMD_DO_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
+        "outside its airspeeds, or a kind of speed that it does not hold"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED): (
+        "it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_DENIED): (
+        "it has no such mode, or no position to fly it by"
+    ),
+    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_FAILED): (
+        "it is not ready for that mode: no position, or not armed"
+    ),
+    (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED): (
+        "faster than its loop: raise SCHED_LOOP_RATE, or lower rehearsal.rate_hz"
+    ),
+}
+"""What a refusal usually means."""
+
 
 def status_texts(text: str, severity: int, number: int) -> list[MAVLink_message]:
     """STATUSTEXT, for ground stations that listen to the vehicle: as many as the text needs.
@@ -74,51 +118,6 @@ def ground_station_heartbeat() -> MAVLink_message:
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )
-
-
-SILENCE_S = 3.0
-"""A command that was sent all this time and never answered is not heard."""
-
-QUIET_S = 10.0
-"""A refusal that comes again after this long is told again."""
-
-MOST_REFUSALS = 64
-"""Kinds of them that are remembered: more is noise, and not told."""
-
-GOOD = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
-
-REASONS: dict[tuple[int, int], str] = {
-    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_FAILED): (
-        "not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX"
-    ),
-    (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
-        "a ground speed, which it does not hold"
-    ),
-    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
-    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_DENIED): (
-        "not in Guided Course, or a course that it does not take"
-    ),
-    (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_RESULT_UNSUPPORTED): (
-        "this firmware was built without guided commands"
-    ),
-    (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, mavlink.MAV_RESULT_FAILED): "not in GUIDED",
-    (mavlink.MAV_CMD_DO_CHANGE_SPEED, mavlink.MAV_RESULT_DENIED): (
-        "outside its airspeeds, or a kind of speed that it does not hold"
-    ),
-    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED): (
-        "it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more"
-    ),
-    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_DENIED): (
-        "it has no such mode, or no position to fly it by"
-    ),
-    (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_FAILED): (
-        "it is not ready for that mode: no position, or not armed"
-    ),
-    (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED): (
-        "faster than its loop: raise SCHED_LOOP_RATE, or lower rehearsal.rate_hz"
-    ),
-}
-"""What a refusal usually means."""
 
 
 class Acknowledgements:

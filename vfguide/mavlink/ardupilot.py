@@ -62,6 +62,47 @@ BETA_TIME_CONST = 2.0
 LEAST_TURN_SHARE = 0.5
 """A vehicle that slips turns at least this much of what its bank says; the simulated plane does 0.745."""
 
+GUIDED = 15
+
+LOITER = 12
+
+MODES = [
+    "MANUAL",
+    "CIRCLE",
+    "STABILIZE",
+    "TRAINING",
+    "ACRO",
+    "FBWA",
+    "FBWB",
+    "CRUISE",
+    "AUTOTUNE",
+    "-",
+    "AUTO",
+    "RTL",
+    "LOITER",
+    "TAKEOFF",
+    "AVOID_ADSB",
+    "GUIDED",
+    "INITIALISING",
+    "QSTABILIZE",
+    "QHOVER",
+    "QLOITER",
+    "QLAND",
+    "QRTL",
+    "QAUTOTUNE",
+    "QACRO",
+    "THERMAL",
+    "LOITER_ALT_QLAND",
+    "AUTOLAND",
+]
+"""Names, from number 0."""
+
+HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
+
+COURSE_OVER_GROUND = 0
+
+AIRSPEED, GROUND_SPEED = 0, 1
+
 
 def arduplane_response(parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
     """How the vehicle answers, and its limits."""
@@ -197,46 +238,6 @@ def speed_warning(parameters: Mapping[str, float]) -> list[str]:
             f" 12 s; set it to {MOST_TECS_TIME_CONST:g}, or 2 where the aircraft bears it"
         )
     ]
-
-
-GUIDED = 15
-LOITER = 12
-
-MODES = [
-    "MANUAL",
-    "CIRCLE",
-    "STABILIZE",
-    "TRAINING",
-    "ACRO",
-    "FBWA",
-    "FBWB",
-    "CRUISE",
-    "AUTOTUNE",
-    "-",
-    "AUTO",
-    "RTL",
-    "LOITER",
-    "TAKEOFF",
-    "AVOID_ADSB",
-    "GUIDED",
-    "INITIALISING",
-    "QSTABILIZE",
-    "QHOVER",
-    "QLOITER",
-    "QLAND",
-    "QRTL",
-    "QAUTOTUNE",
-    "QACRO",
-    "THERMAL",
-    "LOITER_ALT_QLAND",
-    "AUTOLAND",
-]
-"""Names, from number 0."""
-
-HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
-
-COURSE_OVER_GROUND = 0
-AIRSPEED, GROUND_SPEED = 0, 1
 
 
 @autopilot("ardupilot")

@@ -56,6 +56,30 @@ ALTITUDE_ERRORS_M = {
 
 Pair = tuple[float, float]
 
+UNKNOWN_HEADING = 65535
+"""hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
+
+NO_MILLIVOLTS = 65535
+"""voltage_battery of an autopilot that does not measure it (UINT16_MAX)."""
+
+GREATEST_AIRSPEED = 500.0
+"""m/s: what is faster is no aircraft that is guided here."""
+
+WHOLE_NUMBERS = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+}
+"""How whole numbers lie in the four bytes of a parameter's value, where they are not converted."""
+
+COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+
+OUR_COMPONENTS = frozenset({mavlink.MAV_COMP_ID_ALL, COMPANION_COMPONENT})
+"""Targets within its own system that a companion is meant by."""
+
 
 def altitude_of(metres: float) -> float:
     """An altitude (m), NaN where it cannot be one."""
@@ -103,31 +127,6 @@ def traffic_report(message: MAVLink_message) -> TrafficReport | None:
         climb_rate=climb_of(-message.ver_velocity * 1e-2) if climbs else 0.0,
         age_s=float(message.tslc),
     )
-
-
-UNKNOWN_HEADING = 65535
-"""hdg of an autopilot that does not know its yaw (UINT16_MAX, as the message set defines it)."""
-
-NO_MILLIVOLTS = 65535
-"""voltage_battery of an autopilot that does not measure it (UINT16_MAX)."""
-
-GREATEST_AIRSPEED = 500.0
-"""m/s: what is faster is no aircraft that is guided here."""
-
-WHOLE_NUMBERS = {
-    mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
-    mavlink.MAV_PARAM_TYPE_INT8: "<bxxx",
-    mavlink.MAV_PARAM_TYPE_UINT16: "<Hxx",
-    mavlink.MAV_PARAM_TYPE_INT16: "<hxx",
-    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
-    mavlink.MAV_PARAM_TYPE_INT32: "<i",
-}
-"""How whole numbers lie in the four bytes of a parameter's value, where they are not converted."""
-
-COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
-
-OUR_COMPONENTS = frozenset({mavlink.MAV_COMP_ID_ALL, COMPANION_COMPONENT})
-"""Targets within its own system that a companion is meant by."""
 
 
 def position_report(message: MAVLink_message) -> PositionReport | None:

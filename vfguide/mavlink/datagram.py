@@ -22,6 +22,12 @@ Endpoint = tuple[Any, ...]
 PEER_SILENCE = 1.0
 """s that a peer must be silent before another may take its place, unless something else is said."""
 
+LARGEST_DATAGRAM = 4096
+"""Bytes; autopilots and routers send at most what fits a packet, 1500."""
+
+RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
+"""Bytes in the kernel; what larger ones kept would be older when it is read."""
+
 
 def begins_frame(datagram: bytes) -> bool:
     """Whether the first byte is one that MAVLink frames begin with."""
@@ -76,13 +82,6 @@ class UdpPeer:
             self.endpoint, self.rival = source, None
         self._heard = now
         return True
-
-
-LARGEST_DATAGRAM = 4096
-"""Bytes; autopilots and routers send at most what fits a packet, 1500."""
-
-RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
-"""Bytes in the kernel; what larger ones kept would be older when it is read."""
 
 
 class UdpSocket(asyncio.DatagramProtocol):

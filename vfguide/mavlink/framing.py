@@ -29,6 +29,27 @@ HEADER_1, HEADER_2 = 6, 10
 CHECKSUM, SIGNATURE = 2, 13
 SIGNED = 0x01
 
+KEY_SIZE = 32
+
+EPOCH_S = 1_420_070_400
+"""Unix time of 1 January 2015, from which time stamps count."""
+
+UNITS_PER_S = 100_000
+
+PATIENCE = 60 * UNITS_PER_S
+"""How much older than this end's time the first packet of a stream may be."""
+
+LATEST = 2**48 - 1
+
+TIME_STAMP, DIGEST = slice(-12, -6), slice(-6, None)
+"""Places in a frame, after the link's number."""
+
+SILENCE_S = 10.0
+"""s that a peer must be silent before another address may take its place: a router that is started anew."""
+
+SIGNED_SILENCE_S = 1.0
+"""The same where the heartbeat is signed: nobody else can have sent it."""
+
 
 class Frame(NamedTuple):
     """One frame; a tuple, since some are made for every report."""
@@ -89,19 +110,6 @@ def next_magic(datagram: bytes, start: int) -> int:
     """The next place from which a frame could begin, or the end."""
     places = (datagram.find(bytes([magic]), start) for magic in (MAGIC_1, MAGIC_2))
     return min((place for place in places if place >= 0), default=len(datagram))
-
-
-KEY_SIZE = 32
-EPOCH_S = 1_420_070_400
-"""Unix time of 1 January 2015, from which time stamps count."""
-
-UNITS_PER_S = 100_000
-PATIENCE = 60 * UNITS_PER_S
-"""How much older than this end's time the first packet of a stream may be."""
-
-LATEST = 2**48 - 1
-TIME_STAMP, DIGEST = slice(-12, -6), slice(-6, None)
-"""Places in a frame, after the link's number."""
 
 
 def signing_key(text: str) -> bytes:
@@ -175,13 +183,6 @@ def stamp_and_stream(frame: Frame) -> tuple[int, tuple[int, int, int]]:
     content = frame.content
     stamp = int.from_bytes(content[TIME_STAMP], "little")
     return stamp, (frame.system_id, frame.component_id, content[-SIGNATURE])
-
-
-SILENCE_S = 10.0
-"""s that a peer must be silent before another address may take its place: a router that is started anew."""
-
-SIGNED_SILENCE_S = 1.0
-"""The same where the heartbeat is signed: nobody else can have sent it."""
 
 
 class Introduction:

@@ -55,6 +55,9 @@ KINDS: tuple[Kind, ...] = (
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
 """Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
 
+INTERVAL_S = 0.1
+"""Between two of them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaderReport:
@@ -255,10 +258,6 @@ class LeaderCodec:
             return self._parser.decode(bytearray(frame))
         except MAVError:
             return None
-
-
-INTERVAL_S = 0.1
-"""Between two of them."""
 
 
 def follow_target_message(

@@ -82,6 +82,47 @@ HOLD_BIT = 1 << 1
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what the parameters give."""
 
+STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
+    "guided-course": GuidedCourse,
+    "position": PositionAhead,
+    "velocity": VelocityAlong,
+}
+"""By the mission's words for them."""
+
+MAIN_MODES = {
+    1: "MANUAL",
+    2: "ALTITUDE",
+    3: "POSITION",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    9: "SIMPLE",
+    10: "TERMINATION",
+}
+
+AUTO_MODES = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "HOLD",
+    4: "MISSION",
+    5: "RETURN",
+    6: "LAND",
+    8: "FOLLOW",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+    19: "GUIDED_COURSE",
+}
+"""Names as ground stations show them."""
+
+HOMEWARD = frozenset({"RETURN", "LAND", "PRECLAND", "TERMINATION"})
+
+TRIES = 4
+"""How often the version is asked for, once a second."""
+
+REFUSALS = 3
+"""Of Guided Course in a row, once a second, before it is taken for a mode that this PX4 does not have."""
+
 
 def px4_warnings(
     parameters: Mapping[str, float], needs: FlightNeeds, stops_by: str | None
@@ -180,47 +221,6 @@ def course_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[
             f" mission says {needs.alpha:g}: fly `vfguide identify` and take over what it finds"
         )
     ]
-
-
-STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
-    "guided-course": GuidedCourse,
-    "position": PositionAhead,
-    "velocity": VelocityAlong,
-}
-"""By the mission's words for them."""
-
-MAIN_MODES = {
-    1: "MANUAL",
-    2: "ALTITUDE",
-    3: "POSITION",
-    5: "ACRO",
-    6: "OFFBOARD",
-    7: "STABILIZED",
-    8: "RATTITUDE",
-    9: "SIMPLE",
-    10: "TERMINATION",
-}
-AUTO_MODES = {
-    1: "READY",
-    2: "TAKEOFF",
-    3: "HOLD",
-    4: "MISSION",
-    5: "RETURN",
-    6: "LAND",
-    8: "FOLLOW",
-    9: "PRECLAND",
-    10: "VTOL_TAKEOFF",
-    19: "GUIDED_COURSE",
-}
-"""Names as ground stations show them."""
-
-HOMEWARD = frozenset({"RETURN", "LAND", "PRECLAND", "TERMINATION"})
-
-TRIES = 4
-"""How often the version is asked for, once a second."""
-
-REFUSALS = 3
-"""Of Guided Course in a row, once a second, before it is taken for a mode that this PX4 does not have."""
 
 
 @autopilot("px4")

@@ -52,6 +52,18 @@ LARGEST_FRAME = HEADER_2 + 255 + CHECKSUM + SIGNATURE
 SLICE = 4096 - LARGEST_FRAME
 """Bytes that are looked at in one go, so that the buffer stays below 4096 however much comes at once."""
 
+LARGEST_BACKLOG = 2048
+"""Bytes that may wait for a slow peer. More would only make setpoints old: at 57600 baud this is 0.36 s."""
+
+LONGEST_DIAL = 5.0
+"""s, for one try: a host that is switched off never answers."""
+
+SEND_BUFFER = 8 * 1024
+"""Bytes in the kernel: by default it would take minutes of setpoints for a peer that does not read."""
+
+LONGEST_SILENCE = 5_000
+"""ms without an acknowledgement until a peer counts as gone: a pulled cable says no goodbye."""
+
 
 class Verdict(Enum):
     """What the bytes at one place are; the values are what counters call it."""
@@ -136,10 +148,6 @@ def verdict_of_checksum(buffer: bytes, start: int, end: int) -> Verdict:
     checked = buffer[start + 1 : behind - CHECKSUM] + bytes([seed])
     right = x25crc(checked).crc == int.from_bytes(buffer[behind - CHECKSUM : behind], "little")
     return Verdict.PROVED if right else Verdict.NONE
-
-
-LARGEST_BACKLOG = 2048
-"""Bytes that may wait for a slow peer. More would only make setpoints old: at 57600 baud this is 0.36 s."""
 
 
 class StreamPeer(asyncio.Protocol):
@@ -230,9 +238,6 @@ def discard_output(transport: asyncio.Transport) -> None:
             port.reset_output_buffer()
 
 
-LONGEST_DIAL = 5.0
-"""s, for one try: a host that is switched off never answers."""
-
 Dial = Callable[[StreamPeer], Awaitable[str]]
 """Connects a peer, and tells what it is; raises OSError or ValueError when that does not work."""
 
@@ -283,13 +288,6 @@ class ReconnectingStream:
         finally:
             self._peer = None
             await peer.close()
-
-
-SEND_BUFFER = 8 * 1024
-"""Bytes in the kernel: by default it would take minutes of setpoints for a peer that does not read."""
-
-LONGEST_SILENCE = 5_000
-"""ms without an acknowledgement until a peer counts as gone: a pulled cable says no goodbye."""
 
 
 def dial_tcp(address: NetworkAddress) -> Dial:

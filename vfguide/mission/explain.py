@@ -21,6 +21,38 @@ from vfguide.mission.flight_path import Location, PathShape, shape_models
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import NAME_RULES
 
+COVERED_ELSEWHERE = {"inconsistent_mission", "default_factory_not_called"}
+"""Findings that repeat others: contradictions are looked for separately, with their own places."""
+
+EXPECTED = {
+    "float_type": ("a number", "write a number without quotes"),
+    "int_type": ("a whole number", "write a whole number without quotes"),
+    "bool_type": ("true or false", "write true or false without quotes"),
+    "string_type": ("text", "put it in quotes if it is meant as text"),
+    "model_type": ("a group of fields", "write its fields below it, or {field: value, …}"),
+    "dict_type": ("a group of fields", "write its fields below it, or {name: …, …}"),
+    "model_attributes_type": ("a group of fields", "write its fields below it, or {type: …, …}"),
+    "tuple_type": ("a list", "write [first, second, …], or one line with a dash for each"),
+}
+
+REMEDIES = {
+    "airspeed_range": "write [lowest, highest]",
+    "climb_end": "write both positive, or both negative",
+    "airspeed_range_m_s": "write [lowest, highest]",
+    "easement_m": "shorten it, or leave it out",
+    "line_given_twice": "remove one of the two",
+    "line_without_course": "add course_deg, degrees clockwise from north, or slope",
+    "line_without_slope": "add slope, or use point and course_deg",
+    "place": "give one of the two pairs",
+    "waypoint_height": "remove one of the two",
+}
+
+WITH_UNIT = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)\s*[^\d\s.,:eE+-]")
+"""The beginning of a number with something behind it, such as a unit."""
+
+WRITTEN_OUT = 10**15
+"""Whole numbers below this are quoted to the last digit."""
+
 
 @dataclass(frozen=True, slots=True)
 class Place:
@@ -97,40 +129,6 @@ def _inner(annotation: object, group: type[BaseModel] | None, step: str | int) -
     if get_origin(annotation) is tuple:
         return arguments[0]
     return None
-
-
-COVERED_ELSEWHERE = {"inconsistent_mission", "default_factory_not_called"}
-"""Findings that repeat others: contradictions are looked for separately, with their own places."""
-
-EXPECTED = {
-    "float_type": ("a number", "write a number without quotes"),
-    "int_type": ("a whole number", "write a whole number without quotes"),
-    "bool_type": ("true or false", "write true or false without quotes"),
-    "string_type": ("text", "put it in quotes if it is meant as text"),
-    "model_type": ("a group of fields", "write its fields below it, or {field: value, …}"),
-    "dict_type": ("a group of fields", "write its fields below it, or {name: …, …}"),
-    "model_attributes_type": ("a group of fields", "write its fields below it, or {type: …, …}"),
-    "tuple_type": ("a list", "write [first, second, …], or one line with a dash for each"),
-}
-
-REMEDIES = {
-    "airspeed_range": "write [lowest, highest]",
-    "climb_end": "write both positive, or both negative",
-    "airspeed_range_m_s": "write [lowest, highest]",
-    "easement_m": "shorten it, or leave it out",
-    "line_given_twice": "remove one of the two",
-    "line_without_course": "add course_deg, degrees clockwise from north, or slope",
-    "line_without_slope": "add slope, or use point and course_deg",
-    "place": "give one of the two pairs",
-    "waypoint_height": "remove one of the two",
-}
-
-
-WITH_UNIT = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)\s*[^\d\s.,:eE+-]")
-"""The beginning of a number with something behind it, such as a unit."""
-
-WRITTEN_OUT = 10**15
-"""Whole numbers below this are quoted to the last digit."""
 
 
 @dataclass(frozen=True, slots=True)

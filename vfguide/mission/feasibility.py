@@ -49,6 +49,12 @@ from vfguide.registry import laws
 FAR_M = 1000.0
 """A start further away than this (m) takes most of a rehearsal to fly in from."""
 
+PROMISED_M = 5.0
+"""No vehicle under guidance is to come nearer than this to another."""
+
+PUBLISH_S = 0.1
+"""Between states of a vehicle that is not under guidance."""
+
 
 def crowded_starts(mission: Mission) -> Iterator[Finding]:
     """Vehicles that begin closer together than they may ever be."""
@@ -168,13 +174,6 @@ def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
             message = f"'{loss.vehicle}' loses its {loss.what} at {loss.at_s:g} s, when all is over"
             remedy = f"lengthen rehearsal.duration_s, {duration:g} s, or let it happen earlier"
             yield Finding("warning", ("rehearsal", "losses", index), message, remedy)
-
-
-PROMISED_M = 5.0
-"""No vehicle under guidance is to come nearer than this to another."""
-
-PUBLISH_S = 0.1
-"""Between states of a vehicle that is not under guidance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

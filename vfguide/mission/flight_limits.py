@@ -25,6 +25,15 @@ from vfguide.mission.model import Follower, Mission
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
 """0.385: greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
 
+EXCESS_M_S2 = 0.25
+"""Less than this, and a follower that has lost 1 m/s takes more than 4 s to get it back."""
+
+AIRSPEED_STEPS = 41
+"""How finely the leader's airspeed range is searched for one that suits all followers."""
+
+TOLERANCE_M_S = 0.05
+"""An airspeed this little out of range is not worth a word."""
+
 
 def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
     """Greatest turn rate (rad/s) of the field around a straight path: 0.385 k V_g (2/pi) chi_inf.
@@ -100,10 +109,6 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
     yield Finding("warning", ("path", "gain"), message, remedy)
 
 
-EXCESS_M_S2 = 0.25
-"""Less than this, and a follower that has lost 1 m/s takes more than 4 s to get it back."""
-
-
 def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
     """Climbs and descents that are too fast for a vehicle, or that leave it nothing to keep its slot with."""
     rates = conditions.ground_speed(mission.leader.airspeed_m_s) * conditions.slope
@@ -151,13 +156,6 @@ def _finding(
             " give way to that",
             remedy,
         )
-
-
-AIRSPEED_STEPS = 41
-"""How finely the leader's airspeed range is searched for one that suits all followers."""
-
-TOLERANCE_M_S = 0.05
-"""An airspeed this little out of range is not worth a word."""
 
 
 @dataclass(frozen=True, slots=True)

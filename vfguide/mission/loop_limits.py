@@ -21,6 +21,9 @@ WIDEST_LAYER = math.pi / 4.0
 STALE_S = 1.0
 """Age of a leader state (s) beyond which its prediction is a guess."""
 
+RADIO_BYTES = 56
+"""Of a leader's state on a radio."""
+
 
 def effective_layer(controller: Controller, period: float) -> float:
     """Boundary layer epsilon (rad, m/s) that the laws use in a loop with this period in s."""
@@ -70,10 +73,6 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
         )
         remedy = "raise rehearsal.rate_hz, or lower controller.kappa or boundary_layer_factor"
         yield Finding("warning", ("controller", "kappa"), message, remedy)
-
-
-RADIO_BYTES = 56
-"""Of a leader's state on a radio."""
 
 
 def mean_leader_age(mission: Mission) -> float:

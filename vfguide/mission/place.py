@@ -15,6 +15,11 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.frames import LocalFrame
 from vfguide.mission.quantity import Coordinate, Number, Positive, Section, Switch
 
+MOST_AREAS, MOST_CORNERS = 100, 500
+
+EDGE_POINTS = 121
+"""Of a round area, as it is drawn."""
+
 
 class MissionFrame(Section):
     """What a path takes from the rest of its mission."""
@@ -70,12 +75,6 @@ class Place(Section):
         if self.latitude_deg is None or self.longitude_deg is None or frame is None:
             return self.north_m or 0.0, self.east_m or 0.0
         return frame.local.to_local(self.latitude_deg, self.longitude_deg)
-
-
-MOST_AREAS, MOST_CORNERS = 100, 500
-
-EDGE_POINTS = 121
-"""Of a round area, as it is drawn."""
 
 
 class FencePolygon(Section):

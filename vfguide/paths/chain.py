@@ -40,6 +40,20 @@ STEPS = 12
 ABEAM_M = 1e-5
 """Going along the chain until the vehicle is abeam."""
 
+SPACING_M = 1.0
+"""Between the points that a curve is known by."""
+
+FEWEST_POINTS, MOST_POINTS = 400, 100_000
+
+TRACED_POINTS = 4
+"""Points that are traced for each one that is kept."""
+
+CORNER_RAD = 0.5
+"""A greater turn from one point to the next is a corner: a radius of 2 m."""
+
+CLOSED_M = 1e-3
+"""m: between the beginning and the end of a curve that is closed."""
+
 
 class Chain:
     """Pieces in a row; after the last one they go on with the first, or with a later one."""
@@ -257,21 +271,6 @@ class ChainedPath(Path):
         even = 0.5 * turned / max(float(turned[-1]), 1e-9) + 0.5 * ends / self.length
         places = np.interp(np.linspace(0.0, even[-1], count - 1), even, ends)
         return np.sort(np.append(places, ends[int(bends.argmax())]))
-
-
-SPACING_M = 1.0
-"""Between the points that a curve is known by."""
-
-FEWEST_POINTS, MOST_POINTS = 400, 100_000
-
-TRACED_POINTS = 4
-"""Points that are traced for each one that is kept."""
-
-CORNER_RAD = 0.5
-"""A greater turn from one point to the next is a corner: a radius of 2 m."""
-
-CLOSED_M = 1e-3
-"""m: between the beginning and the end of a curve that is closed."""
 
 
 class Curve(ChainedPath):

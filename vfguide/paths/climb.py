@@ -27,6 +27,9 @@ ClimbAngle = Annotated[quantity.Number, Field(ge=-30.0, le=30.0)]
 EndHeight = Annotated[quantity.Number, Field(ge=-9000.0, le=9000.0)]
 """Above the mission's flying height, m."""
 
+EASED_M = 120.0
+"""Length of a vertical curve where there is room for it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climb:
@@ -85,10 +88,6 @@ def eased_ramp(progress: Number, half: float) -> tuple[Number, Number]:
     slope = inside / (2.0 * half)
     beyond = clip(progress - half, 0.0, math.inf)
     return 0.5 * inside * slope + beyond, slope
-
-
-EASED_M = 120.0
-"""Length of a vertical curve where there is room for it."""
 
 
 class HeightProfile:

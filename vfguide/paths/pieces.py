@@ -28,6 +28,15 @@ GAUSS = (
 )
 """Places within [0, 1] and weights of the Gauss-Legendre quadrature of three points."""
 
+EASED_IN = 10
+"""Elements of an easement."""
+
+LEAST_EASEMENT_M = 0.1
+"""Without any, the curvature would have no value where a turn begins."""
+
+CHORD_TURN, LONGEST_CHORD_M = 0.2, 40.0
+"""rad, m: pieces that turn by no more together, and are no longer, are looked for as one chord."""
+
 
 @dataclass(frozen=True, slots=True)
 class Element:
@@ -122,13 +131,6 @@ class Pieces:
         return float(self.north[-1] + north), float(self.east[-1] + east), turned
 
 
-EASED_IN = 10
-"""Elements of an easement."""
-
-LEAST_EASEMENT_M = 0.1
-"""Without any, the curvature would have no value where a turn begins."""
-
-
 @dataclass(frozen=True, slots=True)
 class Bend:
     """How turns are flown."""
@@ -219,10 +221,6 @@ def turn_back(bend: Bend) -> list[Element]:
         _, east, _ = Pieces.of(0.0, 0.0, 0.0, both(middle)).end()
         least, most = (middle, most) if east > 0.0 else (least, middle)
     return both(least)
-
-
-CHORD_TURN, LONGEST_CHORD_M = 0.2, 40.0
-"""rad, m: pieces that turn by no more together, and are no longer, are looked for as one chord."""
 
 
 class PieceTree:

@@ -48,6 +48,12 @@ USUAL_EASEMENT = 1.0
 
 End = Literal["repeat", "reverse", "loiter", "hand-back"]
 
+FARTHEST_M = 100e3
+"""From the mission's origin: no formation of small aircraft flies further away."""
+
+FALLBACK_RADIUS_M = 100.0
+"""Where the mission does not say how fast anything flies."""
+
 
 class Waypoint(Place):
     """A corner of a route."""
@@ -163,13 +169,6 @@ class WaypointsShape(RouteShape):
     def after(self) -> End:
         """What comes after the last of them."""
         return self.end
-
-
-FARTHEST_M = 100e3
-"""From the mission's origin: no formation of small aircraft flies further away."""
-
-FALLBACK_RADIUS_M = 100.0
-"""Where the mission does not say how fast anything flies."""
 
 
 @dataclass(frozen=True, slots=True)

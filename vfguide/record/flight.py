@@ -54,6 +54,10 @@ FORMAT = "vfguide-flight-record"
 VERSION = 2
 """Of the layout of the file; a reader refuses what is newer than itself."""
 
+TEXTS = ("mission", "controller", "plant", "wind", "mode")
+
+NUMBERS = ("rate_hz", "duration_s")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance:
@@ -217,10 +221,6 @@ def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     optional = (*SLOT_SERIES, *LEAD_SERIES, *PATH_SERIES)
     changed = [name for name in optional if getattr(vehicle, name) is not None]
     return (*SERIES, "mode", "limited", *changed)
-
-
-TEXTS = ("mission", "controller", "plant", "wind", "mode")
-NUMBERS = ("rate_hz", "duration_s")
 
 
 def _describe(record: FlightRecord) -> dict[str, object]:

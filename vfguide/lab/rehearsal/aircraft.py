@@ -38,6 +38,9 @@ TIMES = 6
 
 _newest: list[tuple[Mission, tuple[tuple[float, bytes], ...]]] = []
 
+TIME = Struct("<d")
+"""When a datagram arrived, s, in the mail of a leader without a companion."""
+
 
 def order_mail(mission: Mission) -> tuple[tuple[float, bytes], ...]:
     """(when in s, what) of all orders of a mission's time table, in the order of their times."""
@@ -56,10 +59,6 @@ def _mail(mission: Mission) -> Iterator[tuple[float, bytes]]:
         lead_s = 0.0 if arrangement.flown is Manoeuvre.ABORT else LEAD_S
         for number in range(TIMES):
             yield arrangement.time_s - lead_s + REPEAT_S * number, data
-
-
-TIME = Struct("<d")
-"""When a datagram arrived, s, in the mail of a leader without a companion."""
 
 
 class ForeignLeader:

@@ -39,6 +39,9 @@ from vfguide.record.tlog import TelemetryLog
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import plugin_fault
 
+WINDOWS = 2
+"""From the window in which something is published to the one in which it is handed to the links."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
@@ -172,10 +175,6 @@ def fly_share(
             raise
         sys.stderr.write(f"{fault}\n")
         raise SystemExit(1) from error
-
-
-WINDOWS = 2
-"""From the window in which something is published to the one in which it is handed to the links."""
 
 
 def window_length(rate_hz: float) -> int:

@@ -22,6 +22,15 @@ from vfguide.errors import VfguideError
 from vfguide.extras import require
 from vfguide.record.latency import Usage
 
+PROGRAM = "vfguide.link.broker"
+"""What runs as the broker."""
+
+PATIENCE_S = 10.0
+"""Real time that a process gets to end cleanly before it is killed."""
+
+PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl: a signal to this process when the one that started it is gone."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
@@ -62,9 +71,6 @@ def load() -> list[float]:
     return [round(average, 2) for average in os.getloadavg()]
 
 
-PROGRAM = "vfguide.link.broker"
-
-
 @asynccontextmanager
 async def broker_process(log: Path) -> AsyncIterator[int]:
     """Run an embedded broker for as long as the context lasts.
@@ -103,13 +109,6 @@ async def broker_process(log: Path) -> AsyncIterator[int]:
         except TimeoutError:
             process.kill()
             await process.wait()
-
-
-PATIENCE_S = 10.0
-"""Real time that a process gets to end cleanly before it is killed."""
-
-PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl: a signal to this process when the one that started it is gone."""
 
 
 class Process:

@@ -44,6 +44,18 @@ AFTERWARDS_S = 60.0
 
 MODES = frozenset(mode.value for mode in Mode)
 
+LOOK_S = 0.05
+"""Real time between looks at the file."""
+
+LEAD_S = 5.0
+"""Real time that emulators get to start before simulation time 0."""
+
+LISTEN_S = 1.0
+"""Real time to hear from every companion."""
+
+PATIENCE_S = 20.0
+"""Real time without a true state of some vehicle, after which the flight counts as broken."""
+
 
 class TruthCollector(asyncio.DatagramProtocol):
     """Collects the true states of every vehicle at each sample time."""
@@ -168,10 +180,6 @@ def decode_truth(data: bytes) -> tuple[int, sitl_stub.Truth] | None:
     return system_id, sitl_stub.Truth(**numbers, mode=mode, armed=armed)
 
 
-LOOK_S = 0.05
-"""Real time between looks at the file."""
-
-
 def give_start(file: Path, *, epoch_s: float) -> None:
     """Write the signal, so that nobody ever reads half of it.
 
@@ -214,16 +222,6 @@ def await_start(
     raise VfguideError(
         f"no flight has begun within {patience_s:g} s: {file} holds no start to come"
     )
-
-
-LEAD_S = 5.0
-"""Real time that emulators get to start before simulation time 0."""
-
-LISTEN_S = 1.0
-"""Real time to hear from every companion."""
-
-PATIENCE_S = 20.0
-"""Real time without a true state of some vehicle, after which the flight counts as broken."""
 
 
 class WatchedFlight:

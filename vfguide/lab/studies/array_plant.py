@@ -35,6 +35,15 @@ Place = tuple[FloatArray, FloatArray]
 Report = tuple[FloatArray, FloatArray]
 """What a position report says: (latitude, longitude) in degrees, or (north, east) in m on the plane."""
 
+LONGEST_STEP_S = 0.05
+"""Of the integration, as in the emulator."""
+
+LOITER_BANK = math.radians(15.0)
+"""Bank to the right before the first setpoint, rad: what an emulated autopilot does unguided."""
+
+LEAST_GROUND_SPEED = 0.1
+"""m/s."""
+
 
 class Ground(Protocol):
     """What a vehicle moves over."""
@@ -213,16 +222,6 @@ def swinging_wind(wind: CalmWind | ArticleWind | SteadyWind, count: int) -> Swin
         rate=still + rate,
         phase=still,
     )
-
-
-LONGEST_STEP_S = 0.05
-"""Of the integration, as in the emulator."""
-
-LOITER_BANK = math.radians(15.0)
-"""Bank to the right before the first setpoint, rad: what an emulated autopilot does unguided."""
-
-LEAST_GROUND_SPEED = 0.1
-"""m/s."""
 
 
 class Motion(NamedTuple):

@@ -38,6 +38,38 @@ BAD_LINK = {
 START_SPREAD_M = 25.0
 """And so do the starts, by up to this on each axis."""
 
+COLUMNS = (
+    "mean, m",
+    "95 %, m",
+    "max, m",
+    "10 m, s",
+    "1 m, s",
+    "effort, m/s²",
+    "course back and forth, rad/s",
+    "speed variation, m/s²",
+    "cut by limits",
+    "nearest, m",
+)
+"""Of the long table: errors, settling, control, separation."""
+
+ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "as shipped": {},
+    "no slot motion": {"controller": {"type": "article"}},
+    "no integral": {"controller": {"integral_s": 0.0}},
+    "no rates of the slot's motion": {"controller": {"rate_feedforward": False}},
+    "no wind rate": {"controller": {"wind_feedforward": False}},
+    "no wind filter": {"controller": {"wind_filter_s": 0.0}},
+    "no filter of the leader's rates": {"controller": {"rate_filter_s": 0.0}},
+    "no delay compensation": {"controller": {"predict_leader": False}},
+    "no measured leader speed (observer)": {"controller": {"leader_speed_source": "observer"}},
+    "boundary layer of the article": {"controller": {"boundary_layer_factor": 0.0}},
+    "no position filter": {"controller": {"position_filter_s": 0.0}},
+    "no giving way": {"controller": {"give_way": False}},
+}
+"""Fields of the mission that switch one part off."""
+
+QUICK_S, FULL_S = 120.0, 300.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
@@ -184,21 +216,6 @@ def row_json(row: Row) -> dict[str, Any]:
     return content
 
 
-COLUMNS = (
-    "mean, m",
-    "95 %, m",
-    "max, m",
-    "10 m, s",
-    "1 m, s",
-    "effort, m/s²",
-    "course back and forth, rad/s",
-    "speed variation, m/s²",
-    "cut by limits",
-    "nearest, m",
-)
-"""Of the long table: errors, settling, control, separation."""
-
-
 def metres(value: float | None) -> str:
     """A figure with the digits that it deserves."""
     if value is None or not math.isfinite(value):
@@ -261,25 +278,6 @@ def long_table(rows: Sequence[Row], plant: str, condition: str) -> str:
         ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
-
-
-ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
-    "as shipped": {},
-    "no slot motion": {"controller": {"type": "article"}},
-    "no integral": {"controller": {"integral_s": 0.0}},
-    "no rates of the slot's motion": {"controller": {"rate_feedforward": False}},
-    "no wind rate": {"controller": {"wind_feedforward": False}},
-    "no wind filter": {"controller": {"wind_filter_s": 0.0}},
-    "no filter of the leader's rates": {"controller": {"rate_filter_s": 0.0}},
-    "no delay compensation": {"controller": {"predict_leader": False}},
-    "no measured leader speed (observer)": {"controller": {"leader_speed_source": "observer"}},
-    "boundary layer of the article": {"controller": {"boundary_layer_factor": 0.0}},
-    "no position filter": {"controller": {"position_filter_s": 0.0}},
-    "no giving way": {"controller": {"give_way": False}},
-}
-"""Fields of the mission that switch one part off."""
-
-QUICK_S, FULL_S = 120.0, 300.0
 
 
 def parts_of(law: str) -> list[str]:

@@ -26,6 +26,9 @@ from vfguide.lab.studies.monte_carlo import SWEEPS, Found
 
 COLUMNS = 4
 
+LEAST_ERROR_M = 1e-3
+"""Below this no error is drawn: the scale is logarithmic."""
+
 
 def draw_maps(found: Sequence[Found], directory: Path) -> list[Path]:
     """One picture for each mission."""
@@ -75,10 +78,6 @@ def draw_mission(found: Sequence[Found], mission: str, directory: Path) -> Path:
     for axes in panels.flat[len(SWEEPS) :]:
         axes.set_visible(False)
     return save_figure(figure, directory / f"robustness-{mission}.png")
-
-
-LEAST_ERROR_M = 1e-3
-"""Below this no error is drawn: the scale is logarithmic."""
 
 
 def draw_case(mission: str, law: str, tracks: Tracks, directory: Path) -> Path:

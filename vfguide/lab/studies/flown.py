@@ -65,6 +65,15 @@ FOLLOWER_STARTS = {"f1": (-60, -50), "f2": (-50, 60), "f3": (-80, 10)}
 Changes = Mapping[str, Mapping[str, Any]]
 """Fields to be replaced, by section of the mission."""
 
+THREADS = "OPENBLAS_NUM_THREADS"
+"""One thread for each worker: with several, the numerical libraries of all would share the processors."""
+
+CONNECT_S = 10
+"""Patience with a scheduler."""
+
+DRAWN_EVERY_S = 0.5
+"""Between the points of a drawn track."""
+
 
 def article_mission(
     name: str, changes: Changes | None = None, *, plant: str = "heading-hold"
@@ -128,12 +137,6 @@ def article_mission(
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-THREADS = "OPENBLAS_NUM_THREADS"
-"""One thread for each worker: with several, the numerical libraries of all would share the processors."""
-
-CONNECT_S = 10
-"""Patience with a scheduler."""
-
 
 @contextmanager
 def executor_on(scheduler: str | None = None, processes: int | None = None) -> Iterator[Executor]:
@@ -174,10 +177,6 @@ def flown_by(
 ) -> Iterator[Result]:
     """Results in the order of the tasks, as soon as each is there."""
     yield from executor.map(fly, tasks)
-
-
-DRAWN_EVERY_S = 0.5
-"""Between the points of a drawn track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

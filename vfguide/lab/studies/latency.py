@@ -19,6 +19,17 @@ from vfguide.lab.studies.link_age import measure_link_age
 from vfguide.lab.studies.programs import broker
 from vfguide.lab.studies.response import measure_responses
 
+SUBSCRIBERS = ((3, 3), (100, 2))
+"""Followers and the processes that they are spread over, of each measurement of the link."""
+
+LOADS = ("load_before", "load_after")
+
+RECORDING = ("followers that record", "followers that do not")
+
+TIMES = ("p50_ms", "p99_ms", "max_ms")
+
+HEADINGS = ("p50 ms", "p99 ms", "max ms")
+
 
 def comparison(result: dict[str, Any]) -> list[dict[str, Any]]:
     """Each required figure with the measured one; a figure that could not be measured is None."""
@@ -48,10 +59,6 @@ def comparison(result: dict[str, Any]) -> list[dict[str, Any]]:
 def greatest(entries: list[dict[str, Any]], key: str) -> float | None:
     """The greatest of the figures that there are."""
     return max((float(entry[key]) for entry in entries if key in entry), default=None)
-
-
-SUBSCRIBERS = ((3, 3), (100, 2))
-"""Followers and the processes that they are spread over, of each measurement of the link."""
 
 
 def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
@@ -125,13 +132,6 @@ def render(result: dict[str, Any]) -> str:
     return "\n\n".join("\n".join(block) for block in blocks)
 
 
-LOADS = ("load_before", "load_after")
-
-RECORDING = ("followers that record", "followers that do not")
-
-TIMES = ("p50_ms", "p99_ms", "max_ms")
-
-
 def response_table(response: dict[str, Any]) -> list[str]:
     """One line for each client."""
     rows = [["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]]
@@ -162,9 +162,6 @@ def required_table(required: list[dict[str, Any]]) -> list[str]:
         measured, at_most = shown(entry["measured"]), shown(entry["at_most"])
         rows.append([entry["figure"], measured, at_most, entry["unit"], verdict])
     return aligned(rows)
-
-
-HEADINGS = ("p50 ms", "p99 ms", "max ms")
 
 
 def shown(value: float | None) -> str:

@@ -42,6 +42,15 @@ LEAST_SPACING_M = 15.0
 GAIN_FACTOR = 2.0
 """Gains of the law and kappa are up to this many times those of the mission, or that part of them."""
 
+QUICK_S, FULL_S = 60.0, 150.0
+
+AIRSPEED_M_S = 20.0
+
+MISSIONS = ("line-wind", "circle-wind")
+
+WRONG = ("alpha", "beta")
+"""Flown in the array form, whose plant need not be what the laws believe."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Batch:
@@ -236,12 +245,6 @@ def quantiles(values: FloatArray) -> dict[str, float] | None:
     return {"median": float(median), "p95": float(high), "max": float(finite.max())}
 
 
-QUICK_S, FULL_S = 60.0, 150.0
-AIRSPEED_M_S = 20.0
-
-MISSIONS = ("line-wind", "circle-wind")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
     """One thing that gets worse."""
@@ -310,10 +313,6 @@ def points(laws: Sequence[str], *, quick: bool) -> list[Point]:
         for law in laws
         for value in sweep.values
     ]
-
-
-WRONG = ("alpha", "beta")
-"""Flown in the array form, whose plant need not be what the laws believe."""
 
 
 def fly_point(point: Point) -> Found:

@@ -48,6 +48,31 @@ CHANGE_HEADING = 43002
 POSITION_TARGETS = frozenset({84, 86})
 """SET_POSITION_TARGET_LOCAL_NED and SET_POSITION_TARGET_GLOBAL_INT, what others are steered by."""
 
+SO_TIMESTAMPNS = 35
+"""Linux: the kernel notes when each datagram arrived, on the real-time clock. Python has no name for it."""
+
+TIMESPEC = struct.Struct("@ll")
+
+LONGEST_DATAGRAM = 65_536
+
+OUTSTANDING = 50
+"""Reports that may wait for an answer."""
+
+DISCOVERY_S = 30.0
+"""s that an autopilot gets until it is seen."""
+
+FIRST_MAVSDK = 4
+"""Major version from which MAVSDK for Python works without a server process."""
+
+VELOCITY_ONLY = 0b0000_1101_1100_0111
+"""Type mask of SET_POSITION_TARGET_LOCAL_NED: all but the velocity is ignored."""
+
+NORTH_M_S, EAST_M_S = 15.0, 10.0
+"""What they ask for; their aircraft need not like it."""
+
+PYMAVLINK_ENVIRONMENT = {"MAVLINK20": "1"}
+"""Without it mavutil speaks MAVLink 1."""
+
 
 def frames(datagram: bytes) -> Iterator[tuple[int, bytes]]:
     """Message id and payload of each whole MAVLink 2 frame, up to the first byte that begins none."""
@@ -79,17 +104,6 @@ def command_of(payload: bytes) -> int:
     number: int
     (number,) = struct.unpack_from("<H", payload.ljust(COMMAND_AT + 2, b"\0"), COMMAND_AT)
     return number
-
-
-SO_TIMESTAMPNS = 35
-"""Linux: the kernel notes when each datagram arrived, on the real-time clock. Python has no name for it."""
-
-TIMESPEC = struct.Struct("@ll")
-
-LONGEST_DATAGRAM = 65_536
-
-OUTSTANDING = 50
-"""Reports that may wait for an answer."""
 
 
 class TimedVehicle:
@@ -181,23 +195,6 @@ def arrival_ns(notes: list[tuple[int, int, bytes]]) -> int:
             seconds, nanoseconds = TIMESPEC.unpack_from(data)
             return int(seconds) * 1_000_000_000 + int(nanoseconds)
     return time.time_ns()
-
-
-DISCOVERY_S = 30.0
-"""s that an autopilot gets until it is seen."""
-
-FIRST_MAVSDK = 4
-"""Major version from which MAVSDK for Python works without a server process."""
-
-VELOCITY_ONLY = 0b0000_1101_1100_0111
-"""Type mask of SET_POSITION_TARGET_LOCAL_NED: all but the velocity is ignored."""
-
-
-NORTH_M_S, EAST_M_S = 15.0, 10.0
-"""What they ask for; their aircraft need not like it."""
-
-PYMAVLINK_ENVIRONMENT = {"MAVLINK20": "1"}
-"""Without it mavutil speaks MAVLink 1."""
 
 
 def installed_mavsdk() -> str | None:

@@ -26,6 +26,21 @@ from vfguide.mission import Mission
 FOLLOWERS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
 """Slots, m ahead of and right of the leader."""
 
+WARM_S = 2.0
+"""s of answers before any of them counts."""
+
+PATIENCE_S = 45.0
+"""s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
+
+LOOK_S = 0.1
+"""s between looks at whether they do."""
+
+PACE_STEP = 0.004
+"""Between the paces of the aircraft: at 50 Hz two neighbours meet every 5 s."""
+
+PEER_LEADER = "leader"
+"""Whose start the peers' aircraft have; they fly alone."""
+
 
 def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilot") -> Mission:
     """The mission, as `missions/circle-wind.yaml` has it but for the rate."""
@@ -67,22 +82,6 @@ def write_mission(mission: Mission, directory: Path) -> Path:
     content = mission.model_dump(mode="json", exclude_unset=True)
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     return path
-
-
-WARM_S = 2.0
-"""s of answers before any of them counts."""
-
-PATIENCE_S = 45.0
-"""s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
-
-LOOK_S = 0.1
-"""s between looks at whether they do."""
-
-PACE_STEP = 0.004
-"""Between the paces of the aircraft: at 50 Hz two neighbours meet every 5 s."""
-
-PEER_LEADER = "leader"
-"""Whose start the peers' aircraft have; they fly alone."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -26,6 +26,30 @@ from vfguide.laws.keeper import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
 
+DURATION_S = 15.0
+
+STEADY_FROM = 0.2
+"""Share of the calls that is left out: imports and the first solutions."""
+
+COUNTS = (4, 10, 30, 100)
+
+FLOWN_S, QUICK_S = 20.0, 4.0
+
+JOINED_S = 20.0
+"""Until everybody is in place: what is measured is a formation, not a muster."""
+
+ROW = 10
+
+SPACING_M = 20.0
+
+SHARES = {
+    "companion": (Companion, "receive_mavlink"),
+    "decode": (Codec, "decode"),
+    "encode": (Codec, "encode"),
+    "guidance": (FollowerRole, "step"),
+}
+"""Parts that are timed."""
+
 
 @contextmanager
 def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
@@ -47,12 +71,6 @@ def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
         setattr(owner, name, method)
 
 
-DURATION_S = 15.0
-
-STEADY_FROM = 0.2
-"""Share of the calls that is left out: imports and the first solutions."""
-
-
 def step_costs(laws: Sequence[str], mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
     """Median and 99th percentile of a follower's step by law, microseconds."""
     return {law: cost_of(law, mission) for law in laws}
@@ -72,23 +90,6 @@ def cost_of(law: str, mission: str) -> dict[str, Any]:
         "p99_us": steady[round(0.99 * (len(steady) - 1))] * 1e6,
         "max_us": steady[-1] * 1e6,
     }
-
-
-COUNTS = (4, 10, 30, 100)
-FLOWN_S, QUICK_S = 20.0, 4.0
-JOINED_S = 20.0
-"""Until everybody is in place: what is measured is a formation, not a muster."""
-
-ROW = 10
-SPACING_M = 20.0
-
-SHARES = {
-    "companion": (Companion, "receive_mavlink"),
-    "decode": (Codec, "decode"),
-    "encode": (Codec, "encode"),
-    "guidance": (FollowerRole, "step"),
-}
-"""Parts that are timed."""
 
 
 def crowd(count: int, duration_s: float) -> Mission:
