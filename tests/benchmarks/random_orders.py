@@ -4,7 +4,7 @@ Run with `.venv/bin/python -m tests.benchmarks.random_orders [--orders 1000] [--
 Each flight has 4 to 6 aircraft along a circle, a line or a route of waypoints in the article's wind, and a
 dozen orders: shapes, spacings, swaps, slots, leave and join, hold and resume, another path, another leader.
 In about every sixth a companion dies, mostly the leader's, and comes back within 20 s. An order is worked out
-by the operator's program from what it hears (`vfguide.lab.ordering.OrderDesk`) and given where that accepts
+by the operator's program from what it hears (`vfguide.lab.order_desk.OrderDesk`) and given where that accepts
 it; with --rehearse it is flown in virtual time first, as `vfguide order` does. Flight k of a seed is the same
 whatever is flown before it: --first begins with a later one.
 """
@@ -26,7 +26,8 @@ from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order
 from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.lab.ordering import DECIDED, EPOCH_S, OrderDesk, new_number
+from vfguide.lab.order_desk import OrderDesk
+from vfguide.lab.ordering import DECIDED, EPOCH_S, new_number
 from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft, Candidates
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time

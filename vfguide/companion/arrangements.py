@@ -32,7 +32,7 @@ from vfguide.formation.arrangement import (
     Manoeuvre,
     agreed_number,
 )
-from vfguide.formation.wording import order_in_words
+from vfguide.formation.wording import arrangement_in_words
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
@@ -258,7 +258,7 @@ class Arrangements:
         if calls_off:
             self._call_off(given, now)
             return
-        self._say(f"order {order.number} is understood: {order_in_words(order)}")
+        self._say(f"order {order.number} is understood: {arrangement_in_words(order)}")
         self._next, self._replied_s = given, -math.inf
         self._answers.clear()
 
@@ -390,7 +390,9 @@ class Arrangements:
         elif self.flight.has_left:
             self._say(f"order {number}: out of the formation, back to the autopilot", warning=True)
         else:
-            self._say(f"order {number} is flown from now on: {order_in_words(order.arrangement)}")
+            self._say(
+                f"order {number} is flown from now on: {arrangement_in_words(order.arrangement)}"
+            )
             self._moving = self.flight.left(now) > 0.0
 
     def _void(self, order: Order, reason: str) -> None:

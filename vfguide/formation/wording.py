@@ -25,7 +25,7 @@ def flown_in_words(number: int, order: Arrangement | None) -> str:
     return f"a hold, {text}" if order.flown is Manoeuvre.HOLD else text
 
 
-def order_in_words(order: Arrangement) -> str:
+def arrangement_in_words(order: Arrangement) -> str:
     """What an order asks for: what is flown, and who is to lead where it says that."""
     text = flown_in_words(order.number, order)
     return f"{text}, {order.lead} leads" if order.lead else text

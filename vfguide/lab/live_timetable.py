@@ -10,19 +10,15 @@ from functools import partial
 from random import Random
 
 from vfguide.errors import InputError, VfguideError, described_error
-from vfguide.lab.ordering import (
+from vfguide.lab.order_desk import (
     LOOK_S,
     OrderDesk,
-    RehearsedOrder,
-    Tell,
     at_desk,
     await_formation,
     await_present,
     await_rest,
-    conclusion,
-    give_rehearsed,
-    rehearse_order,
 )
+from vfguide.lab.ordering import RehearsedOrder, Tell, conclusion, give_rehearsed, rehearse_order
 from vfguide.link.opening import Link, WatchedFormation, check_connected
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import TimedOrder

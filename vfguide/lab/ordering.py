@@ -1,53 +1,27 @@
-"""An operator's program on the link of a formation: listens, rehearses, orders, and hears the answers."""
+"""An order, from its rehearsal to what becomes of it: what `vfguide order` and the console do."""
 
 import asyncio
-import math
 import threading
 import time
-from collections import Counter
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from random import Random, SystemRandom
 
-from vfguide.companion.state_receiver import motion_of
-from vfguide.companion.succession import holder_of
 from vfguide.errors import InputError, VfguideError
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, agreed_number
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation, Order
-from vfguide.frames import LocalFrame
+from vfguide.lab.order_desk import REPEAT_S, OrderDesk, at_desk, await_present
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.codec import LinkDataError, is_leaders
 from vfguide.link.envelope import Kind
-from vfguide.link.member import Member, ignore_presence
-from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, operator_of
+from vfguide.link.opening import Link, WatchedFormation
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
     check_of,
-    decode_order,
-    decode_reply,
     encode_order,
-    encode_reply,
 )
-from vfguide.link.peer_clock import PeerClock
-from vfguide.link.trust import Trust, new_session
 from vfguide.mission.model import Mission
-from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
-from vfguide.state import HeardState
-
-LISTEN_S = 6.0
-"""So long an operator's program waits until the leader and the formation's time are known."""
-
-KNOWS_S = 8.0
-"""So long it asks for the order that is flown, if one is."""
-
-REPEAT_S = 0.5
-"""Between two copies of an order, until it is flown or refused."""
-
-LOOK_S = 0.1
-"""Between two looks at the clock."""
+from vfguide.mission.order_plan import formation_of_mission, resolve
 
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""
@@ -59,12 +33,6 @@ CHANCE_BITS = 3
 """... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
-
-HEARD_S = 10.0
-"""What was heard longer ago says nothing of now: a desk may stay open from one flight to the next."""
-
-MOST_KNOWN = 8
-"""Orders that a desk remembers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,167 +81,6 @@ class Outcome:
 
 Tell = Callable[[str], None]
 """Takes a line for people."""
-
-
-class OrderDesk:
-    """What an operator's program hears and says."""
-
-    member: Member
-    """As which it speaks."""
-
-    def __init__(self, mission: Mission, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin with nothing heard of the formation of a mission; the clock (s) tells what is old."""
-        self._mission = mission
-        self._clock = clock
-        origin = mission.origin
-        self._frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
-        self._states: dict[str, tuple[float, HeardState]] = {}
-        self._may_lead = (mission.leader.vehicle, *mission.deputies)
-        self._lead: tuple[float, HeardState] | None = None
-        self._known: dict[int, Arrangement] = {}
-        self.replies: dict[str, Reply] = {}
-        """Newest answers to the order that is given."""
-        self.given: tuple[int, int] | None = None
-        """Its number and its CRC-32."""
-        self.awaited: frozenset[str] = frozenset()
-        """Vehicles whose answers to it count."""
-
-    def heard_state(self, vehicle: str, data: bytes) -> None:
-        """Take a vehicle's state."""
-        try:
-            self._states[vehicle] = self._clock(), motion_of(data, self._frame)
-        except LinkDataError:
-            return
-
-    def heard_lead(self, vehicle: str, data: bytes) -> bool:
-        """Take a state of the leader by which a vehicle leads in its place; whether it does lead."""
-        try:
-            state = motion_of(data, self._frame)
-        except LinkDataError:
-            return False
-        if not is_leaders(data) or holder_of(state.term, self._may_lead) != vehicle:
-            return False
-        known = self._fresh_lead
-        if known is not None and state.term < known.term:
-            return False
-        self._lead = self._clock(), state
-        return True
-
-    @property
-    def states(self) -> dict[str, HeardState]:
-        """Newest state of each vehicle that is heard, times on the formation's clock."""
-        now = self._clock()
-        return {
-            name: state
-            for name, (heard_s, state) in self._states.items()
-            if now - heard_s < HEARD_S
-        }
-
-    @property
-    def _fresh_lead(self) -> HeardState | None:
-        if self._lead is None or self._clock() - self._lead[0] >= HEARD_S:
-            return None
-        return self._lead[1]
-
-    @property
-    def leader(self) -> HeardState | None:
-        """How the leader moves by which all fly; None while none is heard."""
-        return self._fresh_lead or self.states.get(self._mission.leader.vehicle)
-
-    @property
-    def leads(self) -> str:
-        """Name of the vehicle that leads, as far as is known."""
-        lead = self._fresh_lead
-        return holder_of(0 if lead is None else lead.term, self._may_lead)
-
-    @property
-    def flown(self) -> Arrangement | None:
-        """The order that is flown; None where there is none, or where it was not heard."""
-        return self._known.get(self.newest_number)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether the formation is heard: its leader, or of one without a companion a follower."""
-        return self.leader is not None or (self._mission.leader.is_foreign and bool(self.states))
-
-    def awaited_from(self, formation: Formation, order: Arrangement) -> set[str]:
-        """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
-        succeeded = self._fresh_lead is not None and formation.leader not in self.states
-        succeeded = succeeded or self._mission.leader.is_foreign
-        leaders = {order.lead, "" if succeeded else formation.leader} - {""}
-        return {*formation.slots, *order.vehicles, *leaders}
-
-    def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
-        """Take an order that another gives, or a vehicle repeats."""
-        del sealed, repeated
-        try:
-            order = decode_order(data)
-        except LinkDataError:
-            return
-        self.note_order(order)
-
-    def note_order(self, order: Arrangement) -> None:
-        """Remember an order: it is the one that is flown once the vehicles say its number."""
-        # Of two orders of one number the one counts that was there when it began to be flown.
-        if order.number in self._known and order.number == self.newest_number:
-            return
-        self._known[order.number] = order
-        flown = self.newest_number
-        while len(self._known) > MOST_KNOWN:
-            del self._known[min(number for number in self._known if number != flown)]
-
-    def heard_reply(self, vehicle: str, data: bytes) -> None:
-        """Take a vehicle's answer."""
-        try:
-            reply = decode_reply(data)
-        except LinkDataError:
-            return
-        if (reply.number, reply.check) == self.given and reply.verdict is not Verdict.UNKNOWN:
-            self.replies[vehicle] = reply
-
-    @property
-    def newest_number(self) -> int:
-        """Of the order that is flown, as states say."""
-        numbers = {name: state.arrangement for name, state in self.states.items()}
-        foreign = self._mission.leader.is_foreign
-        return agreed_number(numbers, self._mission.timekeeper if foreign else self.leads)
-
-    def formation(self) -> Formation:
-        """As it is.
-
-        Raises:
-            VfguideError: the order that is flown is not known.
-        """
-        first = replace(formation_of_mission(self._mission), holder=self.leads)
-        number = self.newest_number
-        if number == 0:
-            return first
-        flown = self.flown
-        if flown is None:
-            raise VfguideError(
-                f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
-            )
-        # Who leads may have changed since then, and is heard.
-        return replace(first.after(flown), holder=self.leads)
-
-    def leader_place(self, time_s: float) -> LeaderPlace | None:
-        """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
-        state = self.leader
-        if state is None:
-            return None
-        run = state.ground_speed * (time_s - state.time_s)
-        return LeaderPlace(
-            state.north + run * math.cos(state.course),
-            state.east + run * math.sin(state.course),
-            state.course,
-        )
-
-    def places(self) -> dict[str, LeaderPlace]:
-        """Where each vehicle was that was heard."""
-        return {
-            name: LeaderPlace(state.north, state.east, state.course)
-            for name, state in self.states.items()
-        }
 
 
 async def give_order(
@@ -338,7 +145,7 @@ async def rehearse_order(
                 mission,
                 formation,
                 arrangement,
-                leader=desk.leader_place(_now(desk)),
+                leader=desk.leader_place(desk.time_s),
                 joining=desk.places(),
                 stop=stopped.is_set,
             )
@@ -407,10 +214,6 @@ def predicted(prediction: Prediction) -> str:
     )
 
 
-def _now(desk: OrderDesk) -> float:
-    return desk.member.formation_time()
-
-
 def _present(desk: OrderDesk, mission: Mission, order: Order) -> Formation:
     """The formation as it is; to call everything off it need not be known.
 
@@ -432,7 +235,7 @@ def _resolved(
     lead_s: float,
 ) -> Arrangement:
     """The arrangement of an order that begins so many seconds from now."""
-    time_s = _now(desk) + lead_s
+    time_s = desk.time_s + lead_s
     found, _ = resolve(
         mission,
         order,
@@ -442,113 +245,6 @@ def _resolved(
         leader=desk.leader_place(time_s),
     )
     return found
-
-
-@asynccontextmanager
-async def at_desk(
-    mission: Mission, watched: WatchedFormation, random: Random
-) -> AsyncIterator[tuple[OrderDesk, Link]]:
-    """An operator's program on the links, for as long as the context lasts."""
-    name = f"operator-{random.getrandbits(32):08x}"
-    if watched.roster is not None and watched.key is not None:
-        name = operator_of(watched.roster, watched.key)
-    trust = Trust(
-        formation=watched.formation,
-        name=name,
-        leader=watched.leader,
-        session=new_session(),
-        roster=watched.roster,
-        key=watched.key,
-        deputies=watched.deputies,
-    )
-    desk = OrderDesk(mission)
-    desk.member = Member(
-        trust,
-        clock=asyncio.get_running_loop().time,
-        receive=partial(desk.heard_state, watched.leader),
-        neighbours=list(mission.followers_by_name),
-        receive_neighbour=desk.heard_state,
-        receive_lead=desk.heard_lead,
-        # Who wants presences says none about itself.
-        receive_presence=ignore_presence,
-        receive_order=desk.heard_order,
-        receive_reply=desk.heard_reply,
-        peer_clock=PeerClock(),
-    )
-    async with open_link(
-        watched.addresses, formation=watched.formation, member=desk.member, random=random
-    ) as link:
-        await link.settle()
-        check_connected(link)
-        yield desk, link
-
-
-async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
-    """Wait until the formation's time is known and, but to call everything off, its leader.
-
-    Raises:
-        VfguideError: they are not heard.
-    """
-    loop = asyncio.get_running_loop()
-    began = loop.time()
-    while not ((calls_off or desk.is_ready) and math.isfinite(_now(desk))):
-        if loop.time() - began > LISTEN_S:
-            raise VfguideError(
-                f"neither the leader {desk.member.trust.leader!r} nor a deputy in its place answers:"
-                f" {unanswered(desk.member.counters)}"
-            )
-        await asyncio.sleep(0.05)
-
-
-async def await_present(desk: OrderDesk, link: Link, *, calls_off: bool) -> None:
-    """Wait until the formation is heard and, but to call everything off, the order that is flown is known.
-
-    Raises:
-        VfguideError: the formation is not heard.
-    """
-    await await_formation(desk, calls_off=calls_off)
-    if not calls_off:
-        # The others say where they are every half second at least.
-        await asyncio.sleep(1.0)
-        await await_order(desk, link)
-
-
-async def await_rest(desk: OrderDesk, link: Link) -> None:
-    """Wait until the slots will be at rest when an order begins that is given now: earlier it is refused."""
-    while (flown := desk.flown) is not None:
-        if _now(desk) + link.order_lead_s >= flown.time_s + flown.duration_s:
-            return
-        await asyncio.sleep(LOOK_S)
-
-
-def unanswered(counters: Counter[str]) -> str:
-    """Why nobody may have answered, by what has arrived and was not believed, and the remedy."""
-    refused = {
-        reason.removeprefix("refused: "): count
-        for reason, count in counters.most_common()
-        if reason.startswith("refused: ")
-    }
-    if not refused:
-        return "nothing arrives; see that its companion runs, and that --link is the formation's"
-    reason = next(iter(refused))
-    return (
-        f"{sum(refused.values())} messages arrived that are not believed, most for {reason!r}; use the roster"
-        " and the keys that the companions use"
-    )
-
-
-async def await_order(desk: OrderDesk, link: Link) -> None:
-    """Ask for the order that is flown, if one is and it is not known, until it is or nobody answers."""
-    loop = asyncio.get_running_loop()
-    began = loop.time()
-    while desk.newest_number and desk.flown is None and loop.time() - began <= KNOWS_S:
-        ask_for_order(link)
-        await asyncio.sleep(REPEAT_S)
-
-
-def ask_for_order(link: Link) -> None:
-    """Have the vehicles repeat the order that they fly by."""
-    link.say(Kind.REPLY, encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN)))
 
 
 async def _give(
@@ -561,7 +257,7 @@ async def _give(
     desk.note_order(order)
     told: dict[str, Reply] = {}
     last_s = order.time_s + LAST_S
-    while _now(desk) < last_s:
+    while desk.time_s < last_s:
         link.say(Kind.ORDER, data)
         await asyncio.sleep(REPEAT_S)
         for vehicle, reply in sorted(desk.replies.items()):

@@ -13,7 +13,8 @@ from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab.console import orders
 from vfguide.lab.console.orders import FRESH_S, BusyError, OrderPanel
-from vfguide.lab.ordering import OrderDesk, Outcome, RehearsedOrder
+from vfguide.lab.order_desk import OrderDesk
+from vfguide.lab.ordering import Outcome, RehearsedOrder
 from vfguide.lab.studies.order import Prediction
 from vfguide.link.order_codec import Reply, Verdict
 from vfguide.mission import Mission, load_mission

@@ -14,7 +14,7 @@ from vfguide.formation.orders import Order
 from vfguide.lab.console.orders import BusyError, OrderPanel
 from vfguide.lab.console.server import LARGEST_BODY, Access, AccessToken, application
 from vfguide.lab.console.source import Source
-from vfguide.lab.ordering import OrderDesk
+from vfguide.lab.order_desk import OrderDesk
 from vfguide.mission import load_mission
 
 MISSION = Path(__file__).parents[3] / "missions" / "shapes.yaml"

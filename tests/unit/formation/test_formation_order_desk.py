@@ -15,15 +15,8 @@ import pytest
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
-from vfguide.lab.ordering import (
-    EPOCH_S,
-    OrderDesk,
-    Outcome,
-    conclusion,
-    give_order,
-    new_number,
-    unanswered,
-)
+from vfguide.lab.order_desk import OrderDesk, unanswered
+from vfguide.lab.ordering import EPOCH_S, Outcome, conclusion, give_order, new_number
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation

@@ -16,7 +16,8 @@ from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab import live_timetable, ordering
 from vfguide.lab.live_timetable import timetable_given
-from vfguide.lab.ordering import OrderDesk, rehearse_order
+from vfguide.lab.order_desk import OrderDesk
+from vfguide.lab.ordering import rehearse_order
 from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind

@@ -15,7 +15,7 @@ from vfguide.lab.console.model import Formation
 from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import TileSource
-from vfguide.lab.ordering import OrderDesk, ask_for_order
+from vfguide.lab.order_desk import OrderDesk, ask_for_order
 from vfguide.link.opening import Link, WatchedFormation, open_link, watching_member
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission

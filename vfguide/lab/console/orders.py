@@ -16,15 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
 from vfguide.formation.wording import slots_in_words
-from vfguide.lab.ordering import (
-    OrderDesk,
-    Outcome,
-    RehearsedOrder,
-    await_formation,
-    await_order,
-    give_rehearsed,
-    rehearse_order,
-)
+from vfguide.lab.order_desk import OrderDesk, await_formation, await_order
+from vfguide.lab.ordering import Outcome, RehearsedOrder, give_rehearsed, rehearse_order
 from vfguide.link.opening import Link, check_connected
 from vfguide.link.order_codec import Verdict
 from vfguide.mission import Mission
