@@ -10,12 +10,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from tests.unit.companion.ordered_companions import slots_of
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
+from vfguide.formation.arrangement import Point
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
@@ -299,3 +301,9 @@ def plan() -> Callable[..., FlightPlan]:
         return plan_of(name, vehicle)
 
     return make
+
+
+@pytest.fixture
+def slots(plan: Callable[..., FlightPlan]) -> dict[str, Point]:
+    """The mission's slots of its three followers."""
+    return slots_of(plan)

@@ -1,19 +1,24 @@
 """Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.unit.companion.ordered_companions import (
+    NAMES,
+    Formation,
+    MakePlan,
+    called_off,
+    further,
+    heard,
+    slots_of,
+)
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
-from vfguide.guidance.settings import PathGains
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -22,131 +27,6 @@ from vfguide.link.order_codec import (
     encode_order,
     encode_reply,
 )
-from vfguide.paths.circle import Circle as CirclePath
-from vfguide.state import HeardState
-
-MakePlan = Callable[..., FlightPlan]
-NAMES = ("leader", "f1", "f2", "f3")
-STEP_S = 0.05
-
-Lost = Callable[[str, str, str, float], bool]
-"""Whether something of a kind is lost from a sender to a receiver at a time."""
-
-
-def nothing(kind: str, sender: str, receiver: str, now: float) -> bool:
-    """A link that loses nothing."""
-    del kind, sender, receiver, now
-    return False
-
-
-@dataclass
-class Formation:
-    """Four companions' knowledge of orders, on a link in memory."""
-
-    plan: MakePlan
-    lost: Lost = nothing
-    now: float = 0.0
-    members: dict[str, Arrangements] = field(default_factory=dict)
-    said: list[tuple[str, Reply]] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
-    silent: set[str] = field(default_factory=set)
-
-    def __post_init__(self) -> None:
-        for name in NAMES:
-            self.start(name)
-
-    def start(self, name: str) -> None:
-        """A companion that knows nothing yet."""
-        self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK)
-
-    def give(self, order: Arrangement) -> None:
-        """An operator's order, on its way to everybody."""
-        data = encode_order(order)
-        for name, member in self.members.items():
-            if not self.lost("order", "operator", name, self.now):
-                member.receive_order(data, data, self.now)
-
-    def run(self, until_s: float) -> None:
-        """Go on until then: states 20 times a second of the leader, 4 times of the others."""
-        while self.now < until_s:
-            self.now = round(self.now + STEP_S, 3)
-            for name, member in self.members.items():
-                member.step(self.now)
-                self.words += [text for text, _ in member.words()]
-                replies, repeats = member.to_say()
-                for other, receiver in self.members.items():
-                    if other == name or name in self.silent:
-                        continue
-                    self._carry(name, other, receiver, replies, repeats)
-                self.said += [(name, decode_reply(data)) for data in replies]
-
-    def _carry(
-        self,
-        name: str,
-        other: str,
-        receiver: Arrangements,
-        replies: list[bytes],
-        repeats: list[bytes],
-    ) -> None:
-        for data in replies:
-            if not self.lost("reply", name, other, self.now):
-                receiver.receive_reply(name, data, self.now)
-        for data in repeats:
-            if not self.lost("repeat", name, other, self.now):
-                receiver.receive_order(data, data, self.now, repeated=True)
-        due = name == "leader" or round(self.now / STEP_S) % 5 == 0
-        if due and not self.lost("state", name, other, self.now):
-            state = heard(self.now, self.members[name].number)
-            receiver.hear(name, state, self.now)
-
-    @property
-    def flown(self) -> dict[str, int]:
-        """Number of what each flies."""
-        return {
-            name: 0 if member.flight.flown is None else member.flight.flown.number
-            for name, member in self.members.items()
-        }
-
-
-def heard(time_s: float, number: int) -> HeardState:
-    """A state that carries this number; nothing else of it counts here."""
-    return HeardState(
-        time_s=time_s,
-        north=0.0,
-        east=0.0,
-        course=0.0,
-        ground_speed=20.0,
-        acceleration=0.0,
-        turn_rate=0.0,
-        turn_acceleration=0.0,
-        altitude_amsl=588.0,
-        steered=True,
-        arrangement=number,
-    )
-
-
-@pytest.fixture
-def slots(plan: MakePlan) -> dict[str, Point]:
-    """The mission's."""
-    return slots_of(plan)
-
-
-def slots_of(plan: MakePlan) -> dict[str, Point]:
-    """Those of the three followers."""
-    found = {}
-    for name in NAMES[1:]:
-        task = plan(vehicle=name).task
-        found[name] = Point(task.slot.forward, task.slot.right)  # type: ignore[union-attr]
-    return found
-
-
-def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:
-    """Everybody half as far again from the leader, within 10 s."""
-    places = tuple(
-        Place(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
-        for name, slot in slots.items()
-    )
-    return Arrangement(number=number, time_s=time_s, across_s=10.0, places=places)
 
 
 def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
@@ -282,16 +162,6 @@ def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
     )
 
 
-def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
-    formation = Formation(plan)
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=0.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-    assert formation.flown == dict.fromkeys(NAMES, 4)
-    assert all(member.flight.has_left for member in formation.members.values())
-
-
 @pytest.mark.parametrize("restarted", NAMES)
 def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(
     plan: MakePlan, slots: dict[str, Point], restarted: str
@@ -392,13 +262,6 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
     assert not formation.members["f2"].waits(14.0)
 
 
-def called_off(*, number: int, time_s: float) -> bytes:
-    """An order that calls everything off."""
-    return encode_order(
-        Arrangement(number=number, time_s=time_s, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-
-
 def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
@@ -411,113 +274,6 @@ def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
     member.hear("leader", heard(100.0, 4), 100.0)
     member.receive_order(abort, abort, 100.1, repeated=True)
     assert member.flight.has_left
-
-
-@pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
-def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> None:
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
-    member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
-    assert member.flight.has_left is flown
-    (data,), _ = member.to_say()
-    reply = decode_reply(data)
-    assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
-
-
-def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
-    unknown = SharedClock(from_own=lambda _: math.nan)
-    member = Arrangements(plan(vehicle="f1"), unknown)
-    member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
-    assert member.flight.has_left
-
-
-@pytest.mark.parametrize("number", [3, 4])
-@pytest.mark.parametrize("now", [5.5, 11.0])
-def test_an_abort_is_flown_whatever_its_number(
-    plan: MakePlan, slots: dict[str, Point], number: int, now: float
-) -> None:
-    formation = Formation(plan)
-    formation.run(5.0)
-    formation.give(further(slots, number=4, time_s=10.0))
-    if now > 10.0:
-        formation.run(now)
-        assert formation.flown == dict.fromkeys(NAMES, 4)
-    for member in formation.members.values():
-        member.to_say()
-        abort = called_off(number=number, time_s=formation.now)
-        member.receive_order(abort, abort, formation.now)
-        member.receive_order(abort, abort, formation.now)
-        assert member.flight.has_left
-        replies = [decode_reply(data) for data in member.to_say()[0]]
-        expected = (number, Verdict.FLOWN, check_of(abort))
-        assert [(one.number, one.verdict, one.check) for one in replies] == [expected] * 2
-    # By the greater number, and what was pending is flown by nobody.
-    formation.run(20.0)
-    assert set(formation.flown.values()) == {4 if now > 10.0 else number}
-    assert all(member.flight.has_left for member in formation.members.values())
-
-
-def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: MakePlan) -> None:
-    begin = slots_of(plan)["f1"]
-    end = Point(begin.forward, begin.right, 6.0)
-    place = Place(vehicle="f1", begin=begin, end=begin, layer=20.0)
-    order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(place,))
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
-    member.hear("leader", heard(10.0, 1), 10.0)
-    member.receive_order(encode_order(replace(order, places=(replace(place, end=end),))), b"", 10.0)
-    # Half of its way into the layer, and the abort tells the mission's slot.
-    abort = Arrangement(
-        number=2,
-        time_s=20.0,
-        flown=Manoeuvre.ABORT,
-        across_s=0.0,
-        places=(Place(vehicle="f1", begin=begin, end=begin),),
-    )
-    assert member.own_up(20.0) == pytest.approx(10.0)
-    member.receive_order(encode_order(abort), b"", 20.0)
-    assert member.own_up(60.0) == pytest.approx(10.0)
-
-
-def test_an_old_abort_of_a_lower_number_is_not_flown(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
-    formation.run(5.0)
-    formation.give(further(slots, number=4, time_s=10.0))
-    formation.run(40.0)
-    formation.give(
-        Arrangement(number=3, time_s=9.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-    assert not any(member.flight.has_left for member in formation.members.values())
-
-
-def test_no_order_brings_a_formation_back_after_an_abort(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-    formation.run(6.0)
-    formation.give(further(slots, number=5, time_s=12.0))
-    formation.run(15.0)
-    assert formation.flown == dict.fromkeys(NAMES, 4)
-    assert not any(member.returns_to_formation() for member in formation.members.values())
-    refused = {reply.text for _, reply in formation.said if reply.verdict is Verdict.REFUSED}
-    assert refused == {
-        "everything was called off: no order brings the formation back, restart all companions"
-    }
-    # Nor does one that others are said to fly.
-    member, order = formation.members["f1"], encode_order(further(slots, number=6, time_s=14.0))
-    member.hear("leader", heard(15.0, 6), 15.0)
-    for repeated in (True, False):
-        member.receive_order(order, order, 15.1, repeated=repeated)
-        assert member.flight.called_off == 4
-    # The same abort is answered as before, and a further one is flown.
-    formation.give(
-        Arrangement(number=7, time_s=15.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-    assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
 class RebootedClock:
@@ -703,18 +459,6 @@ def assert_refused(member: Arrangements, order: Arrangement, sentence: str | Non
     assert (sentence or "") in reply.text
 
 
-def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) -> None:
-    formation = Formation(plan)
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
-    formation.run(60.0)
-    formation.start("f2")
-    formation.run(64.0)
-    assert formation.members["f2"].flight.has_left
-
-
 def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
@@ -727,162 +471,3 @@ def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_ti
     formation.give(further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5))
     formation.run(21.0)
     assert formation.flown == dict.fromkeys(NAMES, 2)
-
-
-def with_paths(plan: MakePlan) -> MakePlan:
-    """Plans of a mission that has another path, and two who may lead."""
-
-    def make(**options: object) -> FlightPlan:
-        one = plan(**options)
-        other = KnownPath(
-            CirclePath(north=0.0, east=0.0, radius=300.0, direction=1),
-            PathGains(gain=0.03, approach_angle=math.pi / 2.0),
-        )
-        task = plan(vehicle="f3").task
-        assert isinstance(task, FollowerTask)
-        lead = LeadPlan(order=("leader", "f1"), task=task, altitude_amsl=588.0)
-        return replace(one, paths={**one.paths, "survey": other}, lead=lead)
-
-    return make
-
-
-def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
-    formation.run(9.9)
-    assert [one.flight.route for one in formation.members.values()] == [None] * len(NAMES)
-    formation.run(10.05)
-    routes = [one.flight.route for one in formation.members.values()]
-    assert all(one is not None and one.least_radius == pytest.approx(125.0) for one in routes)
-    # 1 / 125 m is less than the path's own 0.03 1/m.
-    assert {one.gains.gain for one in routes if one is not None} == {0.008}
-
-
-def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.members["f2"] = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
-    formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f2"}
-    assert "no path is called 'survey' in its mission: give all the same mission" in refused
-
-
-def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    other = with_paths(plan)(vehicle="f2")
-    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
-    formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f2"}
-    assert refused >= {
-        "its mission file means another curve by 'survey': give all the same mission"
-    }
-
-
-def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_mission(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    other = with_paths(plan)(vehicle="f1")
-    paths = {**other.paths, "main": replace(other.paths["main"], check=7)}
-    formation.members["f1"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
-    formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1", path_check=8))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f1"}
-    assert refused >= {"its mission file means another curve by 'main': give all the same mission"}
-
-
-def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
-    formation.run(11.0)
-    other = with_paths(plan)(vehicle="f2")
-    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
-    formation.run(30.0)
-    assert formation.flown["f2"] == 0
-    assert formation.members["f2"].obstacle(formation.now) is not None
-    assert len([text for text in formation.words if "another curve" in text]) == 1
-
-
-def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1"))
-    formation.run(10.1)
-    assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
-    assert not formation.members["f1"].leads_by_order(12.0)
-
-
-def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    order = replace(further(slots), lead="f1")
-    formation.give(order)
-    formation.run(9.95)
-    # The operator repeats it until all fly it; f1 gets that before its own next step.
-    formation.now = 10.0
-    formation.give(order)
-    assert formation.flown["f1"] == 1
-    assert formation.members["f1"].leads_by_order(10.0)
-
-
-def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1"))
-    formation.run(11.0)
-    formation.start("f1")
-    while formation.flown["f1"] == 0:
-        formation.run(formation.now + 0.1)
-        assert formation.now < 30.0
-        assert not formation.members["f1"].leads_by_order(formation.now)
-
-
-def test_nobody_is_ordered_to_lead_who_is_not_heard(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.silent.add("f1")
-    formation.run(12.0)
-    formation.give(replace(further(slots), time_s=20.0, lead="f1"))
-    formation.run(60.0)
-    assert {name: formation.flown[name] for name in NAMES if name != "f1"} == {
-        name: 0 for name in NAMES if name != "f1"
-    }
-    assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
-
-
-def test_nobody_leads_by_an_order_who_is_no_deputy(plan: MakePlan, slots: dict[str, Point]) -> None:
-    formation = Formation(with_paths(plan))
-    formation.run(5.0)
-    formation.give(replace(further(slots), lead="f2"))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    assert "f2 is neither leader nor deputy of its mission" in {
-        reply.text for _, reply in formation.said
-    }

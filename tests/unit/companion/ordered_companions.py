@@ -1,0 +1,144 @@
+"""Four companions' knowledge of orders, on a link in memory that loses what a test says."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.timing import SAME_CLOCK
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
+from vfguide.link.order_codec import (
+    Reply,
+    decode_reply,
+    encode_order,
+)
+from vfguide.state import HeardState
+
+MakePlan = Callable[..., FlightPlan]
+
+
+NAMES = ("leader", "f1", "f2", "f3")
+
+
+STEP_S = 0.05
+
+
+Lost = Callable[[str, str, str, float], bool]
+"""Whether something of a kind is lost from a sender to a receiver at a time."""
+
+
+def nothing(kind: str, sender: str, receiver: str, now: float) -> bool:
+    """A link that loses nothing."""
+    del kind, sender, receiver, now
+    return False
+
+
+@dataclass
+class Formation:
+    """Four companions' knowledge of orders, on a link in memory."""
+
+    plan: MakePlan
+    lost: Lost = nothing
+    now: float = 0.0
+    members: dict[str, Arrangements] = field(default_factory=dict)
+    said: list[tuple[str, Reply]] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    silent: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        """A companion that knows nothing yet."""
+        self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK)
+
+    def give(self, order: Arrangement) -> None:
+        """An operator's order, on its way to everybody."""
+        data = encode_order(order)
+        for name, member in self.members.items():
+            if not self.lost("order", "operator", name, self.now):
+                member.receive_order(data, data, self.now)
+
+    def run(self, until_s: float) -> None:
+        """Go on until then: states 20 times a second of the leader, 4 times of the others."""
+        while self.now < until_s:
+            self.now = round(self.now + STEP_S, 3)
+            for name, member in self.members.items():
+                member.step(self.now)
+                self.words += [text for text, _ in member.words()]
+                replies, repeats = member.to_say()
+                for other, receiver in self.members.items():
+                    if other == name or name in self.silent:
+                        continue
+                    self._carry(name, other, receiver, replies, repeats)
+                self.said += [(name, decode_reply(data)) for data in replies]
+
+    def _carry(
+        self,
+        name: str,
+        other: str,
+        receiver: Arrangements,
+        replies: list[bytes],
+        repeats: list[bytes],
+    ) -> None:
+        for data in replies:
+            if not self.lost("reply", name, other, self.now):
+                receiver.receive_reply(name, data, self.now)
+        for data in repeats:
+            if not self.lost("repeat", name, other, self.now):
+                receiver.receive_order(data, data, self.now, repeated=True)
+        due = name == "leader" or round(self.now / STEP_S) % 5 == 0
+        if due and not self.lost("state", name, other, self.now):
+            state = heard(self.now, self.members[name].number)
+            receiver.hear(name, state, self.now)
+
+    @property
+    def flown(self) -> dict[str, int]:
+        """Number of what each flies."""
+        return {
+            name: 0 if member.flight.flown is None else member.flight.flown.number
+            for name, member in self.members.items()
+        }
+
+
+def heard(time_s: float, number: int) -> HeardState:
+    """A state that carries this number; nothing else of it counts here."""
+    return HeardState(
+        time_s=time_s,
+        north=0.0,
+        east=0.0,
+        course=0.0,
+        ground_speed=20.0,
+        acceleration=0.0,
+        turn_rate=0.0,
+        turn_acceleration=0.0,
+        altitude_amsl=588.0,
+        steered=True,
+        arrangement=number,
+    )
+
+
+def slots_of(plan: MakePlan) -> dict[str, Point]:
+    """Those of the three followers."""
+    found = {}
+    for name in NAMES[1:]:
+        task = plan(vehicle=name).task
+        found[name] = Point(task.slot.forward, task.slot.right)  # type: ignore[union-attr]
+    return found
+
+
+def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:
+    """Everybody half as far again from the leader, within 10 s."""
+    places = tuple(
+        Place(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
+        for name, slot in slots.items()
+    )
+    return Arrangement(number=number, time_s=time_s, across_s=10.0, places=places)
+
+
+def called_off(*, number: int, time_s: float) -> bytes:
+    """An order that calls everything off."""
+    return encode_order(
+        Arrangement(number=number, time_s=time_s, flown=Manoeuvre.ABORT, across_s=0.0, places=())
+    )
