@@ -41,17 +41,28 @@ failed is tried again: it may have been the machine. Whole formations in contain
 LIVE = ("autopilots", "docker", "integration/console", "integration/live")
 """Those of them that fly whole formations, or show one in a browser: each takes about one processor."""
 
+LIGHT = (
+    "integration/live/test_live_abandoned.py",
+    "integration/live/test_live_follow_target.py",
+    "integration/live/test_live_from_python.py",
+    "integration/live/test_live_own_parts.py",
+)
+"""Of the live ones those that fly for seconds, or ask for little processor: they may fly beside any other."""
+
 LONGEST = (
+    "autopilots/test_formations.py",
+    "integration/live",
     "autopilots",
-    "integration/live/test_live_mixed_autopilots.py",
-    "integration/live/test_live_undisturbed.py",
-    "integration/live/test_live_disturbances.py",
     "closed_loop/formation/test_crews_missions.py",
     "closed_loop/formation/test_article_missions.py",
     "closed_loop",
     "integration",
 )
-"""What comes first, so that no process is left with a long test when the others have no more."""
+"""What comes first, so that no process is left with a long test when the others have no more.
+
+A process that has two tests left is given the next ones at once: of the live tests one takes the autopilots'
+formations, the other the formations that fly live, and what is short goes to whichever is free.
+"""
 
 TOGETHER = (
     "integration/live",
@@ -91,7 +102,7 @@ class Sharing(LoadScopeScheduling):  # type: ignore[misc]
         file = Path(nodeid.split("::", 1)[0]).relative_to(TESTS.name)
         places = (place for place in TOGETHER if file.is_relative_to(place))
         alone = str(file) if any(map(file.is_relative_to, REAL_TIME)) else nodeid
-        return next(places, alone)
+        return alone if str(file) in LIGHT else next(places, alone)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -102,6 +113,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Sharing
 
 def rank(item: pytest.Item) -> int:
     """The less, the earlier a test comes; those of equal rank stay in their order."""
+    if any(is_below(item, place) for place in LIGHT):
+        return len(LONGEST)
     places = (n for n, place in enumerate(LONGEST) if is_below(item, place))
     return next(places, len(LONGEST))
 

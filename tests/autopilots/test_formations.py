@@ -7,7 +7,13 @@ from tests.autopilots.formation import Plan, fly
 from tests.autopilots.simulators import ArduPlane, Px4
 from tests.autopilots.verdict import Verdict
 
-ORDER_AT_S, FAULT_AT_S, LOST_AT_S, DURATION_S = 15.0, 50.0, 62.0, 85.0
+ORDER_AT_S, LOST_AT_S = 15.0, 62.0
+
+ORDER_DONE_S, IN_SLOTS_S = 50.0, 20.0
+"""When a pilot takes the third follower away: once the order is carried out, or all are in their slots."""
+
+AFTERWARDS_S = 35.0
+"""For so long it is flown on."""
 
 LEAST_M = 5.0
 
@@ -22,20 +28,28 @@ FAULTS = faults("leader", "f3")
 
 
 def steered_but_for_a_pilots_rtl(
-    plan: Plan, more: Sequence[tuple[float, Fault]], *, guided: int, rtl: int, deputy: str = ""
+    plan: Plan,
+    more: Sequence[tuple[float, Fault]],
+    *,
+    rtl_at_s: float,
+    guided: int,
+    rtl: int,
+    deputy: str = "",
 ) -> Verdict:
     """Three of four hold their slots; the third follower's pilot selects RTL, and it outlives its companion.
 
     Args:
         plan: the flight.
         more: what else happens, and when, s.
+        rtl_at_s: when RTL is selected, s.
         guided: the guided mode's number in heartbeats.
         rtl: the number of the mode in which it returns.
         deputy: name of the vehicle that leads at the end, if the leader does not.
     """
-    happens = sorted([(FAULT_AT_S, FAULTS["pilot-rtl-restart"]), *more], key=lambda one: one[0])
-    verdict, modes = fly(plan, DURATION_S, [Occurrence(what, at_s) for at_s, what in happens])
-    after = [mode for time_s, mode in modes["f3"] if time_s >= FAULT_AT_S]
+    happens = sorted([(rtl_at_s, FAULTS["pilot-rtl-restart"]), *more], key=lambda one: one[0])
+    occurrences = [Occurrence(what, at_s) for at_s, what in happens]
+    verdict, modes = fly(plan, rtl_at_s + AFTERWARDS_S, occurrences)
+    after = [mode for time_s, mode in modes["f3"] if time_s >= rtl_at_s]
     assert after == [rtl]
     assert [modes[name][-1][1] for name in ("leader", "f1", "f2")] == [guided] * 3
     for name, off_m in verdict.at_end.items():
@@ -49,7 +63,12 @@ def test_arduplanes_in_gusts_take_an_order_and_outlive_their_leader_and_a_pilots
     modes = ArduPlane.MODES
     more = [(ORDER_AT_S, ordered("spacing --spacing 30")), (LOST_AT_S, FAULTS["leader-lost"])]
     verdict = steered_but_for_a_pilots_rtl(
-        arduplanes_in_gusts, more, guided=modes["GUIDED"], rtl=modes["RTL"], deputy="f1"
+        arduplanes_in_gusts,
+        more,
+        rtl_at_s=ORDER_DONE_S,
+        guided=modes["GUIDED"],
+        rtl=modes["RTL"],
+        deputy="f1",
     )
     order, _, lost = verdict.faults
     said = (arduplanes_in_gusts.directory / "order-1.txt").read_text()
@@ -61,4 +80,6 @@ def test_arduplanes_in_gusts_take_an_order_and_outlive_their_leader_and_a_pilots
 
 def test_px4s_hold_in_guided_course_and_a_pilots_rtl_outlives_a_new_companion(px4s: Plan) -> None:
     number = Px4.number
-    steered_but_for_a_pilots_rtl(px4s, [], guided=number("GUIDED"), rtl=number("RTL"))
+    steered_but_for_a_pilots_rtl(
+        px4s, [], rtl_at_s=IN_SLOTS_S, guided=number("GUIDED"), rtl=number("RTL")
+    )
