@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-lockstep test-sockets test-containers test-fast test-versions docs image accuracy live sitl bench lint clean
+.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-fast test-versions docs image accuracy live sitl bench lint clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
@@ -15,11 +15,14 @@ help: ## this list
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# Three parts side by side: flights in lockstep take what processor is left, with the least priority; sockets and brokers, and
-# after them containers, mostly wait. Then the formations that fly live, with nothing beside them.
-test: lint ## the whole test suite, as continuous integration runs it
-	+$(MAKE) --no-print-directory --jobs=3 --keep-going test-lockstep test-sockets test-containers
+# Side by side: lint and the flights in lockstep take what processor is left, with the least priority; sockets and brokers,
+# and containers, mostly wait. Then the formations that fly live, with nothing beside them.
+test: $(VENV)/.dev ## lint and the whole test suite, as continuous integration runs it
+	+$(MAKE) --no-print-directory --jobs=4 --keep-going test-lint test-lockstep test-sockets test-containers
 	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
+
+test-lint: $(VENV)/.dev
+	+nice -n 19 $(MAKE) --no-print-directory lint
 
 test-lockstep: $(VENV)/.dev
 	nice -n 19 $(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m 'not real_time'
@@ -27,8 +30,8 @@ test-lockstep: $(VENV)/.dev
 test-sockets: $(VENV)/.dev
 	$(BIN)/pytest -m 'real_time and not live'
 
-# The image may be under way by then, and may be missing where there is no Docker engine: tests/docker says so.
-test-containers: $(VENV)/.dev | test-sockets
+# The image may be under way, and may be missing where there is no Docker engine: tests/docker says so.
+test-containers: $(VENV)/.dev
 	-tests/docker/make-image
 	$(BIN)/pytest tests/docker
 
