@@ -26,6 +26,9 @@ MissionWith = Callable[..., Mission]
 SET_MODE, LOITER, GUIDED = 176, 12, 15
 AT_S = 25.0
 
+RATE_HZ = 10.0
+"""Half the shipped rate: what is ordered is seen as well, in half the time."""
+
 
 class Flown:
     """A formation that is flown with the orders of its mission, and what may happen to it meanwhile."""
@@ -93,7 +96,8 @@ def ordered(mission_with: MissionWith) -> Callable[..., Flown]:
 
     def make(*orders: dict[str, Any], **rehearsal: object) -> Flown:
         start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
-        mission = mission_with("shapes", rehearsal={"start": start, **rehearsal})
+        changes = {"start": start, "rate_hz": RATE_HZ, **rehearsal}
+        mission = mission_with("shapes", rehearsal=changes)
         content = mission.model_dump(exclude_unset=True)
         content["orders"] = list(orders)
         return Flown(Mission.model_validate(content))
@@ -239,7 +243,7 @@ def test_a_hold_circles_in_stacked_heights_and_an_abort_ends_everything(
     assert heights == pytest.approx([15.0, 30.0, 45.0], abs=1.0)
     # 63 s at about 20 m/s round a circle of 200 m, ground speed varies with the wind: a full turn.
     turned = np.unwrap(record.leader.course_rad)
-    assert turned[-1] - turned[round(AT_S * 20)] > np.radians(270.0)
+    assert turned[-1] - turned[round(AT_S * RATE_HZ)] > np.radians(270.0)
     flight.until(94.0)
     modes = {one.companion.flight_mode for one in flight.aircraft.values()}
     assert modes == {"LOITER"}
