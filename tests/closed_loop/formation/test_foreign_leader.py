@@ -27,10 +27,13 @@ if TYPE_CHECKING:
 
 MissionWith = Callable[..., Mission]
 
+RATE_HZ = 10.0
+"""Half the shipped rate: what is heard of the leader comes no faster, and a flight takes half the time."""
+
 
 def flown(mission_with: MissionWith, duration_s: float = 64.0, **heard: Any) -> float:  # noqa: ANN401
     """Mean slot error (m) over the second half, with the leader heard in some way."""
-    rehearsal = {"duration_s": duration_s, "leader_telemetry": heard}
+    rehearsal = {"duration_s": duration_s, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal)
     return summarise(fly_lockstep(mission).record).formation.mean_error_m
 
@@ -55,14 +58,14 @@ def test_slots_are_held_by_whatever_message_it_sends(
 
 def test_messages_that_take_now_50_and_now_500_ms_cost_little(mission_with: MissionWith) -> None:
     heard = {"message": "GLOBAL_POSITION_INT", "rate_hz": 5.0, "delay_s": 0.275, "jitter_s": 0.225}
-    rehearsal = {"duration_s": 64.0, "leader_telemetry": heard}
+    rehearsal = {"duration_s": 64.0, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": 0.05})
     assert summarise(fly_lockstep(mission).record).formation.mean_error_m < 0.3
 
 
 def unknown_delay_m(mission_with: MissionWith, **heard: Any) -> float:  # noqa: ANN401
     """Mean slot error (m) where the mission says nothing of how late the leader is heard."""
-    rehearsal = {"duration_s": 64.0, "leader_telemetry": heard}
+    rehearsal = {"duration_s": 64.0, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": None})
     return summarise(fly_lockstep(mission).record).formation.mean_error_m
 
@@ -118,7 +121,11 @@ class Formation:
 
 
 def test_a_leader_that_falls_silent_is_predicted_and_then_left(mission_with: MissionWith) -> None:
-    mission = mission_with("foreign-leader", patience={"prediction_s": 8.0, "breakaway_s": 5.0})
+    mission = mission_with(
+        "foreign-leader",
+        rehearsal={"rate_hz": RATE_HZ},
+        patience={"prediction_s": 8.0, "breakaway_s": 5.0},
+    )
     formation = Formation(mission)
     formation.fly(60.0)
     assert formation.modes == {Mode.TRACKING}
@@ -135,7 +142,7 @@ def test_a_leader_that_falls_silent_is_predicted_and_then_left(mission_with: Mis
 
 
 def test_a_leader_that_comes_back_is_followed_again(mission_with: MissionWith) -> None:
-    formation = Formation(mission_with("foreign-leader"))
+    formation = Formation(mission_with("foreign-leader", rehearsal={"rate_hz": RATE_HZ}))
     formation.fly(60.0)
     formation.silent = True
     formation.fly(66.0)
@@ -166,6 +173,7 @@ def crewed(mission: Mission) -> Mission:
     content["path"] |= {"centre": {"north_m": 600.0, "east_m": 0.0}, "radius_m": 600.0}
     content["rehearsal"] = {
         "duration_s": 90.0,
+        "rate_hz": RATE_HZ,
         "leader_telemetry": {"message": "ADSB_VEHICLE", "rate_hz": 1.0, "delay_s": 0.2},
         "start": {"f3": {"forward_m": 250.0, "right_m": 5.0}},
     }
