@@ -185,19 +185,24 @@ def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., Flig
     assert sent == {"form_mode": 2.0, "path_cross": pytest.approx(-3.0, abs=0.01)}
 
 
+def slot_off(*, along_track: float = 1.0, cross_track: float = 1.0, up: float = 0.0) -> RoleStep:
+    """A step of one whose slot is elsewhere by so much, m."""
+    return RoleStep(
+        setpoint=None,
+        distance=1.0,
+        lyapunov=1.0,
+        publish=None,
+        height=100.0,
+        along_track=along_track,
+        cross_track=cross_track,
+        up=up,
+    )
+
+
 def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None:
     for up, sent in ((-4.0, -4.0), (math.nan, None)):
         plotted = PlottedValues()
-        step = RoleStep(
-            setpoint=None,
-            distance=1.0,
-            lyapunov=1.0,
-            publish=None,
-            height=100.0,
-            along_track=1.0,
-            cross_track=2.0,
-            up=up,
-        )
+        step = slot_off(cross_track=2.0, up=up)
         plotted.note(step, 0.0)
         found = {one.name: one.value for one in plotted.due(Mode.TRACKING, 0.0)}
         assert found.get("slot_up") == sent
@@ -206,16 +211,7 @@ def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None
 def test_names_fit_their_field() -> None:
     for along, count in ((1.0, 4), (math.nan, 2)):
         plotted = PlottedValues()
-        step = RoleStep(
-            setpoint=None,
-            distance=1.0,
-            lyapunov=1.0,
-            publish=None,
-            height=100.0,
-            along_track=along,
-            cross_track=1.0,
-            up=0.0,
-        )
+        step = slot_off(along_track=along)
         plotted.note(step, 0.0)
         messages = plotted.due(Mode.JOINING, 0.0)
         assert len(messages) == count

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import pytest
 
+from tests.unit.companion.calm_flight import state_in_calm_air
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState, Place
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.height import HeightTarget, held_height
-from vfguide.state import Setpoint, VehicleState
+from vfguide.state import Setpoint
 
 MakePlan = Callable[..., FlightPlan]
 
@@ -18,24 +19,8 @@ CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
 
 
 def navigated(time_s: float, airspeed: float) -> NavigatedState:
-    state: VehicleState[float] = VehicleState(
-        time_s=time_s,
-        north=0.0,
-        east=0.0,
-        course=0.0,
-        ground_speed=airspeed,
-        heading=0.0,
-        airspeed=airspeed,
-        wind_north=0.0,
-        wind_east=0.0,
-        wind_rate_north=0.0,
-        wind_rate_east=0.0,
-        wind_jerk_north=0.0,
-        wind_jerk_east=0.0,
-        height=150.0,
-    )
     return NavigatedState(
-        state=state,
+        state=state_in_calm_air(time_s, airspeed=airspeed, height=150.0),
         place=Place(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
         period=PERIOD_S,
         interval=PERIOD_S,

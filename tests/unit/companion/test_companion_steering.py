@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.unit.companion.calm_flight import state_in_calm_air
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.mission_plan import adapter_of, flight_plan
@@ -14,7 +15,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable
 from vfguide.mission.model import Mission
-from vfguide.state import Airframe, Setpoint, VehicleState
+from vfguide.state import Airframe, Setpoint
 
 Make = Callable[..., Any]
 MakePlan = Callable[..., FlightPlan]
@@ -196,24 +197,6 @@ def test_the_floor_leaves_room_for_the_missions_own_lowest_height(
     assert guard.height(flying_m + up_m) == (flying_m + up_m, None)
 
 
-def state(time_s: float, course: float) -> VehicleState[float]:
-    return VehicleState(
-        time_s=time_s,
-        north=0.0,
-        east=0.0,
-        course=course,
-        ground_speed=20.0,
-        heading=course,
-        airspeed=20.0,
-        wind_north=0.0,
-        wind_east=0.0,
-        wind_rate_north=0.0,
-        wind_rate_east=0.0,
-        wind_jerk_north=0.0,
-        wind_jerk_east=0.0,
-    )
-
-
 def complaints(
     course: Callable[[float], float], wanted: Callable[[float], float], seconds: float
 ) -> list[tuple[float, str]]:
@@ -223,7 +206,7 @@ def complaints(
     for step in range(round(seconds * 20)):
         now = step / 20
         setpoint = Setpoint(course=wanted(now), speed=20.0, limited=False)
-        complaint = watch.watch(state(now, course(now)), setpoint)
+        complaint = watch.watch(state_in_calm_air(now, course=course(now)), setpoint)
         if complaint is not None:
             found.append((now, complaint))
     return found
@@ -257,7 +240,7 @@ def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stay
     watch = TrackingMonitor(Airframe())
     for step in range(1200):
         now = step / 20
-        flown = replace(state(now, 0.0), heading=0.08 * now)
+        flown = replace(state_in_calm_air(now), heading=0.08 * now)
         setpoint = Setpoint(course=0.067, speed=20.0, limited=False)
         assert watch.watch(flown, setpoint) is None
 
