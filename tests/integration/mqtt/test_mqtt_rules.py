@@ -18,7 +18,7 @@ Make = Callable[..., Any]
 RULES = Path(__file__).parents[3] / "docker" / "bin" / "broker-rules"
 
 MARK = "vfguide/test/lead/state"
-"""What a vehicle publishes after the console: once it is heard, what the console said was passed on or dropped."""
+"""What a vehicle publishes after the console: by then, what the console said was passed on or dropped."""
 
 
 def rules_of(orders: str) -> str:
@@ -51,8 +51,8 @@ def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for
             basis="user root\n",
         )
 
-        def client(name: str) -> aiomqtt.Client:
-            return aiomqtt.Client("127.0.0.1", broker.port, username=name, password="word")
+        def client(name: str, word: str = "word") -> aiomqtt.Client:
+            return aiomqtt.Client("127.0.0.1", broker.port, username=name, password=word)
 
         async with client("judge") as judge, client("console") as sender, client("lead") as leader:
             await judge.subscribe("vfguide/#", qos=1)
