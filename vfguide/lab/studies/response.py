@@ -235,8 +235,9 @@ def peers(*, rate_hz: float, directory: Path) -> list[Client]:
 
 
 def home_in(directory: Path) -> dict[str, str]:
-    """A home that is gone with the study: MAVSDK keeps a cache in it. Packages are found as before."""
-    return {"HOME": str(directory), "PYTHONUSERBASE": site.getuserbase()}
+    """Places that are gone with the study for what MAVSDK keeps; packages are found as before."""
+    places = dict.fromkeys(("HOME", "TMPDIR"), str(directory))
+    return {**places, "PYTHONUSERBASE": site.getuserbase()}
 
 
 def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:
