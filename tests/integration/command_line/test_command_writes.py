@@ -104,10 +104,6 @@ COMMANDS: dict[str, Words] = {
         for ending in ("mcap", "kml", "kmz", "csv", "parquet", "plan")
     },
     "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
-    "bench": lambda _, out: (
-        *("bench", "--quick", "--law", "slot", "--out", out),
-        *("--json", out.with_name("out.json"), "latency"),
-    ),
 }
 
 
