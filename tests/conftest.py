@@ -25,6 +25,7 @@ REAL_TIME = {
     "docker": 1,
     "integration/bench": 2,
     "integration/command_line/test_command_entry.py": 2,
+    "integration/command_line/test_command_writes.py": 2,
     "integration/console": 2,
     "integration/foreign": 2,
     "integration/live": 2,

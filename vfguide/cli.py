@@ -9,6 +9,7 @@ from typing import Annotated, cast
 import typer
 
 from vfguide.commands.bench_options import bench
+from vfguide.commands.caches import keep_caches_out_of_home
 from vfguide.commands.flight_options import emulate, fly, judge
 from vfguide.commands.inspection_options import analyse, check, console, export, report, status
 from vfguide.commands.shared_options import with_plugins
@@ -85,6 +86,7 @@ for command in COMMANDS:
 def main() -> None:
     """Entry point: what a user can mend is one line for each fault, never a traceback."""
     escape_what_cannot_be_encoded()
+    keep_caches_out_of_home()
     try:
         status = app(prog_name="vfguide", standalone_mode=False)
     except UsageError as error:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -67,3 +68,14 @@ def arduplanes_in_gusts(tmp_path: Path) -> Plan:
 def px4s(tmp_path: Path) -> Plan:
     """Four PX4s on the circle, in calm air."""
     return formation_of("px4", "px4-sitl", Conditions(), tmp_path, engage=True)
+
+
+@pytest.fixture
+def arduplane_pair(tmp_path: Path) -> Plan:
+    """A leader and one follower, whose companions record."""
+    plan = formation_of(
+        "arduplane", "ardupilot-sitl", Conditions(wind_m_s=5.0), tmp_path, engage=False
+    )
+    slot = {"vehicle": "f1", "slot": {"forward_m": -25, "right_m": -25}}
+    changes = {"followers": [slot], "vehicles": {"f2": None, "f3": None}}
+    return replace(plan, mission=load(MISSIONS / "ardupilot-sitl.yaml", changes), record=True)

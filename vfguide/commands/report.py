@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vfguide.commands.output import (
     LONGEST_SUMMARY,
@@ -29,6 +30,10 @@ from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
 from vfguide.regular_file import open_regular
+
+if TYPE_CHECKING:
+    from vfguide.identification.flown import Answer
+    from vfguide.lab.debrief.logged_flight import LoggedFlight
 
 
 def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool) -> None:
@@ -179,29 +184,38 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
     from vfguide.lab.debrief.logged_flight import logged_flight, read_log
 
     refuse_foreign(out, mission.name, (*REPORT_NAMES, RECORD_NAME), force=force)
-    record = logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
-    write_report_of(record, out)
+    flight = logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
+    write_report_of(flight.record, out)
     with whole_file(out / RECORD_NAME) as partial:
-        record.save(partial)
-    tell_responses(mission, record)
+        flight.record.save(partial)
+    tell_responses(answers_of(mission, flight))
 
 
-def tell_responses(mission: Mission, record: FlightRecord) -> None:
-    """Print how each autopilot answered, how sure that is, and lines for the mission file."""
-    from vfguide.identification.flown import (
-        Answer,
-        answer_sentence,
-        flown_profile,
-        flown_responses,
-    )
+def answers_of(mission: Mission, flight: "LoggedFlight") -> list["Answer"]:
+    """How course and speed of each vehicle answered."""
+    from vfguide.identification.flown import flown_responses
     from vfguide.lab.debrief.logged_flight import LOGGED_MODES
 
-    output = Terminal()
-    answers: list[Answer] = []
+    record = flight.record
     guided = record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
-    for vehicle in record.vehicles:
-        airframe = flight_plan(mission, vehicle.name).airframe
-        answers += flown_responses(record.time_s, vehicle, vehicle.mode == guided, airframe)
+    return [
+        answer
+        for vehicle in record.vehicles
+        for answer in flown_responses(
+            record.time_s,
+            vehicle,
+            vehicle.mode == guided,
+            flight_plan(mission, vehicle.name).airframe,
+            flight.setpoints[vehicle.name],
+        )
+    ]
+
+
+def tell_responses(answers: list["Answer"]) -> None:
+    """Print how each autopilot answered, how sure that is, and lines for the mission file."""
+    from vfguide.identification.flown import answer_sentence, flown_profile
+
+    output = Terminal()
     for answer in answers:
         output.tell(answer_sentence(answer))
     if profile := flown_profile(answers):

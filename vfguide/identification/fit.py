@@ -101,8 +101,8 @@ def course_response(samples: Samples, parameters: Parameters, airframe: Airframe
     """Direction (rad) at each report, as the model turns from the first one on."""
     alpha, dead_time, lag = parameters
     setpoint = mean_setpoint(samples, dead_time).tolist()
-    times, speeds = samples.time_s.tolist(), samples.speed.tolist()
-    north, east = samples.wind_north.tolist(), samples.wind_east.tolist()
+    times, speeds = samples.time_s.tolist(), between(samples.speed)
+    north, east = between(samples.wind_north), between(samples.wind_east)
     direction, bank = settled(samples.time_s, samples.direction), 0.0
     directions = [direction]
     for number, target in enumerate(setpoint):
@@ -113,6 +113,12 @@ def course_response(samples: Samples, parameters: Parameters, airframe: Airframe
         direction, bank = turned(direction, bank, target, vehicle, period)
         directions.append(direction)
     return np.array(directions)
+
+
+def between(values: FloatArray) -> list[float]:
+    """Means of neighbours: what holds from one report to the next, where the values change evenly."""
+    means: list[float] = (0.5 * (values[:-1] + values[1:])).tolist()
+    return means
 
 
 def settled(time_s: FloatArray, values: FloatArray) -> float:

@@ -6,6 +6,7 @@ nothing can be told.
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -37,19 +38,24 @@ FITTED_HZ = 10.0
 FORGOTTEN_S = 5.0
 """s at the beginning that are not fitted: the vehicle was on its way to something that is not known."""
 
-MODEL_SHARE = 0.1
+MODEL_SHARE = 0.15
 """By which a bandwidth is uncertain at least: a steady turn shows only the sum of its inverse and the dead
-time, and no autopilot is quite of the model's kind."""
+time, and no autopilot is quite of the model's kind. ArduPlane's alpha is 0.72 1/s by long steps and 0.78 to
+0.84 by steady turns."""
 
-OTHER_SHARES = (-0.4, -0.25, -0.15, 0.15, 0.25, 0.4)
+OTHER_SHARES = (-0.6, -0.4, -0.25, -0.15, 0.15, 0.25, 0.4)
 """Of the bandwidth's inverse: what a dead time might be longer by in its place."""
 
-AS_GOOD = 1.2
-"""What leaves up to so many times as much explains a flight nearly as well."""
+OTHER_LAGS_S = (0.0, 0.2, 0.4)
+"""s: what a lag might be in place of as much dead time."""
 
-DOUBT = 4.0
+AS_GOOD = 2.0
+"""What leaves up to so many times as much explains a flight nearly as well: PX4's 0.9 1/s leaves 1.1 to 2
+times what 1.3 to 1.4 1/s with a dead time of 0.45 s leave of a circle."""
+
+DOUBT = 5.0
 """Times the share of the motion that the model leaves unexplained by which its bandwidth is uncertain: with a
-twentieth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
+twenty-fifth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
 
 WIND_S = 1.0
 """The wind is the mean over so long: a log knows it at each moment, and it may swing within seconds."""
@@ -87,7 +93,11 @@ class Answer:
 
 
 def flown_responses(
-    time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray, airframe: Airframe
+    time_s: FloatArray,
+    vehicle: VehicleRecord,
+    guided: BoolArray,
+    airframe: Airframe,
+    setpoints: FloatArray,
 ) -> tuple[Answer, Answer]:
     """How course and speed of a vehicle answered to their setpoints.
 
@@ -96,11 +106,13 @@ def flown_responses(
         vehicle: what it did.
         guided: whether setpoints were flown, one for each sample.
         airframe: what the mission says of it.
+        setpoints: rows of when each went out (s), course in rad and airspeed in m/s. Those of the samples are
+            up to a step later, and half a step of 0.05 s is 4 % of alpha.
     """
     stretch = fitted_stretch(time_s, vehicle, guided)
     return (
-        loop_answer("course", time_s, vehicle, stretch, airframe),
-        loop_answer("speed", time_s, vehicle, stretch, airframe),
+        loop_answer("course", time_s, vehicle, stretch, airframe=airframe, setpoints=setpoints),
+        loop_answer("speed", time_s, vehicle, stretch, airframe=airframe, setpoints=setpoints),
     )
 
 
@@ -128,13 +140,19 @@ def fitted_stretch(time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray
 
 
 def loop_answer(
-    loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice, airframe: Airframe
+    loop: Loop,
+    time_s: FloatArray,
+    vehicle: VehicleRecord,
+    stretch: slice,
+    *,
+    airframe: Airframe,
+    setpoints: FloatArray,
 ) -> Answer:
     """How one loop answered on a stretch, or why that cannot be told."""
     mission = airframe.alpha if loop == "course" else airframe.beta
     response, why = None, unknown_because(loop, time_s, vehicle, stretch)
     if not why:
-        samples = samples_of(loop, time_s, vehicle, stretch, airframe)
+        samples = samples_of(loop, time_s, vehicle, stretch, airframe=airframe, setpoints=setpoints)
         model = course_response if loop == "course" else speed_response
         seen = samples.direction if loop == "course" else samples.speed
         skipped = forgotten(samples)
@@ -150,17 +168,18 @@ def loop_answer(
 def with_doubt(response: Response, model: Model, seen: FloatArray) -> Response:
     """The same, its bandwidth no surer than a flight without steps can tell.
 
-    Slow changes show the sum of the bandwidth's inverse and the dead time, and hardly which of them it is: a
-    bandwidth with another dead time that explains the flight nearly as well is within the interval.
+    Slow changes show the sum of the bandwidth's inverse, dead time and lag, and hardly which of them it is: a
+    bandwidth with others of them that explains the flight nearly as well is within the interval.
     """
     known, late, lag = response.bandwidth, response.dead_time.value, response.lag.value
     unexplained = response.residual / max(float(np.std(seen)), response.residual, 1e-9)
     widest = math.hypot(known.half_width, max(MODEL_SHARE, DOUBT * unexplained) * known.value)
-    for share in OTHER_SHARES:
-        other, dead_time = known.value / (1.0 - share), late + share / known.value
+    for share, other_lag in product(OTHER_SHARES, {lag, *OTHER_LAGS_S}):
+        other = known.value / (1.0 - share)
+        dead_time = late + share / known.value + lag - other_lag
         if dead_time < 0.0:
             continue
-        rest = seen - model((other, dead_time, lag))
+        rest = seen - model((other, dead_time, other_lag))
         if math.sqrt(float(rest @ rest) / len(rest)) < AS_GOOD * response.residual:
             widest = max(widest, abs(other - known.value))
     return replace(response, bandwidth=replace(known, half_width=widest))
@@ -183,7 +202,13 @@ def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stre
 
 
 def samples_of(
-    loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice, airframe: Airframe
+    loop: Loop,
+    time_s: FloatArray,
+    vehicle: VehicleRecord,
+    stretch: slice,
+    *,
+    airframe: Airframe,
+    setpoints: FloatArray,
 ) -> Samples:
     """What was asked for and what was seen on a stretch."""
     ground = airframe.hold == "course-hold"
@@ -192,16 +217,18 @@ def samples_of(
     north = calm if ground else smoothed(times, vehicle.wind_north_m_s[stretch], WIND_S)
     east = calm if ground else smoothed(times, vehicle.wind_east_m_s[stretch], WIND_S)
     course = loop == "course"
-    # Every setpoint, also those between the samples that are fitted: half a step would look like a delay.
-    whole = slice(stretch.start, stretch.stop)
-    told = (vehicle.course_setpoint_rad if course else vehicle.airspeed_setpoint_m_s)[whole]
+    # From the one that holds at the first sample on.
+    known = setpoints[np.all(np.isfinite(setpoints), axis=1)]
+    first = max(int(np.searchsorted(known[:, 0], times[0], side="right")) - 1, 0)
+    asked = known[first : int(np.searchsorted(known[:, 0], times[-1], side="right"))]
+    told = asked[:, 1 if course else 2]
     samples = Samples(
         time_s=times,
         direction=np.unwrap((vehicle.course_rad if ground else vehicle.heading_rad)[stretch]),
         speed=(vehicle.ground_speed_m_s if ground else vehicle.airspeed_m_s)[stretch],
         wind_north=north,
         wind_east=east,
-        setpoint_s=time_s[whole],
+        setpoint_s=asked[:, 0],
         setpoint=np.unwrap(told) if course else told,
     )
     return samples if course else rescaled(samples)

@@ -64,7 +64,8 @@ def mission() -> Mission:
 
 
 def flight_in(mission: Mission, paths: list[Path]) -> FlightRecord:
-    return logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
+    logs = [log for path in paths for log in read_log(path, mission)]
+    return logged_flight(mission, logs).record
 
 
 @pytest.mark.parametrize("names", [("a.BIN", "b.BIN"), ("a.ulg", "b.ulg"), ("a.BIN", "b.ulg")])

@@ -74,8 +74,11 @@ def flight(duration_s: float = 120.0, *, change: float = 1.0) -> tuple[FloatArra
     return time_s, vehicle
 
 
-def answers(time_s: FloatArray, vehicle: VehicleRecord) -> tuple[Answer, Answer]:
-    return flown_responses(time_s, vehicle, vehicle.mode == 1, AIRFRAME)
+def answers(
+    time_s: FloatArray, vehicle: VehicleRecord, airframe: Airframe = AIRFRAME
+) -> tuple[Answer, Answer]:
+    asked = (time_s, vehicle.course_setpoint_rad, vehicle.airspeed_setpoint_m_s)
+    return flown_responses(time_s, vehicle, vehicle.mode == 1, airframe, np.column_stack(asked))
 
 
 def test_bandwidth_and_dead_time_are_found_from_setpoints_that_were_no_steps() -> None:
@@ -95,7 +98,7 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
     assert "known well; the mission says 1.00" in answer_sentence(course)
     assert "the mission's 0.50 fits" not in answer_sentence(speed)
     near = replace(AIRFRAME, alpha=0.8)
-    fits, _ = flown_responses(time_s, vehicle, vehicle.mode == 1, near)
+    fits, _ = answers(time_s, vehicle, near)
     assert "the mission's 0.80 fits" in answer_sentence(fits)
     lines = flown_profile([course, speed]).splitlines()
     assert lines[0].startswith("f1:")
@@ -137,3 +140,41 @@ def test_moments_that_are_not_guided_are_not_fitted() -> None:
     course, _ = answers(time_s, wild)
     assert course.response is not None
     assert course.response.bandwidth.value == pytest.approx(0.8, rel=0.05)
+
+
+def test_setpoints_count_from_when_they_went_out_not_from_the_next_sample() -> None:
+    time_s, vehicle = flight()
+    # Each went out 0.04 s before the sample that has it first: the answer is then 0.04 s later than it seems.
+    asked = np.column_stack(
+        (time_s - 0.04, vehicle.course_setpoint_rad, vehicle.airspeed_setpoint_m_s)
+    )
+    course, _ = flown_responses(time_s, vehicle, vehicle.mode == 1, AIRFRAME, asked)
+    assert course.response is not None
+    total_s = 1.0 / course.response.bandwidth.value + course.response.dead_time.value
+    # 1 / 0.8 s and 0.3 s, and the 0.04 s.
+    assert total_s == pytest.approx(1.25 + 0.3 + 0.04, abs=0.005)
+
+
+def test_a_circle_in_wind_shows_the_bandwidth_although_the_drift_changes_all_the_time() -> None:
+    time_s, vehicle = flight()
+    fine, wind, heading, headings = 10, 8.0, 0.0, []
+    for now in time_s.tolist():
+        headings.append(heading)
+        for _ in range(fine):
+            course = math.atan2(wind + 20.0 * math.sin(heading), 20.0 * math.cos(heading))
+            heading += 1.2 * math.remainder(0.15 * now - course, math.tau) * STEP_S / fine
+    seen = np.array(headings)
+    east, north = wind + 20.0 * np.sin(seen), 20.0 * np.cos(seen)
+    circling = replace(
+        vehicle,
+        heading_rad=seen,
+        course_rad=np.arctan2(east, north),
+        ground_speed_m_s=np.hypot(north, east),
+        airspeed_m_s=np.full_like(seen, 20.0),
+        wind_east_m_s=np.full_like(seen, wind),
+        course_setpoint_rad=0.15 * time_s,
+    )
+    answer, _ = answers(time_s, circling)
+    assert answer.response is not None
+    assert answer.response.bandwidth.value == pytest.approx(1.2, rel=0.01)
+    assert answer.response.dead_time.value < 0.01

@@ -1,12 +1,13 @@
 """A flight record made of the autopilots' own logs: nobody has to have recorded anything else."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vfguide.companion.supervisor import Mode
+from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
@@ -35,6 +36,17 @@ LOGGED_MODES = {Mode.WAITING.value: "not guided", Mode.TRACKING.value: "guided"}
 """What can be told of modes from an autopilot's log: whether setpoints came."""
 
 ENDINGS = (".bin", ".ulg", ".tlog")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoggedFlight:
+    """A flight that some logs tell of."""
+
+    record: FlightRecord
+    """What a report is made of, in even steps."""
+    setpoints: Mapping[str, FloatArray]
+    """By vehicle, rows of when each setpoint went out (s on the record's clock), course in rad and airspeed
+    in m/s: the record has them up to a step later."""
 
 
 def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
@@ -97,8 +109,8 @@ def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
     return found
 
 
-def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecord:
-    """The record of the flight that some logs tell of.
+def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFlight:
+    """The flight that some logs tell of.
 
     Raises:
         InputError: two are of one vehicle, their clocks cannot be compared, or the leader's is missing.
@@ -125,10 +137,17 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> FlightRecor
         notes=(NO_ORDERS,),
     )
     record = flight_of(found)
-    return replace(
-        record,
-        mode_names=tuple(LOGGED_MODES.get(name, name) for name in record.mode_names),
-        begin_unix_s=None if clock == ONE_CLOCK else record.begin_unix_s,
+    began = record.begin_unix_s or 0.0
+    return LoggedFlight(
+        record=replace(
+            record,
+            mode_names=tuple(LOGGED_MODES.get(name, name) for name in record.mode_names),
+            begin_unix_s=None if clock == ONE_CLOCK else record.begin_unix_s,
+        ),
+        setpoints={
+            names[log.system_id]: log.setpoints + np.array([shift - began, 0.0, 0.0])
+            for log, shift in zip(logs, shifts, strict=True)
+        },
     )
 
 

@@ -46,8 +46,8 @@ PLOTS = (
     Plot(
         name="tracks",
         title="Tracks",
-        caption="The formation should keep one shape all along the dashed path, and on the right each "
-        "line should end in its cross and stay there.",
+        caption="The formation should keep one shape all along the dashed path, and seen from the "
+        "leader each line should end in its cross and stay there.",
         draw=tracks_figure,
         needs_followers=False,
     ),

@@ -348,11 +348,11 @@ def draw_wind(
     unit = max(1.0, float(round(strongest)))
     axes.quiverkey(
         arrows,
-        0.8,
+        0.93,
         0.03,
         unit,
         f"wind {unit:.0f} m/s",
-        labelpos="E",
+        labelpos="W",
         coordinates="axes",
         fontproperties={"size": TEXT_SIZE},
     )

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import site
 import socket
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -226,10 +227,16 @@ def peers(*, rate_hz: float, directory: Path) -> list[Client]:
                 command=python_module("vfguide.lab.studies.peers", kind, str(port)),
                 vehicle=TimedVehicle(autopilot, port=port, rate_hz=rate_hz),
                 log=directory / f"{kind}.log",
-                environment=PYMAVLINK_ENVIRONMENT,
+                environment={**PYMAVLINK_ENVIRONMENT, **home_in(directory)},
             )
         )
     return clients
+
+
+def home_in(directory: Path) -> dict[str, str]:
+    """Places that are gone with the study for what MAVSDK keeps; packages are found as before."""
+    places = dict.fromkeys(("HOME", "TMPDIR"), str(directory))
+    return {**places, "PYTHONUSERBASE": site.getuserbase()}
 
 
 def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:

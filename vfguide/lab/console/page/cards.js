@@ -1,6 +1,8 @@
 // A card for each vehicle: what it does, how well, how old that is, and what its companion says.
 
 const TRACE_S = 60;
+/** Height of the words above the traces. */
+const WORDS_PX = 13;
 const TRACE_EVERY_MS = 500;
 // Along, across, height: told apart by their dashes too.
 const TRACES = [
@@ -185,8 +187,10 @@ class Cards {
       }
     }
     most = roundLength(most) >= most ? roundLength(most) : nextRound(most);
-    const middle = height / 2;
-    const y = (value) => middle - (value / most) * (middle - 3);
+    // The scale's words stand above the traces.
+    const half = (height - WORDS_PX) / 2;
+    const middle = WORDS_PX + half;
+    const y = (value) => middle - (value / most) * (half - 2);
     context.strokeStyle = theme.grid;
     context.lineWidth = 1;
     context.setLineDash([]);
@@ -218,7 +222,7 @@ class Cards {
     context.fillStyle = theme.quiet;
     context.textBaseline = "top";
     context.textAlign = "left";
-    outlinedText(context, `±${most} m, 1 min`, 2, 1, theme);
+    context.fillText(`±${most} m, 1 min`, 2, 0);
   }
 }
 

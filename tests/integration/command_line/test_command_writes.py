@@ -1,0 +1,129 @@
+"""No command touches a file outside the place it was given, by Python's audit events and by what is there."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from vfguide.commands.output import PARTIAL
+
+PATIENCE_S = 240.0
+"""For a process that hangs; no test waits for it."""
+
+NO_FILES = ("/dev/null", "/dev/urandom", "/dev/tty", "/proc/self/")
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Where a command runs: nothing in it but what the test has put there."""
+
+    root: Path
+
+    @property
+    def out(self) -> Path:
+        """The one place that is named with --out."""
+        return self.root / "out"
+
+    def start(self, *words: str | Path) -> subprocess.Popen[str]:
+        """A command, watched."""
+        for name in ("home", "temporary", "here", "watch"):
+            (self.root / name).mkdir(exist_ok=True)
+        shutil.copy(
+            Path(__file__).with_name("watched_writing.py"), self.root / "watch" / "sitecustomize.py"
+        )
+        places = [str(self.root / "watch"), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {
+            **{name: value for name, value in os.environ.items() if not name.startswith("XDG_")},
+            "HOME": str(self.root / "home"),
+            "TMPDIR": str(self.root / "temporary"),
+            "PYTHONPATH": os.pathsep.join(places),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "WRITES_ARE_TOLD_TO": str(self.root / "told"),
+        }
+        return subprocess.Popen(
+            [sys.executable, "-m", "vfguide", *map(str, words)],
+            cwd=self.root / "here",
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, *words: str | Path) -> None:
+        """A command that ends by itself."""
+        process = self.start(*words)
+        _, errors = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 0, errors
+
+    def see_that_nothing_else_was_written(self) -> None:
+        """Only `out`; what was put aside meanwhile is gone."""
+        told = (self.root / "told").read_text(encoding="utf-8").splitlines()
+        assert told
+        # Files are made whole in a directory beside them.
+        partial = str(self.root / PARTIAL)
+        good = (str(self.out), partial, str(self.root / "temporary"), *NO_FILES)
+        assert [line for line in told if not line.partition(" ")[2].startswith(good)] == []
+        for name in ("home", "temporary", "here"):
+            assert list((self.root / name).iterdir()) == [], name
+        assert list(self.root.glob(f"{PARTIAL}*")) == []
+
+
+@pytest.fixture
+def around(tmp_path: Path) -> Surroundings:
+    return Surroundings(tmp_path)
+
+
+Words = Callable[[SimpleNamespace, Path], Sequence[str | Path]]
+
+COMMANDS: dict[str, Words] = {
+    "fly": lambda flown, out: ("fly", flown.directory.parent / "pair.yaml", "--out", out),
+    "fly live": lambda flown, out: (
+        *("fly", flown.directory.parent / "pair.yaml", "--live", "--duration", "5"),
+        *("--out", out, "--set", "acceptance.mean_error_m=100"),
+        *("--set", "acceptance.settle_10m_s=100"),
+    ),
+    "report": lambda flown, out: ("report", flown.directory, "--out", out),
+    "animate": lambda flown, out: (
+        *("report", flown.directory, "--animate", out.with_name("out.webp")),
+    ),
+    "analyse": lambda flown, out: (
+        *("analyse", flown.directory.parent / "pair.yaml"),
+        *(*sorted(flown.directory.glob("*.tlog")), "--out", out),
+    ),
+    **{
+        f"export {ending}": lambda flown, out, ending=ending: (  # type: ignore[misc]
+            *("export", flown.directory, "--out", out.with_name(f"out.{ending}")),
+        )
+        for ending in ("mcap", "kml", "kmz", "csv", "parquet", "plan")
+    },
+    "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_writes_where_it_was_told_to_and_nowhere_else(
+    name: str, flown: SimpleNamespace, around: Surroundings
+) -> None:
+    before = {path: path.stat().st_mtime_ns for path in flown.directory.parent.rglob("*")}
+    around.run(*COMMANDS[name](flown, around.out))
+    around.see_that_nothing_else_was_written()
+    after = {path: path.stat().st_mtime_ns for path in flown.directory.parent.rglob("*")}
+    assert after == before
+
+
+def test_a_console_of_a_recorded_flight_writes_nothing(
+    flown: SimpleNamespace, around: Surroundings
+) -> None:
+    process = around.start("console", "--replay", flown.directory, "--port", "0")
+    assert process.stdout is not None
+    assert "http://" in process.stdout.readline()
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=PATIENCE_S)
+    around.see_that_nothing_else_was_written()
