@@ -241,13 +241,14 @@ def at_once(calls: Sequence[Callable[[], None]]) -> None:
 
 
 def climb(simulator: Simulator, mission: Mission) -> None:
-    """Take off and reach the mission's height."""
+    """Take off, reach the mission's height and meet the wind there."""
     station = simulator.station
     simulator.take_off()
     height = mission.origin.altitude_amsl_m + mission.height_above_origin_m
     station.wait(
         lambda: station.altitude_amsl_m > height - ENOUGH_M, f"not at {height:.0f} m", CLIMB_S
     )
+    simulator.meet_wind()
 
 
 def hand_over(name: str, formation: Formation) -> None:

@@ -84,6 +84,10 @@ class Simulator(ABC):
         """Arm, and begin to climb to the height it was made for."""
 
     @abstractmethod
+    def meet_wind(self) -> None:
+        """Let the wind begin, where the aircraft has to be in the air for it."""
+
+    @abstractmethod
     def is_in(self, mode: str) -> bool:
         """Whether the autopilot is in a mode, by its pilot's word for it."""
 
@@ -226,6 +230,9 @@ class ArduPlane(Simulator):
         self.station.wait(lambda: self.station.armed, "not armed", ARM_S, ask)
         self.enter("TAKEOFF")
 
+    def meet_wind(self) -> None:
+        """ArduPlane stands in it from the start."""
+
     def is_in(self, mode: str) -> bool:
         return self.station.mode == self.MODES[mode]
 
@@ -319,15 +326,17 @@ class Px4(Simulator):
         self._instance = instance
         self._directory = directory
         heading = math.radians(conditions.wind_from_deg)
+        # Where it comes from.
+        self._wind = {
+            "SIH_WIND_N": conditions.wind_m_s * math.cos(heading),
+            "SIH_WIND_E": conditions.wind_m_s * math.sin(heading),
+        }
         wanted: dict[str, float] = {
             **self.AIRFRAME,
             "MAV_SYS_ID": system_id,
             "MIS_TAKEOFF_ALT": height_m,
             "SIH_LOC_LAT0": place.latitude_deg,
             "SIH_LOC_LON0": place.longitude_deg,
-            # Where it comes from.
-            "SIH_WIND_N": conditions.wind_m_s * math.cos(heading),
-            "SIH_WIND_E": conditions.wind_m_s * math.sin(heading),
             **({} if conditions.factory else self.RECIPE),
             **conditions.parameters,
         }
@@ -384,6 +393,18 @@ class Px4(Simulator):
 
         self.station.wait(lambda: self.station.armed, "not armed", ARM_S, ask)
         self.enter("TAKEOFF")
+
+    def meet_wind(self) -> None:
+        """Set the wind in flight: SIH's airplane is blown about on the ground, and the estimator with it."""
+        station = self.station
+        for name, value in self._wind.items():
+            if value:
+                station.wait(
+                    lambda name=name: name in station.parameters,
+                    f"no {name}",
+                    MODE_S,
+                    lambda name=name, value=value: station.set_parameter(name, value),
+                )
 
     @classmethod
     def number(cls, mode: str) -> int:

@@ -44,7 +44,7 @@ def main() -> None:
             sys.stdout.write(
                 f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "
                 f"{formation.mean_error_m:.2f} m as they are, "
-                f"roll {one.metrics['roll_share']:.2f}, limited {one.metrics['limited_share']:.0%}\n"
+                f"roll {one.metrics['roll_share']:.2f}, limited {one.metrics['limited_share']:.1%}\n"
             )
             sys.stdout.flush()
 
