@@ -43,6 +43,7 @@ from vfguide.guidance.height import (
     path_height,
 )
 from vfguide.guidance.intended_motion import (
+    CALM_RAD,
     IntendedMotion,
     KnownLeader,
     extrapolate_along_path,
@@ -85,6 +86,9 @@ HANDED_BACK_S = 5.0
 
 WIND_S = 5.0
 """Memory of the mean wind."""
+
+GUST_SHARE = 10.0
+"""So much faster than the leader's course jitters aside, gusts carry one away whose companion has died."""
 
 IN_SLOT_M = 2.0
 """From the slot: nearer a follower is in it."""
@@ -473,7 +477,15 @@ class FollowerRole(Role):
             leader=leader,
             astray=self._distance,
             height=self._height_wanted,
+            gusts=self._gusts(),
         )
+
+    def _gusts(self) -> float:
+        """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells."""
+        if self._intended is None:
+            return 0.0
+        jitter = max(math.sqrt(self._intended.jitter) - CALM_RAD, 0.0)
+        return GUST_SHARE * jitter * self._intended.motion.ground_speed
 
     def _wanted(
         self, navigated: NavigatedState, leader: LeaderState[float], away: Setpoint[float] | None
