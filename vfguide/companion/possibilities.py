@@ -157,6 +157,10 @@ BERTH_M = 15.0
 DRIFT_M_S = 1.0
 """How fast a silent vehicle may leave the places where it is believed to be, m/s."""
 
+MOST_GUSTS_M = 5.0
+"""Most that gusts add to the distance from a course that is held. Without this bound followers left their
+slots by up to 168 m, beside the vehicle that they were to let pass."""
+
 LEVEL_S = 4.0
 """How far ahead a vehicle that is not under guidance is thought to level out."""
 
@@ -313,7 +317,8 @@ def possibilities_of(
         return None
     rows = np.concatenate([which for which, *_ in found])
     # Gusts carry one that nobody corrects away from where it is looked for.
-    carried = np.minimum(here.gusts * (seen.age[:, None] + BEGINNINGS), (most - keep)[:, None])
+    room = np.minimum(most - keep, MOST_GUSTS_M)
+    carried = np.minimum(here.gusts * (seen.age[:, None] + BEGINNINGS), room[:, None])
     sure = np.zeros_like(carried)
     margin = np.concatenate(
         [
