@@ -96,6 +96,8 @@ class Intent:
     """How far it is from its slot, or from flying along its path, m."""
     height: HeightTarget
     """Of its guidance."""
+    gusts: float = 0.0
+    """See `Viewpoint`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +204,7 @@ class KeepClear:
             climb_rate=state.climb_rate,
             astray=aim.astray,
             reaction_s=reaction_time(airframe.course_dead_time + airframe.course_lag),
+            gusts=aim.gusts,
         )
         own = own_motion(state, turn_rate, airframe)
         found = self._obstacles(here, aim)

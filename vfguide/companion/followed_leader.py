@@ -23,6 +23,7 @@ from vfguide.guidance.height import (
     path_height,
 )
 from vfguide.guidance.intended_motion import (
+    CALM_RAD,
     IntendedMotion,
     KnownLeader,
     extrapolate_along_path,
@@ -45,6 +46,9 @@ HANDED_BACK_S = 5.0
 
 WIND_S = 5.0
 """Memory of the mean wind."""
+
+GUST_SHARE = 10.0
+"""So much faster than the leader's course jitters aside, gusts carry one away whose companion has died."""
 
 
 class FollowedLeader:
@@ -94,6 +98,14 @@ class FollowedLeader:
         if isinstance(self._task.leader, ForeignLeader):
             return self.receiver.newest
         return None if self._intended is None else self._intended.motion
+
+    @property
+    def gusts(self) -> float:
+        """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells."""
+        if self._intended is None:
+            return 0.0
+        jitter = max(math.sqrt(self._intended.jitter) - CALM_RAD, 0.0)
+        return GUST_SHARE * jitter * self._intended.motion.ground_speed
 
     @property
     def foreign(self) -> HeardState | None:

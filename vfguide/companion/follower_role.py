@@ -282,6 +282,7 @@ class FollowerRole(Role):
             leader=leader,
             astray=self._distance,
             height=self._height_wanted,
+            gusts=self.followed.gusts,
         )
 
     def _wanted(

@@ -16,7 +16,7 @@ import numpy as np
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.frames import LocalFrame
 from vfguide.guidance.predicted_tracks import HORIZON_S, arc
-from vfguide.guidance.separation import Others
+from vfguide.guidance.separation import BEGINNINGS, Others
 from vfguide.mavlink.reports import TrafficReport
 
 MOST_AIRCRAFT = 32
@@ -214,6 +214,7 @@ class OtherAircraft:
                 keep=keep,
                 floor=np.full(count, self._distance_m),
                 weight=np.full(count, WEIGHT),
+                margin=np.zeros((count, len(BEGINNINGS))),
             ),
         )
 
@@ -305,4 +306,5 @@ def joined(first: Others | None, second: Others) -> Others:
         keep=np.concatenate([first.keep, second.keep]),
         floor=np.concatenate([first.floor, second.floor]),
         weight=np.concatenate([first.weight, second.weight]),
+        margin=np.concatenate([first.margin, second.margin]),
     )

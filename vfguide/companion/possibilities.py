@@ -22,7 +22,7 @@ from vfguide.guidance.predicted_tracks import (
     place_of,
     velocity_of,
 )
-from vfguide.guidance.separation import FLOOR_M, Others
+from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
 from vfguide.state import LeaderState
 
 SILENT_S = 2.4
@@ -39,6 +39,9 @@ LAST_TURN_S = 1.0
 WIND_S = 0.6
 """A vehicle that was heard this short a time ago flies in the wind of now."""
 
+AIRSPEED_S = 2.0
+"""Memory of the airspeeds of others. Over the ground each gust shows; through the air it is what is held."""
+
 SPACING_SHARE = 0.65
 """Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
 
@@ -47,6 +50,10 @@ BERTH_M = 15.0
 
 DRIFT_M_S = 1.0
 """How fast a silent vehicle may leave the places where it is believed to be, m/s."""
+
+MOST_GUSTS_M = 5.0
+"""Most that gusts add to the distance from a course that is held. Without this bound followers left their
+slots by up to 168 m, beside the vehicle that they were to let pass."""
 
 LEVEL_S = 4.0
 """How far ahead a vehicle that is not under guidance is thought to level out."""
@@ -80,6 +87,7 @@ class Sightings:
     __slots__ = (
         "acceleration",
         "ahead",
+        "airspeed",
         "altitude",
         "carried",
         "climb_rate",
@@ -87,6 +95,7 @@ class Sightings:
         "held",
         "offset",
         "place",
+        "run",
         "since",
         "speed",
         "steered",
@@ -127,6 +136,10 @@ class Sightings:
         """Of then, as the own vehicle knew it, toward, m/s."""
         self.carried = np.zeros(count, dtype=np.complex128)
         """How far the wind has carried each since then beyond where that wind would have, m."""
+        self.airspeed = np.full(count, np.nan)
+        """As the own vehicle's wind tells, filtered, m/s."""
+        self.run = np.zeros(count)
+        """How far each has flown since then if it flies on its held course, m; NaN: not found yet."""
 
     def carry(self, age: FloatArray, wind: complex, passed_s: float) -> None:
         """Let the wind (m/s) carry those who are silent for some time (s).
@@ -139,6 +152,13 @@ class Sightings:
             passed_s: since this was done last.
         """
         fresh = age <= WIND_S
+        found = np.abs(self.speed * self.ahead - wind)
+        known = np.where(np.isnan(self.airspeed), found, self.airspeed)
+        weight = np.where(fresh, passed_s / (passed_s + AIRSPEED_S), 0.0)
+        self.airspeed[:] = known + weight * (found - known)
+        speed = ground_speed_held(self.airspeed, self.held, wind)
+        run = self.run + speed * np.minimum(age, passed_s)
+        self.run[:] = np.where(fresh | np.isnan(self.run), speed * age, run)
         self.carried += (wind - self.wind) * np.minimum(age, passed_s)
         self.carried[fresh] = 0.0
         # That of then: in a wind that swings it is another one two seconds later.
@@ -189,6 +209,8 @@ class Viewpoint:
     """Distance from its slot, m; of a leader how far it is from flying along its path."""
     reaction_s: float
     """Until it answers to something new: the age of what it hears, its dead time and lag."""
+    gusts: float = 0.0
+    """How fast gusts carry a vehicle away from the course and the speed that it holds, m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,6 +234,10 @@ class VehiclesInSight:
     """When they were last heard, toward, m/s."""
     carried: ComplexArray
     """How far the wind has carried them since then beyond where that wind would have, m."""
+    airspeed: FloatArray
+    """m/s."""
+    run: FloatArray
+    """How far each has flown since then if it flies on its held course, m."""
     offset: ComplexArray
     """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
     turn_rate: FloatArray
@@ -237,7 +263,8 @@ def possibilities_of(
     found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
     grown = DRIFT_M_S * np.maximum(seen.age - SILENT_S, 0.0)
     # However uncertain the places are, slots are flown: the mission put them this near.
-    keep = np.maximum(np.minimum(seen.keep + grown, SPACING_SHARE * seen.spacing), seen.keep)
+    most = np.maximum(SPACING_SHARE * seen.spacing, seen.keep)
+    keep = np.minimum(seen.keep + grown, most)
     floor = np.minimum(FLOOR_M, seen.keep)
     # What predictions are off is more where the sender is silent.
     least = np.minimum(floor + grown, keep)
@@ -273,7 +300,9 @@ def possibilities_of(
         if hangs.any():
             found.append((np.flatnonzero(hangs), tightened(seen)[hangs], ARC_S, floor + grown))
     holds = seen.believed & seen.silent & seen.linked
+    first_held = len(found)
     found += [(which, tracks, HOLDS_S, keep) for which, tracks in tracks_held(seen, holds, here)]
+    last_held = len(found)
     if seen.stopped.any():
         tracks = np.repeat(seen.heard_at[seen.stopped, None], len(TIMES), axis=1)
         standing = np.minimum(STANDING_M, seen.keep)
@@ -287,6 +316,16 @@ def possibilities_of(
     if not found:
         return None
     rows = np.concatenate([which for which, *_ in found])
+    # Gusts carry one that nobody corrects away from where it is looked for.
+    room = np.minimum(most - keep, MOST_GUSTS_M)
+    carried = np.minimum(here.gusts * (seen.age[:, None] + BEGINNINGS), room[:, None])
+    sure = np.zeros_like(carried)
+    margin = np.concatenate(
+        [
+            (carried if first_held <= number < last_held else sure)[which]
+            for number, (which, *_) in enumerate(found)
+        ]
+    )
     keep = np.concatenate([distance[which] for which, _, _, distance in found])
     others = Others(
         tracks=np.concatenate([tracks for _, tracks, _, _ in found]),
@@ -294,6 +333,7 @@ def possibilities_of(
         keep=keep,
         floor=np.minimum(least[rows], keep),
         weight=seen.weight[rows],
+        margin=margin,
     )
     return others, seen.row[rows]
 
@@ -347,13 +387,10 @@ def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Com
     """
     change = wind - seen.wind
     heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)
-    speed, faster = np.abs(heard), (change * np.conj(seen.held)).real
-    # They turn as a hold of first order does, and the wind along the course carries them.
+    # They turn as a hold of first order does, and hold the airspeed that they had in the winds since then.
     turned = LAST_TURN_S * -np.expm1(-seen.age / LAST_TURN_S)
-    along = (seen.carried * np.conj(seen.held)).real
-    place = seen.heard_at + seen.held * (speed * seen.age + along)
-    place = place + (heard - speed * seen.held) * turned
-    velocity = seen.held * (speed + faster)
+    place = seen.heard_at + seen.held * seen.run + (heard - np.abs(heard) * seen.held) * turned
+    velocity = seen.held * ground_speed_held(seen.airspeed, seen.held, wind)
     # Back along the arc to where they were heard, on for the last turn, and straight from there.
     guessed = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
     back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
@@ -362,6 +399,14 @@ def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Com
         np.where(unknown, back + guessed * (seen.age - LAST_TURN_S), place),
         np.where(unknown, guessed, velocity),
     )
+
+
+def ground_speed_held(airspeed: FloatArray, held: ComplexArray, wind: complex) -> FloatArray:
+    """Ground speeds (m/s) of those who fly airspeeds on courses (unit vectors) in a wind toward there."""
+    along = wind * np.conj(held)
+    root = np.sqrt(np.maximum(airspeed * airspeed - along.imag * along.imag, 0.0))
+    speed: FloatArray = along.real + root
+    return speed
 
 
 def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:

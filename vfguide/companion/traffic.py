@@ -167,9 +167,9 @@ class Traffic:
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard
         if state.time_s - known.time[row] > SILENT_S:
-            known.since[row] = state.time_s
+            known.since[row], known.airspeed[row] = state.time_s, np.nan
         known.time[row] = state.time_s
-        known.wind[row], known.carried[row] = self._wind, 0j
+        known.wind[row], known.carried[row], known.run[row] = self._wind, 0j, np.nan
         known.place[row] = place_of(state)
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
@@ -284,6 +284,8 @@ class Traffic:
             held=self._heard.held[rows],
             wind=self._heard.wind[rows],
             carried=self._heard.carried[rows],
+            airspeed=self._heard.airspeed[rows],
+            run=self._heard.run[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
             hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),

@@ -78,6 +78,8 @@ class Others:
     """Distance that is not to be fallen short of if anything can be done, m."""
     weight: FloatArray
     """How much it counts where not all can be had."""
+    margin: FloatArray
+    """What each track may be off by in each interval of `TIMES`, m: so much nearer counts as near."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +128,7 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
     square = np.maximum(way.real * way.real + way.imag * way.imag, 1e-9)
     share = -(start.real * way.real + start.imag * way.imag) / square
     share = np.minimum(np.maximum(share, 0.0), 1.0)
-    distance = np.abs(start + share * way)
+    distance = np.maximum(np.abs(start + share * way) - others.margin, 0.0)
     return np.where(others.horizon_s[:, None] > BEGINNINGS, distance, np.inf)
 
 
@@ -233,6 +235,7 @@ def escape_distance(own: OwnMotion, agility: Agility, tracks: ComplexArray) -> f
         keep=np.ones(count),
         floor=np.ones(count),
         weight=np.ones(count),
+        margin=np.zeros((count, len(BEGINNINGS))),
     )
     nearest = closest_approaches(escape_tracks(own, agility), others)
     return float(nearest.min(axis=(1, 2)).max())

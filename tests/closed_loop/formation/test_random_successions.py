@@ -28,20 +28,22 @@ SETTLED_S = DEAF_S + 5.0
 DEPUTIES = ("f1", "f2")
 
 
-def mission() -> Mission:
-    """The article's line in calm air, everyone in place."""
-    content = load_mission(MISSIONS / "line-calm.yaml").model_dump(exclude_unset=True)
+def mission(name: str) -> Mission:
+    """A mission of the article, everyone in place."""
+    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
     content["deputies"] = list(DEPUTIES)
     content["rehearsal"]["start"] = {}
     return Mission.model_validate(content)
 
 
 class Flight(RuleBasedStateMachine):
-    """Four aircraft, of which three may lead."""
+    """Four aircraft along a line in calm air, of which three may lead."""
+
+    flown = "line-calm"
 
     @initialize()
     def launch(self) -> None:
-        self.mission = mission()
+        self.mission = mission(self.flown)
         self.names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
         self.aircraft = {name: Aircraft(self.mission, name) for name in self.names}
         self.group = dict.fromkeys(self.names, 0)
@@ -151,10 +153,18 @@ class Flight(RuleBasedStateMachine):
                 assert len(leaders) == 1
 
 
+class Circling(Flight):
+    """The same on a circle in the article's wind, where two parts measure it differently."""
+
+    flown = "circle-wind"
+
+
 Flight.TestCase.settings = settings(
     max_examples=3,
     stateful_step_count=8,
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )
+Circling.TestCase.settings = settings(Flight.TestCase.settings, max_examples=2)
 TestFlight = Flight.TestCase
+TestCircling = Circling.TestCase

@@ -16,7 +16,7 @@ from vfguide.companion.traffic import FORGET_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.predicted_tracks import STEP_S
-from vfguide.guidance.separation import FLOOR_M, Others
+from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.state import LeaderState
 
@@ -208,6 +208,42 @@ def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_t
     turned = 1.0 - np.exp(-3.0)
     place = 200.0 + 60.0 * np.exp(-0.2j) + 20.0 * turned * (1.0 - np.exp(-0.2j))
     assert tracks[1, 0] == pytest.approx(place, abs=0.02)
+
+
+def test_one_that_holds_its_course_holds_its_airspeed_too(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    traffic.receive("f2", leader_bytes(10.0, course_setpoint=0.0), 10.0)
+    seen = None
+    for step in range(61):
+        now = 10.0 + 0.05 * step
+        if step % 10 == 0:
+            data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
+            traffic.note("leader", heard_leader(plan, data, now))
+        wind = 0j if now <= 11.0 else 12.0j
+        seen = traffic.possibilities(replace(beside(now), wind=wind), led(now))
+    assert seen is not None
+    # 20 m/s until 11 s; in 12 m/s from the side 16 m/s are left along the course, 32 m by 13 s.
+    held = seen[0].tracks[1]
+    assert held[0] == pytest.approx(252.0, abs=1.0)
+    assert held[1] - held[0] == pytest.approx(16.0 * STEP_S, abs=0.01)
+
+
+def test_in_gusts_one_that_nobody_corrects_may_be_farther_off_the_later_it_is_looked_for(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    traffic.receive("f2", leader_bytes(10.0, course_setpoint=0.0), 10.0)
+    for time_s in (9.0, 11.0, 12.9):
+        data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
+        traffic.note("leader", heard_leader(plan, data, time_s))
+    seen = traffic.possibilities(replace(beside(13.0), gusts=1.0), led(13.0))
+    assert seen is not None
+    with_formation, held = seen[0].margin
+    assert list(with_formation) == [0.0] * len(BEGINNINGS)
+    # 3 m for the 3 s since it was heard, and 1 m for each that it is looked ahead; 5 m at most.
+    assert list(held) == pytest.approx([min(3.0 + time_s, 5.0) for time_s in BEGINNINGS])
 
 
 def test_ones_own_deafness_says_nothing_about_the_others(

@@ -18,6 +18,7 @@ from vfguide.guidance.predicted_tracks import (
     own_tracks,
 )
 from vfguide.guidance.separation import (
+    BEGINNINGS,
     FLOOR_M,
     Clearance,
     Others,
@@ -50,6 +51,7 @@ def others(*tracks: ComplexArray, keep: float = 11.0, horizon_s: float = 8.0) ->
         keep=np.full(count, keep),
         floor=np.full(count, min(FLOOR_M, keep)),
         weight=np.ones(count),
+        margin=np.zeros((count, len(BEGINNINGS))),
     )
 
 
@@ -95,6 +97,15 @@ def test_closest_approach_is_found_between_two_times() -> None:
 def test_beyond_its_horizon_a_possibility_does_not_count() -> None:
     soon = others(flying(100.0 + 0j, -NORTH), horizon_s=1.0)
     assert not cleared(soon).changed
+
+
+def test_what_a_track_may_be_off_by_counts_as_nearer() -> None:
+    # Side by side, 20 m apart, and off by 1 m/s from now on: 12.5 m in the last half second.
+    alongside = others(flying(20.0j, NORTH))
+    unsure = replace(alongside, margin=1.0 * BEGINNINGS[None, :])
+    assert cleared(unsure).nearest == pytest.approx([20.0 - BEGINNINGS[-1]])
+    assert not cleared(unsure).changed
+    assert cleared(replace(alongside, margin=2.0 * BEGINNINGS[None, :])).changed
 
 
 def test_alongside_nothing_is_changed() -> None:
