@@ -57,6 +57,9 @@ DOUBT = 5.0
 """Times the share of the motion that the model leaves unexplained by which its bandwidth is uncertain: with a
 twenty-fifth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
 
+MOST_DOUBT = 0.6
+"""Share of a bandwidth: a number that is less sure than that is none."""
+
 WIND_S = 1.0
 """The wind is the mean over so long: a log knows it at each moment, and it may swing within seconds."""
 
@@ -162,6 +165,8 @@ def loop_answer(
         response = with_doubt(
             response, lambda values: model(samples, values, airframe)[skipped:], seen[skipped:]
         )
+        if response.bandwidth.half_width > MOST_DOUBT * response.bandwidth.value:
+            response, why = None, "quite other values explain this flight as well"
     return Answer(vehicle=vehicle.name, loop=loop, response=response, why=why, mission=mission)
 
 

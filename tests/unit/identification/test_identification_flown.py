@@ -128,6 +128,19 @@ def test_what_cannot_be_told_is_not_told(duration_s: float, change: float, why: 
     assert flown_profile([course, speed]) == ""
 
 
+def test_a_speed_that_goes_its_own_way_gives_no_number() -> None:
+    time_s, vehicle = flight()
+    # Nothing of it is an answer: it swings as no setpoint does.
+    _, speed = answers(
+        time_s, replace(vehicle, airspeed_m_s=20.0 + 1.5 * np.sin(0.37 * time_s + 1.0))
+    )
+    assert speed.response is None
+    assert answer_sentence(speed) == (
+        "f1: speed: cannot be told, quite other values explain this flight as well; "
+        "fly `vfguide identify` to know it"
+    )
+
+
 def test_moments_that_are_not_guided_are_not_fitted() -> None:
     time_s, vehicle = flight()
     # By hand in the first half: whatever was set then was not flown.
