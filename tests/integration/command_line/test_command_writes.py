@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from vfguide.commands.caches import MATPLOTLIB
 from vfguide.commands.output import PARTIAL
 
 PATIENCE_S = 240.0
@@ -39,8 +40,10 @@ class Surroundings:
             Path(__file__).with_name("watched_writing.py"), self.root / "watch" / "sitecustomize.py"
         )
         places = [str(self.root / "watch"), *filter(None, [os.environ.get("PYTHONPATH")])]
+        # A command that ran in the tests' own process has named a place for Matplotlib there.
+        own = ("XDG_", MATPLOTLIB)
         environment = {
-            **{name: value for name, value in os.environ.items() if not name.startswith("XDG_")},
+            **{name: value for name, value in os.environ.items() if not name.startswith(own)},
             "HOME": str(self.root / "home"),
             "TMPDIR": str(self.root / "temporary"),
             "PYTHONPATH": os.pathsep.join(places),
