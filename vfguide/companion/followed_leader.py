@@ -32,6 +32,7 @@ from vfguide.guidance.intended_motion import (
     planned_motion,
 )
 from vfguide.guidance.leader_motion import carried_on
+from vfguide.guidance.navigation import memory_of
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.state import HeardState, LeaderState
 
@@ -48,7 +49,11 @@ WIND_S = 5.0
 """Memory of the mean wind."""
 
 GUST_SHARE = 10.0
-"""So much faster than the leader's course jitters aside, gusts carry one away whose companion has died."""
+"""Drift of a vehicle that nobody corrects, in parts of the speed at which gusts move its leader aside, which is
+the rms of its course's jitter times its ground speed. Chosen by 30 lost leaders in docs/succession.md."""
+
+GUSTS_S = 12.0
+"""How long gusts are remembered: as long as a silent vehicle is looked for."""
 
 
 class FollowedLeader:
@@ -91,6 +96,11 @@ class FollowedLeader:
         self._deviation: HeightDeviation | None = None
         self._height: float | None = None
         self._wind = (0.0, 0.0)
+        self.gusts = 0.0
+        """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
+
+        It fades within GUSTS_S once that is calm: a deputy leads smoothly in the gusts that its leader was lost in.
+        """
 
     @property
     def motion(self) -> LeaderState[float] | None:
@@ -98,14 +108,6 @@ class FollowedLeader:
         if isinstance(self._task.leader, ForeignLeader):
             return self.receiver.newest
         return None if self._intended is None else self._intended.motion
-
-    @property
-    def gusts(self) -> float:
-        """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells."""
-        if self._intended is None:
-            return 0.0
-        jitter = max(math.sqrt(self._intended.jitter) - CALM_RAD, 0.0)
-        return GUST_SHARE * jitter * self._intended.motion.ground_speed
 
     @property
     def foreign(self) -> HeardState | None:
@@ -208,6 +210,9 @@ class FollowedLeader:
         else:
             as_planned = slot_frame == "plan"
             self._intended = intended_motion(before, heard, planned, as_planned=as_planned)
+        jitter = max(math.sqrt(self._intended.jitter) - CALM_RAD, 0.0)
+        faded = self.gusts * memory_of(max(passed_s, 0.0), GUSTS_S)
+        self.gusts = max(GUST_SHARE * jitter * self._intended.motion.ground_speed, faded)
 
     def _with_height(self, heard: HeardState) -> HeardState:
         """A state of the leader; one whose altitude is doubted with the height that was known last.

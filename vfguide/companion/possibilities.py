@@ -92,7 +92,9 @@ class Sightings:
         "carried",
         "climb_rate",
         "drift",
+        "flies",
         "held",
+        "news",
         "offset",
         "place",
         "run",
@@ -137,32 +139,41 @@ class Sightings:
         self.carried = np.zeros(count, dtype=np.complex128)
         """How far the wind has carried each since then beyond where that wind would have, m."""
         self.airspeed = np.full(count, np.nan)
-        """As the own vehicle's wind tells, filtered, m/s."""
+        """As the own vehicle's wind tells, filtered, m/s; NaN: not found yet."""
+        self.news = np.zeros(count)
+        """By how much the newest state is newer than the one before, s; 0 once that has been noted."""
+        self.flies = np.full(count, np.nan)
+        """Airspeed that each is taken to hold, m/s."""
         self.run = np.zeros(count)
         """How far each has flown since then if it flies on its held course, m; NaN: not found yet."""
 
-    def carry(self, age: FloatArray, wind: complex, passed_s: float) -> None:
-        """Let the wind (m/s) carry those who are silent for some time (s).
+    def carry(self, age: FloatArray, here: "Viewpoint", passed_s: float) -> None:
+        """Let the wind carry those who are silent for some time (s).
 
-        A wind that swings comes back to where it was: what it is now says little of what it has been.
+        A wind that swings comes back to where it was: what it is now says little of what it has been. In gusts
+        others are taken to hold the airspeed that they had in the mean; in calm air the one that they had last,
+        with what they gained while they answered their last setpoint.
 
         Args:
             age: how long each has not been heard, s.
-            wind: now.
+            here: who looks around, with its wind and the gusts.
             passed_s: since this was done last.
         """
-        fresh = age <= WIND_S
-        found = np.abs(self.speed * self.ahead - wind)
-        known = np.where(np.isnan(self.airspeed), found, self.airspeed)
-        weight = np.where(fresh, passed_s / (passed_s + AIRSPEED_S), 0.0)
-        self.airspeed[:] = known + weight * (found - known)
-        speed = ground_speed_held(self.airspeed, self.held, wind)
+        wind, fresh = here.wind, age <= WIND_S
+        # That of then: in a wind that swings it is another one two seconds later.
+        carried = (wind - self.wind) * np.minimum(age, passed_s)
+        self.wind[fresh] = wind
+        found = np.abs(self.speed * self.ahead - self.wind)
+        mean = np.where(np.isnan(self.airspeed), found, self.airspeed)
+        self.airspeed[:] = mean + self.news / (self.news + AIRSPEED_S) * (found - mean)
+        self.news[:] = 0.0
+        last = found + self.acceleration * np.minimum(age, LAST_TURN_S)
+        self.flies[:] = self.airspeed if here.gusts > 0.0 else last
+        speed = ground_speed_held(self.flies, self.held, wind)
         run = self.run + speed * np.minimum(age, passed_s)
         self.run[:] = np.where(fresh | np.isnan(self.run), speed * age, run)
-        self.carried += (wind - self.wind) * np.minimum(age, passed_s)
+        self.carried += carried
         self.carried[fresh] = 0.0
-        # That of then: in a wind that swings it is another one two seconds later.
-        self.wind[fresh] = wind
 
     def rows(self, begin: int, end: int) -> "Sightings":
         """The rows from one to before another: the same memory."""
@@ -235,7 +246,7 @@ class VehiclesInSight:
     carried: ComplexArray
     """How far the wind has carried them since then beyond where that wind would have, m."""
     airspeed: FloatArray
-    """m/s."""
+    """That they are taken to hold, m/s."""
     run: FloatArray
     """How far each has flown since then if it flies on its held course, m."""
     offset: ComplexArray

@@ -168,6 +168,8 @@ class Traffic:
         known = self._heard
         if state.time_s - known.time[row] > SILENT_S:
             known.since[row], known.airspeed[row] = state.time_s, np.nan
+        else:
+            known.news[row] += max(state.time_s - known.time[row], 0.0)
         known.time[row] = state.time_s
         known.wind[row], known.carried[row], known.run[row] = self._wind, 0j, np.nan
         known.place[row] = place_of(state)
@@ -284,7 +286,7 @@ class Traffic:
             held=self._heard.held[rows],
             wind=self._heard.wind[rows],
             carried=self._heard.carried[rows],
-            airspeed=self._heard.airspeed[rows],
+            airspeed=self._heard.flies[rows],
             run=self._heard.run[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
@@ -304,7 +306,7 @@ class Traffic:
         """Let the wind carry those who are silent until now."""
         passed_s = here.time_s - self._carried_s
         self._carried_s, self._wind = here.time_s, here.wind
-        self._heard.carry(here.time_s - self._heard.time, here.wind, max(0.0, passed_s))
+        self._heard.carry(here.time_s - self._heard.time, here, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray) -> BoolArray:
         """Whether the link has worked since those who are missing were heard: another was, all the time.

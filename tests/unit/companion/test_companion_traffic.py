@@ -230,6 +230,49 @@ def test_one_that_holds_its_course_holds_its_airspeed_too(
     assert held[1] - held[0] == pytest.approx(16.0 * STEP_S, abs=0.01)
 
 
+def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    seen = None
+    for step in range(61):
+        now = 10.0 + 0.05 * step
+        if step == 0:
+            said = leader_bytes(10.0, course_setpoint=0.0, acceleration=2.0)
+            traffic.receive("f2", said, 10.0)
+        if step % 10 == 0:
+            data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
+            traffic.note("leader", heard_leader(plan, data, now))
+        seen = traffic.possibilities(beside(now), led(now))
+    assert seen is not None
+    held = seen[0].tracks[1]
+    # 21 m in the first second and 22 m in each of the others, from 200 m north on.
+    assert held[0] == pytest.approx(200.0 + 21.0 + 44.0, abs=1.5)
+    assert held[1] - held[0] == pytest.approx(22.0 * STEP_S, abs=0.01)
+
+
+@pytest.mark.parametrize("gusts", [0.0, 1.0])
+def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(
+    gusts: float, plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    seen = None
+    for step in range(500):
+        now = 10.0 + 0.05 * step
+        # States take 0.7 s; the first is of a vehicle that stands, and from 32 s on nothing is heard of it.
+        if step % 5 == 0 and now < 32.0:
+            speed = 0.0 if step == 0 else 20.0
+            said = leader_bytes(now - 0.7, course_setpoint=0.0, ground_speed=speed)
+            traffic.receive("f2", said, now)
+        if step % 10 == 0:
+            data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
+            traffic.note("leader", heard_leader(plan, data, now))
+        seen = traffic.possibilities(replace(beside(now), gusts=gusts), led(now))
+    assert seen is not None
+    held = seen[0].tracks[1]
+    assert held[1] - held[0] == pytest.approx(20.0 * STEP_S, abs=0.01)
+
+
 def test_in_gusts_one_that_nobody_corrects_may_be_farther_off_the_later_it_is_looked_for(
     plan: MakePlan, leader_bytes: LeaderBytes
 ) -> None:
