@@ -211,7 +211,7 @@ def compare(directory: Path) -> bool:
                     f"{title}: {answer_sentence(answer)} [known otherwise: {said}: {verdict}]"
                 )
     sys.stdout.write("\n".join((*TABLE, *rows, "", *sentences)) + "\n")
-    return good
+    return good and bool(rows)
 
 
 def main() -> int:

@@ -49,8 +49,8 @@ WIND_S = 5.0
 """Memory of the mean wind."""
 
 GUST_SHARE = 10.0
-"""Drift of a vehicle that nobody corrects, in parts of the speed at which gusts move its leader aside, which is
-the rms of its course's jitter times its ground speed. Chosen by 30 lost leaders in docs/succession.md."""
+"""Drift of a vehicle that nobody corrects, in parts of the speed at which gusts move its leader aside: the
+rms of its course's jitter times its ground speed. Chosen by 30 lost leaders in docs/succession.md."""
 
 GUSTS_S = 12.0
 """How long gusts are remembered: as long as a silent vehicle is looked for."""
@@ -99,7 +99,8 @@ class FollowedLeader:
         self.gusts = 0.0
         """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
 
-        It fades within GUSTS_S once that is calm: a deputy leads smoothly in the gusts that its leader was lost in.
+        It fades within GUSTS_S once that is calm: a deputy leads smoothly in the gusts that its leader was
+        lost in.
         """
 
     @property

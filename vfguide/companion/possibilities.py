@@ -150,9 +150,9 @@ class Sightings:
     def carry(self, age: FloatArray, here: "Viewpoint", passed_s: float) -> None:
         """Let the wind carry those who are silent for some time (s).
 
-        A wind that swings comes back to where it was: what it is now says little of what it has been. In gusts
-        others are taken to hold the airspeed that they had in the mean; in calm air the one that they had last,
-        with what they gained while they answered their last setpoint.
+        A wind that swings comes back to where it was: what it is now says little of what it has been. In
+        gusts others are taken to hold the airspeed that they had in the mean; in calm air the one that they
+        had last, with what they gained while they answered their last setpoint.
 
         Args:
             age: how long each has not been heard, s.

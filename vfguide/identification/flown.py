@@ -22,7 +22,7 @@ from vfguide.identification.fit import (
     speed_response,
 )
 from vfguide.identification.profile import response_lines
-from vfguide.identification.recording import is_good, smoothed
+from vfguide.identification.recording import smoothed
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
@@ -58,7 +58,11 @@ DOUBT = 5.0
 twenty-fifth of it unexplained nothing is known well. ArduPlane's answer to small changes of speed is such."""
 
 MOST_DOUBT = 0.6
-"""Share of a bandwidth: a number that is less sure than that is none."""
+"""Share of a bandwidth: a wider interval is reported as no answer."""
+
+LEAST_DOUBT = 1.0 / 6.0
+"""Share of a bandwidth: a narrower interval counts as known well. ArduPlane's 0.95 (0.78 to 1.12) of a circle
+is not: long steps show 0.72."""
 
 WIND_S = 1.0
 """The wind is the mean over so long: a log knows it at each moment, and it may swing within seconds."""
@@ -91,8 +95,11 @@ class Answer:
 
     @property
     def good(self) -> bool:
-        """Whether it is known well enough to be flown by."""
-        return self.response is not None and is_good(self.response)
+        """Whether it is known well enough to be flown by; without steps that takes more than with them."""
+        if self.response is None:
+            return False
+        bandwidth = self.response.bandwidth
+        return bandwidth.half_width < LEAST_DOUBT * bandwidth.value
 
 
 def flown_responses(

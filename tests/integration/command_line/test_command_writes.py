@@ -1,10 +1,12 @@
 """No command touches a file outside the place it was given, by Python's audit events and by what is there."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +128,13 @@ def test_a_console_of_a_recorded_flight_writes_nothing(
 ) -> None:
     process = around.start("console", "--replay", flown.directory, "--port", "0")
     assert process.stdout is not None
-    assert "http://" in process.stdout.readline()
+    address = re.search(r"http://\S+", process.stdout.readline())
+    assert address is not None
+    # The address has the token for the cookie that lets in.
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with browser.open(address.group(), timeout=PATIENCE_S) as page:
+        assert b"<html" in page.read()
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0
     around.see_that_nothing_else_was_written()
