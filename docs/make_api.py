@@ -31,6 +31,8 @@ def make_pages(directory: Path) -> None:
         # The package imports them when they are asked for; a page shows what is there.
         setattr(vfguide, name, getattr(vfguide, name))
     show_submodules()
+    # Its list of fonts, made once, takes programs to be run, which pdoc does not let modules do on import.
+    importlib.import_module("matplotlib.font_manager")
     pdoc.render.configure(docformat="google", show_source=False)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

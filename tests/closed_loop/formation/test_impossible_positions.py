@@ -35,7 +35,7 @@ OWN_FAULTS = (
 LOST_S = (0.5, 1.0, 5.0)
 """What the leader's clock loses."""
 
-OFF_M = (1.0, 8.0, 200.0)
+OFF_M = (1.0, 8.0, 220.0)
 """How far that takes followers off. For the longest nothing steers the leader, and f1 stays beside it."""
 
 STEERED = {"tracking", "joining"}
