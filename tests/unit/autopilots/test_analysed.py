@@ -1,4 +1,4 @@
-"""A log held against the truth: another clock costs nothing, another place is told."""
+"""A log held against the truth: a shifted clock changes no distance, a shifted place is reported."""
 
 from pathlib import Path
 

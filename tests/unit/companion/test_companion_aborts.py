@@ -72,7 +72,7 @@ def test_an_abort_is_flown_whatever_its_number(
         replies = [decode_reply(data) for data in member.to_say()[0]]
         expected = (number, Verdict.FLOWN, check_of(abort))
         assert [(one.number, one.verdict, one.check) for one in replies] == [expected] * 2
-    # By the greater number, and what was pending is flown by nobody.
+    # The greater number decides, and nobody flies the pending order.
     formation.run(20.0)
     assert set(formation.flown.values()) == {4 if now > 10.0 else number}
     assert all(member.flight.has_left for member in formation.members.values())
