@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 import vfguide
 
@@ -35,19 +34,12 @@ def limited_share(flight: vfguide.Flight) -> float:
     return float(np.mean([flight.tracks[name].limited[settled].mean() for name in flight.errors]))
 
 
-def gains_of(law: str) -> dict[str, list[object]]:
-    """The gains that the file has for a law. A mission that was loaded has those of its own law alone."""
-    group = yaml.safe_load(MISSION.read_text(encoding="utf-8"))["controller"][law]
-    return {f"controller.{law}.{field}": [value] for field, value in group.items()}
-
-
 def main() -> None:
     """Fly and print."""
     mission = vfguide.load_mission(MISSION)
     metrics = [roll_share, limited_share]
     for law in sys.argv[1:] or LAWS:
-        settings = {"controller.type": [law], **gains_of(law)}
-        for one in vfguide.compare(mission, settings=settings, seeds=SEEDS, metrics=metrics):
+        for one in vfguide.compare(mission, laws=[law], seeds=SEEDS, metrics=metrics):
             formation = one.summary.formation
             sys.stdout.write(
                 f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "

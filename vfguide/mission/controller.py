@@ -8,7 +8,15 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, create_model
+from pydantic import (
+    BaseModel,
+    Field,
+    PrivateAttr,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    create_model,
+    model_serializer,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
@@ -86,6 +94,17 @@ class Controller(Section):
     """What slots turn with: `path`: the leader's course, as its path has it where that is shaken; `plan`: its
     path's course wherever it is on it, for autopilots whose courses are noisy; `leader`: as measured."""
 
+    _gains_of_others: dict[str, Any] = PrivateAttr(default_factory=dict)
+    """What the mission holds for other laws, as it is written there, for flights by one of them."""
+
+    def keep_for_other_laws(self, fields: Mapping[str, Any]) -> None:
+        """Keep fields that this law has not, for `with_law`."""
+        self._gains_of_others.update(fields)
+
+    @model_serializer(mode="wrap")
+    def _with_gains_of_others(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {**handler(self), **self._gains_of_others}
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to other processes as plain fields: the model of a law is made anew in each of them."""
         return controller_of, (self.model_dump(exclude_unset=True) | {"type": self.type},)
@@ -107,8 +126,8 @@ def controller_model(name: str, gains: type[BaseModel]) -> type[Controller]:
 def controller_of(content: Mapping[str, Any]) -> Controller:
     """The controller that the fields of a mission file stand for.
 
-    Gains of the law may also stand in a group of the law's name. Gains of other laws are passed over, so
-    that one file holds the gains of several laws, and can be flown by each of them.
+    Gains of the law may also stand in a group of the law's name. Gains of other laws are kept as they are,
+    so that one file holds the gains of several laws, and can be flown by each of them.
 
     Raises:
         pydantic.ValidationError: the law or a field is not known, or a value is out of its range.
@@ -120,18 +139,21 @@ def controller_of(content: Mapping[str, Any]) -> Controller:
     group = content.get(name)
     fields = {**content, **group} if isinstance(group, Mapping) else dict(content)
     unknown = [key for key in fields if key not in model.model_fields]
+    others: dict[str, Any] = {}
     if unknown:
-        of_others = gains_by_field() | dict.fromkeys(laws.names())
-        fields = {
-            key: value
-            for key, value in fields.items()
-            if key not in unknown or key not in of_others
-        }
-    return model.model_validate(fields)
+        known = gains_by_field() | dict.fromkeys(laws.names())
+        others = {key: fields.pop(key) for key in unknown if key in known and key != name}
+    if isinstance(group, Mapping):
+        del fields[name]
+    controller = model.model_validate(fields)
+    controller.keep_for_other_laws(others)
+    return controller
 
 
 def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The fields of a `controller:` for another law: without those gains that have another meaning there.
+    """The fields of a `controller:` for another law, with what the mission holds for it.
+
+    Gains that have another meaning there are left out.
 
     Raises:
         InputError: there is no law of one of both names.
@@ -146,6 +168,10 @@ def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     }
     dropped = set(before.model_fields) - common
     kept = {field: value for field, value in content.items() if field not in dropped}
+    group = kept.get(name)
+    if isinstance(group, Mapping):
+        del kept[name]
+        kept |= group
     return {**kept, "type": name}
 
 

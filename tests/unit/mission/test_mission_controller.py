@@ -4,7 +4,9 @@ import pickle
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
+from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.errors import InputError
 from vfguide.laws.field_findings import told_apart
 from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
@@ -39,8 +41,26 @@ def test_a_group_of_its_name_holds_a_laws_gains_too() -> None:
     assert gains_of(controller_of({"type": "mpc", **groups})).integral_s == 2.0
 
 
-def test_gains_of_another_law_are_passed_over() -> None:
+def test_gains_of_another_law_do_not_count() -> None:
     assert not hasattr(controller_of({"type": "pid", "k_x": 0.3, "mpc": {}}), "k_x")
+
+
+def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it() -> None:
+    content = CIRCLE.read_text().replace("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
+    mission = parse_mission(content.encode(), file="here").mission
+    other = apply_overrides(mission, Overrides(controller="pid"))
+    assert gains_of(other.controller).lateral_p_rad_m == 0.3
+    # And back again; the field's gains were flat, and have no meaning for a PID.
+    assert gains_of(apply_overrides(other, Overrides(controller="slot")).controller).k_x == 0.2
+    # A value of the command line goes before the group of the file.
+    asked = Overrides(controller="pid", settings=((("controller", "lateral_p_rad_m"), 0.5),))
+    assert gains_of(apply_overrides(mission, asked).controller).lateral_p_rad_m == 0.5
+    assert pickle.loads(pickle.dumps(mission)) == mission  # noqa: S301 - of this test's own making
+
+
+def test_what_is_no_group_is_refused_under_a_laws_name() -> None:
+    with pytest.raises(ValidationError, match="pid"):
+        controller_of({"type": "pid", "pid": 3})
 
 
 def test_for_another_law_a_gain_of_the_same_name_does_not_count() -> None:
