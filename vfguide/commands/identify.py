@@ -3,28 +3,32 @@
 import asyncio
 import signal
 import sys
+import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from random import Random
 
+from vfguide.commands.companion import read_key
 from vfguide.commands.credentials import check_flies
 from vfguide.companion.clock import Clock
+from vfguide.companion.consent import FileStore, default_directory
+from vfguide.companion.daemon import POLL_S, take_leave
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event
+from vfguide.companion.role import Event, Outgoing
 from vfguide.errors import InputError, VfguideError
-from vfguide.identification.core import Answer, Identification, Stage
+from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
 from vfguide.identification.recording import Findings, described, is_good
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.framing import Introduction
+from vfguide.mavlink.framing import Introduction, Signing
 from vfguide.mission import Mission
 
-POLL_S = 0.1
-"""Between looks at what is due by time alone, s of the flight's clock."""
+PATIENCE_S = 5.0
+"""For positions to be heard at the start, before the operator is told that there are none."""
 
 UNSURE = 1
 """Exit status where the flight told too little."""
@@ -39,6 +43,8 @@ def identify(
     repeats: int,
     speedup: float,
     out: Path | None,
+    signing_key_file: Path | None = None,
+    state: Path | None = None,
 ) -> int:
     """Fly the steps, and print and write what they tell; the exit status.
 
@@ -54,11 +60,18 @@ def identify(
     for line in described(plan.airframe, repeats):
         say(line)
     say("engaging by itself" if engage else "waiting until the pilot selects the guided mode")
+    key = None if signing_key_file is None else read_key(signing_key_file)
+    signing = None if key is None else Signing(key, time.time)
     identification = Identification(
-        plan, adapter_of(mission.vehicles[vehicle]), engage=engage, repeats=repeats
+        plan,
+        adapter_of(mission.vehicles[vehicle]),
+        engage=engage,
+        repeats=repeats,
+        signing=signing,
+        consent=FileStore(state or default_directory(), vehicle),
     )
     by_mavsdk = mission.vehicles[vehicle].by_mavsdk
-    introduction = Introduction(plan.system_id, plan.component_id)
+    introduction = Introduction(plan.system_id, plan.component_id, signing=signing)
     asyncio.run(
         flown(identification, address, Clock(rate=speedup), introduction, by_mavsdk=by_mavsdk)
     )
@@ -116,7 +129,7 @@ async def flown(
         loop.add_signal_handler(number, stop.set)
     connection: Connection | None = None
 
-    def dispatch(answer: Answer) -> None:
+    def dispatch(answer: Outgoing) -> None:
         if answer.to_autopilot and connection is not None:
             connection.send(answer.to_autopilot)
         for event in answer.events:
@@ -129,12 +142,17 @@ async def flown(
         address, take, random=Random(), by_mavsdk=by_mavsdk, introduction=introduction
     ) as opened:
         connection = opened
+        patient_until, complaint = clock.now() + PATIENCE_S, None
         while not (stop.is_set() or identification.stage.is_over):
             dispatch(identification.poll(clock.now()))
+            obstacle = identification.obstacle(clock.now())
+            if clock.now() > patient_until and obstacle not in {None, complaint}:
+                complaint = obstacle
+                say(f"warning: {obstacle}")
             with suppress(TimeoutError):
                 async with asyncio.timeout(clock.real_seconds(POLL_S)):
                     await stop.wait()
-        dispatch(identification.stop(clock.now()))
+        await take_leave(identification, dispatch, clock)
 
 
 def tell(event: Event) -> None:

@@ -24,6 +24,22 @@ from vfguide.mission import read_mission
 # What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
 
 
+StateDirectory = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or"
+        " XDG_STATE_HOME.",
+        parser=directory,
+    ),
+]
+
+SigningKeyFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."),
+]
+
+
 def companion(
     vehicle: VehicleName,
     *,
@@ -45,21 +61,8 @@ def companion(
             metavar="DIR", help="Record every start in a directory below.", parser=directory
         ),
     ] = None,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or"
-            " XDG_STATE_HOME.",
-            parser=directory,
-        ),
-    ] = None,
-    signing_key_file: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."
-        ),
-    ] = None,
+    state: StateDirectory = None,
+    signing_key_file: SigningKeyFile = None,
     leader: Annotated[
         str | None,
         typer.Option(
@@ -142,6 +145,8 @@ def identify(
         Path | None,
         typer.Option(metavar="DIR", help="Keep profile and picture there.", parser=directory),
     ] = None,
+    state: StateDirectory = None,
+    signing_key_file: SigningKeyFile = None,
 ) -> None:
     """Fly small steps of course and speed, and find how the autopilot answers.
 
@@ -158,6 +163,8 @@ def identify(
         repeats=repeats,
         speedup=speedup,
         out=out,
+        signing_key_file=signing_key_file,
+        state=state,
     )
     raise typer.Exit(status)
 

@@ -22,6 +22,7 @@ from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event, Outgoing, Snapshot
+from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
@@ -65,6 +66,7 @@ class Companion:
         sends_target: bool = False,
         order_codes: Mapping[int, Words] | None = None,
         greeting_s: float = 0.0,
+        role: RoleMaker = role_of,
     ) -> None:
         """Make a companion that has heard nothing yet.
 
@@ -79,6 +81,7 @@ class Companion:
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
             order_codes: what ground stations may order by number; None to hear none of that.
             greeting_s: for so long after the leader it waits to hear all others before it joins them, s.
+            role: makes its part in the formation; the plan's own if absent.
         """
         self._adapter = adapter
         self._phase = FlightPhase(
@@ -108,7 +111,13 @@ class Companion:
         self._clock = clock
         self._arrangements = Arrangements(plan, clock)
         self._vehicle = GuidedVehicle(
-            plan, adapter, self._authority, clock, self._arrangements, sends_target=sends_target
+            plan,
+            adapter,
+            self._authority,
+            clock,
+            self._arrangements,
+            sends_target=sends_target,
+            role=role,
         )
         self._mode = Mode.WAITING
         self._idle_since = self._leader_since = math.inf

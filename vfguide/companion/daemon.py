@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from random import Random
+from typing import Protocol
 
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
@@ -100,6 +101,35 @@ class Surroundings:
     """Gives orders that ground stations request; None to hear no such requests."""
     order_codes: Mapping[int, Words] = field(default_factory=dict)
     """What they may request, by number."""
+
+
+class Leaving(Protocol):
+    """A companion that is to end, or what has one."""
+
+    def stop(self, now: float) -> Outgoing:
+        """The last words."""
+
+    def poll(self, now: float) -> Outgoing:
+        """What is due by time alone."""
+
+    def tell(self, text: str, now: float) -> Outgoing:
+        """Tell operator and pilot."""
+
+    @property
+    def released(self) -> bool:
+        """Whether the vehicle is seen to fly by itself, or was never steered."""
+
+
+async def take_leave(leaving: Leaving, send: Callable[[Outgoing], None], clock: Clock) -> None:
+    """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
+    send(leaving.stop(clock.now()))
+    for _ in range(FAREWELLS):
+        if leaving.released:
+            return
+        await asyncio.sleep(FAREWELL_S)
+        send(leaving.poll(clock.now()))
+    text = "the autopilot does not show that it has left its guided mode: take it by hand"
+    send(leaving.tell(text, clock.now()))
 
 
 class Daemon:
@@ -193,7 +223,7 @@ class Daemon:
             for task in self._orders:
                 task.cancel()
             try:
-                await self._take_leave()
+                await take_leave(self._companion, self._dispatch, self._clock)
             except Exception as error:  # noqa: BLE001 - as above
                 # What has failed may fail again; the autopilot's own fail-safe is for that.
                 self._failure = self._failure or error
@@ -256,17 +286,6 @@ class Daemon:
             receive_reply=self._take_reply,
             peer_clock=self._peer_clock,
         )
-
-    async def _take_leave(self) -> None:
-        """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
-        self._dispatch(self._companion.stop(self._clock.now()))
-        for _ in range(FAREWELLS):
-            if self._companion.released:
-                return
-            await asyncio.sleep(FAREWELL_S)
-            self._dispatch(self._companion.poll(self._clock.now()))
-        text = "the autopilot does not show that it has left its guided mode: take it by hand"
-        self._dispatch(self._companion.tell(text, self._clock.now()))
 
     def _take_mavlink(self, datagram: bytes) -> None:
         """One datagram in, one out, at once."""

@@ -11,7 +11,7 @@ from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, RoleStep
-from vfguide.companion.roles import role_of
+from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.state_publisher import TargetSender
 from vfguide.companion.steering import Steering
 from vfguide.companion.supervisor import Mode
@@ -39,6 +39,7 @@ class GuidedVehicle:
         arrangements: Arrangements,
         *,
         sends_target: bool,
+        role: RoleMaker = role_of,
     ) -> None:
         """Make one of which nothing has been heard yet.
 
@@ -49,7 +50,9 @@ class GuidedVehicle:
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
+            role: makes its part in the formation.
         """
+        self._make_role = role
         self._adapter = adapter
         self._authority = authority
         self._clock = clock
@@ -82,7 +85,7 @@ class GuidedVehicle:
         """By which it flies."""
         self.own = OwnVehicle(plan)
         """Its navigation."""
-        self.role = role_of(plan, self._clock, self._arrangements)
+        self.role = self._make_role(plan, self._clock, self._arrangements)
         """Its part in the formation."""
         self.steering = Steering(plan, self._adapter, self.own)
         """What goes to its autopilot."""

@@ -9,6 +9,7 @@ its own place.
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 from vfguide.companion.arrangements import Arrangements
@@ -29,6 +30,10 @@ from vfguide.state import HeardState, LeaderState
 
 PASSED_S = 2.0 * COPY_S
 """The last words are said by so much later than the state before: others take them for a newer one."""
+
+
+RoleMaker = Callable[[FlightPlan, SharedClock, Arrangements], Role]
+"""Makes a vehicle's part of its plan, the clock that the formation shares and what was ordered of it."""
 
 
 class SuccessionRole(Role):

@@ -1,40 +1,35 @@
-"""The flight that identifies a vehicle: bytes from its autopilot in, bytes for it out."""
+"""The flight that identifies a vehicle: a companion whose part is to fly steps.
+
+Who may steer, what is believed, how it is handed back and what the pilot hears is the companion's, as in
+any flight.
+"""
 
 import math
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import replace
 from enum import Enum
 
-from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
-
-from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
+from vfguide.companion.consent import ConsentStore
+from vfguide.companion.core import Companion
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event
-from vfguide.companion.steering import TrackingMonitor
+from vfguide.companion.role import Event, Outgoing, Role, RoleStep
+from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import wrap_angle
-from vfguide.identification.recording import Phase, Recording, Segment, segments
-from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
-from vfguide.mavlink.announcements import NOTICE, Acknowledgements, heartbeat, status_texts
-from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.reports import (
-    AirspeedReport,
-    CommandReport,
-    HeartbeatReport,
-    PositionReport,
-    Report,
-    TextReport,
-    VersionReport,
-)
+from vfguide.identification.recording import Recording, Segment, segments
+from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import Setpoint
 
-HEARTBEAT_S = 1.0
 SILENCE_S = 2.0
-"""Telemetry that is silent for longer ends the flight."""
+"""Nothing to steer by for longer ends the flight."""
 
 HEIGHT_M = 30.0
 """So does a vehicle that climbs or sinks by more than this."""
 
-RATE_SHARE = 0.7
-WARNING = 4
+STEERING = "identification: small steps of course and speed; leave the guided mode to take over"
+"""What the pilot hears once they begin."""
 
 
 class Stage(Enum):
@@ -55,45 +50,29 @@ class Stage(Enum):
         return self in {Stage.DONE, Stage.ENDED}
 
 
-@dataclass(slots=True)
-class Answer:
-    """What a call leads to."""
+class StepsRole(Role):
+    """The part of a vehicle that flies steps, and records what it does."""
 
-    to_autopilot: bytes = b""
-    """One datagram."""
-    events: list[Event] = field(default_factory=list)
-    """For the operator."""
-
-
-class Identification:
-    """Flies the steps of one vehicle, and records what it does."""
-
-    def __init__(
-        self, plan: FlightPlan, adapter: AutopilotAdapter, *, engage: bool, repeats: int
-    ) -> None:
-        """Make a flight that has heard nothing yet.
+    def __init__(self, plan: FlightPlan, repeats: int) -> None:
+        """Make one that has flown nothing yet.
 
         Args:
             plan: of the vehicle; its airframe's cruise is what is flown.
-            adapter: how to speak to its autopilot.
-            engage: whether it may put the autopilot into the guided mode by itself, once.
             repeats: how often each group of steps is flown.
         """
         self.stage = Stage.WAITING
+        self.ended: str | None = None
+        """Why the flight ended before its time; None while and where it did not."""
         self.recording = Recording(plan.airframe)
-        self._plan = plan
-        self._adapter = adapter
-        self._may_engage = engage
-        self._codec = Codec(plan.system_id, plan.component_id)
-        self._own = OwnVehicle(plan)
-        self._commands = Acknowledgements()
-        self._tracking = TrackingMonitor(plan.airframe)
+        self._cruise = plan.airframe.cruise
         self._segments = segments(plan.airframe, repeats)
-        self._began = self._base = self._height = math.nan
-        self._engaged = self._armed = self._connected = False
-        self._stranger: str | None = None
-        self._telemetry_time = self._housekeeping_time = -math.inf
-        self._interval = math.inf
+        self._began = self._base = self._height = self._time = math.nan
+        self._counters: Counter[str] = Counter()
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Nothing comes over the link."""
+        return self._counters
 
     @property
     def progress(self) -> float:
@@ -101,117 +80,38 @@ class Identification:
         if self.stage is Stage.DONE:
             return 1.0
         total = sum(one.duration_s for one in self._segments)
-        elapsed = self._telemetry_time - self._began
+        elapsed = self._time - self._began
         return min(max(elapsed / total, 0.0), 1.0) if math.isfinite(elapsed) else 0.0
 
-    def receive(self, data: bytes, now: float) -> Answer:
-        """Take one datagram from the autopilot."""
-        answer = Answer()
-        messages: list[MAVLink_message] = []
-        for report in self._codec.decode(data):
-            messages += self._take(report, now, answer)
-        return self._answered(answer, messages, now)
+    def end(self, why: str) -> None:
+        """End the flight before its time."""
+        if not self.stage.is_over:
+            self.stage, self.ended = Stage.ENDED, why
 
-    def poll(self, now: float) -> Answer:
-        """What is due by time alone; to be called every tenth of a second or so."""
-        answer = Answer()
-        messages: list[MAVLink_message] = []
-        if self.stage is Stage.FLYING and now - self._telemetry_time > SILENCE_S:
-            messages = self._end("the telemetry is silent", now, answer)
-        return self._answered(answer, messages, now)
-
-    def stop(self, now: float) -> Answer:
-        """The operator has had enough: hand back, if it is flying."""
-        answer = Answer()
-        messages: list[MAVLink_message] = []
-        if self.stage is Stage.FLYING:
-            messages = self._end("stopped", now, answer)
-        elif self.stage is Stage.WAITING:
-            self.stage = Stage.ENDED
-        answer.to_autopilot = self._codec.encode(messages)
-        return answer
-
-    def _answered(self, answer: Answer, messages: list[MAVLink_message], now: float) -> Answer:
-        messages += self._housekeeping(now, answer)
-        self._commands.sent(messages, now)
-        answer.to_autopilot = self._codec.encode(messages)
-        return answer
-
-    def _take(self, report: Report, now: float, answer: Answer) -> list[MAVLink_message]:
-        match report:
-            case PositionReport():
-                navigated = self._own.take(report, now)
-                return [] if navigated is None else self._fly(navigated, now, answer)
-            case AirspeedReport():
-                self._own.note_airspeed(report.airspeed, now)
-            case HeartbeatReport():
-                return self._note_mode(report, now, answer)
-            case CommandReport():
-                say(answer, now, self._commands.answered(report, now), warning=True)
-                say(answer, now, self._adapter.hear(report))
-            case VersionReport():
-                say(answer, now, self._adapter.hear(report))
-            case TextReport():
-                say(
-                    answer,
-                    now,
-                    f"autopilot: {report.text}",
-                    warning=report.severity <= WARNING,
-                )
-        return []
-
-    def _note_mode(
-        self, report: HeartbeatReport, now: float, answer: Answer
-    ) -> list[MAVLink_message]:
-        self._connected, self._armed = True, report.armed
-        complaint = self._adapter.recognise(report.autopilot)
-        if complaint != self._stranger:
-            say(answer, now, complaint, warning=True)
-        self._stranger = complaint
-        self._engaged = complaint is None and self._adapter.is_engaged(report.custom_mode)
-        if self.stage is Stage.FLYING and not self._engaged:
-            self.stage = Stage.ENDED
-            say(answer, now, "the pilot has taken over: nothing more is sent", warning=True)
-        return []
-
-    def _fly(self, navigated: NavigatedState, now: float, answer: Answer) -> list[MAVLink_message]:
-        """The setpoint of this moment, and a look at what the vehicle does."""
-        self._telemetry_time, self._interval = now, navigated.interval
+    def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
+        """The setpoint of this moment; before and after the steps straight on."""
         state = navigated.state
-        if self.stage is Stage.WAITING:
-            if not self._engaged or self._stranger is not None:
-                cruise = self._plan.airframe.cruise
-                return self._adapter.stay_ready(self._asked(state.course, cruise, navigated))
-            self._began, self._base = state.time_s, state.course
-            self._height = navigated.place.altitude_amsl
+        self._time = state.time_s
+        if self.stage is Stage.WAITING and mode.steers:
             self.stage = Stage.FLYING
-            say(answer, now, "engaged: flying the steps")
-        if self.stage is not Stage.FLYING:
-            return []
-        if abs(navigated.place.altitude_amsl - self._height) > HEIGHT_M:
-            return self._end("the height was left", now, answer)
-        segment = self._segment(state.time_s - self._began)
-        if segment is None:
-            self.stage = Stage.DONE
-            say(answer, now, "all steps flown: handing back")
-            return self._adapter.hand_back()
-        course = wrap_angle(self._base + segment.course)
-        self.recording.note(state, segment)
-        self.recording.note_setpoint(now, course, segment.speed)
-        setpoint = Setpoint(course=course, speed=segment.speed, limited=False)
-        if segment.phase is not Phase.SETTLE:
-            say(answer, now, self._tracking.watch(state, setpoint), warning=True)
-        return self._adapter.fly(self._asked(course, segment.speed, navigated))
-
-    def _asked(self, course: float, speed: float, navigated: NavigatedState) -> AutopilotSetpoint:
-        """A course and a speed at the height at which the flight began."""
-        began = math.isfinite(self._height)
-        return AutopilotSetpoint(
-            course=course,
-            speed=speed,
-            altitude_amsl=self._height if began else navigated.place.altitude_amsl,
-            latitude_deg=navigated.place.latitude_deg,
-            longitude_deg=navigated.place.longitude_deg,
+            self._began, self._base, self._height = state.time_s, state.course, state.height
+        course, speed = state.course, self._cruise
+        if self.stage is Stage.FLYING and mode.steers:
+            segment = self._segment(state.time_s - self._began)
+            if abs(state.height - self._height) > HEIGHT_M:
+                self.end("the height was left")
+            elif segment is None:
+                self.stage = Stage.DONE
+            else:
+                course, speed = wrap_angle(self._base + segment.course), segment.speed
+                self.recording.note(state, segment)
+        return RoleStep(
+            setpoint=Setpoint(course=course, speed=speed, limited=False),
+            # Never in place: the pilot hears that it is steered.
+            distance=math.inf,
+            lyapunov=math.nan,
+            publish=None,
+            height=self._height if math.isfinite(self._height) else state.height,
         )
 
     def _segment(self, elapsed_s: float) -> Segment | None:
@@ -222,34 +122,146 @@ class Identification:
             elapsed_s -= segment.duration_s
         return None
 
-    def _end(self, why: str, now: float, answer: Answer) -> list[MAVLink_message]:
-        self.stage = Stage.ENDED
-        say(answer, now, f"{why}: handing back", warning=True)
-        return self._adapter.hand_back()
+    def receive(self, data: bytes, now: float) -> None:
+        """It follows nobody."""
+        del data, now
 
-    def _housekeeping(self, now: float, answer: Answer) -> list[MAVLink_message]:
-        """Heartbeat, telemetry, and the guided mode if it may be asked for."""
-        if now - self._housekeeping_time < HEARTBEAT_S:
-            return []
-        self._housekeeping_time = now
-        messages = [heartbeat()]
-        for text in self._commands.overdue(now):
-            say(answer, now, text, warning=True)
-        rate_hz = self._plan.rate_hz
-        if self._connected and self._interval * rate_hz * RATE_SHARE > 1.0:
-            messages += self._adapter.request_telemetry(rate_hz)
-        if self._connected and self._stranger is None:
-            messages += self._adapter.questions()
-        heard = math.isfinite(self._interval) and self._stranger is None
-        known = heard and self._adapter.is_ready
-        if self._may_engage and known and self._armed and self.stage is Stage.WAITING:
-            messages += self._adapter.engage()
-            text = f"vfguide {self._plan.name}: identification"
-            messages += status_texts(text, NOTICE, 1)
-        return messages
+    def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
+        """It is alone: the crew has cleared the sky."""
+        del vehicle, data, now
+
+    def receive_traffic(self, report: TrafficReport, now: float) -> None:
+        """As with neighbours."""
+        del report, now
+
+    def lose_link(self, now: float) -> None:
+        """It has none."""
+        del now
+
+    def to_leader(self, now: float) -> bytes:
+        """It follows nobody."""
+        del now
+        return b""
+
+    def words(self) -> list[str]:
+        """Nothing comes over the link."""
+        return []
+
+    def leader_age(self, now: float) -> float:
+        """It needs no leader."""
+        del now
+        return 0.0
 
 
-def say(answer: Answer, now: float, text: str | None, *, warning: bool = False) -> None:
-    """Tell the operator, if there is something to tell."""
-    if text is not None:
-        answer.events.append(Event(time_s=now, text=text, warning=warning))
+class Identification:
+    """Flies the steps of one vehicle, and records what it does."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        adapter: AutopilotAdapter,
+        *,
+        engage: bool,
+        repeats: int,
+        signing: Signing | None = None,
+        consent: ConsentStore | None = None,
+    ) -> None:
+        """Make a flight that has heard nothing yet.
+
+        Args:
+            plan: of the vehicle; its airframe's cruise is what is flown.
+            adapter: how to speak to its autopilot.
+            engage: whether it may put the autopilot into the guided mode by itself, once in a flight.
+            repeats: how often each group of steps is flown.
+            signing: of the connection to the autopilot, if it is signed.
+            consent: keeps what was agreed for the flight over restarts; forgotten with this object if absent.
+        """
+        self._role = StepsRole(plan, repeats)
+        self._companion = Companion(
+            # It flies at the height at which it begins, by what the mission declares.
+            replace(plan, asks_response=False, lead=None, lowest=-math.inf),
+            adapter,
+            engage=engage,
+            consent=consent,
+            signing=signing,
+            role=lambda *_: self._role,
+        )
+        self._steered_time = math.inf
+        self._is_stopped = False
+
+    @property
+    def stage(self) -> Stage:
+        """How far the flight is."""
+        return self._role.stage
+
+    @property
+    def ended(self) -> str | None:
+        """Why the flight ended before its time; None while and where it did not."""
+        return self._role.ended
+
+    @property
+    def recording(self) -> Recording:
+        """What was flown so far."""
+        return self._role.recording
+
+    @property
+    def progress(self) -> float:
+        """Share of the steps that is behind, 0 to 1."""
+        return self._role.progress
+
+    def obstacle(self, now: float) -> str | None:
+        """What would keep it from flying now, in words; None where nothing would."""
+        return self._companion.obstacle(now)
+
+    @property
+    def released(self) -> bool:
+        """Whether nothing is flown any more, and the vehicle is seen to fly by itself if it was steered."""
+        return self._is_stopped and self._companion.released
+
+    def receive(self, data: bytes, now: float) -> Outgoing:
+        """Take one datagram from the autopilot."""
+        return self._watched(self._companion.receive_mavlink(data, now), now)
+
+    def poll(self, now: float) -> Outgoing:
+        """What is due by time alone; to be called every tenth of a second or so."""
+        return self._watched(self._companion.poll(now), now)
+
+    def stop(self, now: float) -> Outgoing:
+        """The operator has had enough; then bytes and calls of `poll` are to go on until `released`."""
+        self._role.end("stopped")
+        return self._watched(Outgoing(), now)
+
+    def tell(self, text: str, now: float) -> Outgoing:
+        """Tell operator and pilot something that the program around it has found."""
+        return self._companion.tell(text, now)
+
+    def _watched(self, out: Outgoing, now: float) -> Outgoing:
+        """An answer, with what the flight has come to; the last words once it is over."""
+        if out.steered:
+            if self._steered_time == math.inf and not self.stage.is_over:
+                self._add(out, self._companion.tell(STEERING, now, warning=False))
+            self._steered_time = now
+            setpoint = self._companion.snapshot.setpoint
+            if self.stage is Stage.FLYING and setpoint is not None:
+                self.recording.note_setpoint(now, setpoint.course, setpoint.speed)
+        elif self.stage is Stage.FLYING:
+            self._judge_silence(now)
+        if not self.stage.is_over or self._is_stopped:
+            return out
+        self._is_stopped = True
+        text = "all steps flown" if self.ended is None else self.ended
+        out.events.append(Event(time_s=now, text=text, warning=self.ended is not None))
+        self._add(out, self._companion.stop(now))
+        return out
+
+    def _add(self, out: Outgoing, more: Outgoing) -> None:
+        out.to_autopilot += more.to_autopilot
+        out.events += more.events
+
+    def _judge_silence(self, now: float) -> None:
+        """Nothing was flown by what has just arrived, or by time alone."""
+        mode = self._companion.snapshot.mode
+        if mode is Mode.PILOT:
+            self._role.end("the pilot has taken over: nothing more is sent")
+        elif now - self._steered_time > SILENCE_S:
+            self._role.end("nothing to steer by for 2 s: telemetry is silent, or not believed")

@@ -199,14 +199,19 @@ class Recording:
         north, east = self._wind(stretch, time_s)
         is_course = phase is Phase.COURSE
         told = np.array([(at, course, pace) for at, course, pace in self.setpoints if at <= last])
+        direction = np.unwrap(np.array([held_direction(state, airframe) for state in stretch]))
+        # Both without jumps, and on the same turn of the circle: they are drawn into one plot.
+        setpoint = np.unwrap(told[:, 1])
+        asked = setpoint[max(int(np.searchsorted(told[:, 0], first, side="right")) - 1, 0)]
+        setpoint += 2.0 * np.pi * np.round((direction[0] - asked) / (2.0 * np.pi))
         samples = Samples(
             time_s=time_s,
-            direction=np.unwrap(np.array([held_direction(state, airframe) for state in stretch])),
+            direction=direction,
             speed=speed,
             wind_north=north,
             wind_east=east,
             setpoint_s=told[:, 0],
-            setpoint=np.unwrap(told[:, 1]) if is_course else told[:, 2],
+            setpoint=setpoint if is_course else told[:, 2],
         )
         return samples if is_course else as_seen(samples)
 

@@ -9,21 +9,26 @@ import pytest
 import yaml
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from sitl_stub.codec import Signing as EmulatorSigning
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
 from vfguide.identification.recording import Phase, course_step, described, segments, speed_step
+from vfguide.mavlink.framing import Signing
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
 
 MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
 RATE_HZ = 20.0
+UNIX_S = 1.7e9
 
 Kind = Literal["ardupilot", "px4"]
 
 
-def autopilot(kind: Kind, plant: PlantParameters) -> Autopilot:
+def autopilot(
+    kind: Kind, plant: PlantParameters, *, course: float = 1.0, key: bytes | None = None
+) -> Autopilot:
     config = AutopilotConfig(
         system_id=1,
         autopilot=kind,
@@ -32,17 +37,28 @@ def autopilot(kind: Kind, plant: PlantParameters) -> Autopilot:
         longitude_deg=8.5,
         altitude_amsl_m=588.0,
         home_altitude_amsl_m=488.0,
-        course_rad=1.0,
+        course_rad=course,
         airspeed_m_s=20.0,
     )
-    return Autopilot(config, SteadyWind(4.0, 2.0))
+    if key is None:
+        return Autopilot(config, SteadyWind(4.0, 2.0))
+    # Both sides date their signatures by one clock.
+    return Autopilot(
+        config, SteadyWind(4.0, 2.0), signing=EmulatorSigning(key), unix_time=lambda: UNIX_S
+    )
 
 
-def identification(kind: Kind, *, engage: bool = True) -> Identification:
+def identification(
+    kind: Kind, *, engage: bool = True, signing: Signing | None = None
+) -> Identification:
     mission = load_mission(MISSION)
     vehicle = mission.vehicles["leader"].model_copy(update={"autopilot": kind})
     return Identification(
-        flight_plan(mission, "leader"), adapter_of(vehicle), engage=engage, repeats=1
+        flight_plan(mission, "leader"),
+        adapter_of(vehicle),
+        engage=engage,
+        repeats=1,
+        signing=signing,
     )
 
 
@@ -51,18 +67,18 @@ def fly(
     emulator: Autopilot,
     *,
     seconds: float = 300.0,
-    each: Callable[[float], bytes] = lambda _: b"",
+    began: float = 0.0,
+    loses: Callable[[float], bool] = lambda _: False,
 ) -> list[str]:
-    """Both sides in turns; what the operator was told."""
+    """Both sides in turns; what the operator was told. What `loses` names does not reach the autopilot."""
     replies, told = b"", []
     for step in range(round(seconds * RATE_HZ)):
-        now = step / RATE_HZ
-        answer = flight.receive(replies + emulator.advance(now) + each(now), now)
-        replies = emulator.receive(answer.to_autopilot)
+        now = began + step / RATE_HZ
+        answer = flight.receive(replies + emulator.advance(now), now)
         told += [event.text for event in answer.events]
-        if flight.stage.is_over:
-            emulator.receive(answer.to_autopilot)
+        if flight.released:
             break
+        replies = b"" if loses(now) else emulator.receive(answer.to_autopilot)
     return told
 
 
@@ -74,7 +90,8 @@ def test_the_flight_finds_what_flies_and_hands_it_back(kind: Kind, tmp_path: Pat
     flight, emulator = identification(kind), autopilot(kind, plant)
     told = fly(flight, emulator)
     assert flight.stage is Stage.DONE
-    assert told[-1] == "all steps flown: handing back"
+    assert told[-2:] == ["all steps flown", "stopping: handing back"]
+    assert flight.released
     assert emulator.truth().mode in {"LOITER", "AUTO.LOITER"}
     findings = flight.recording.findings()
     fields = yaml.safe_load(profile_text("leader", findings))["leader"]
@@ -110,23 +127,20 @@ def test_without_leave_it_waits_for_the_pilot() -> None:
     assert emulator.truth().mode == "LOITER"
 
 
-def test_a_pilot_who_takes_over_ends_it() -> None:
-    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
-    fly(flight, emulator, seconds=20.0)
-    assert flight.stage is Stage.FLYING
-    station = adapter_of(load_mission(MISSION).vehicles["leader"])
-    reply = emulator.receive(_packed(station.hand_back()))
-    told = [event.text for event in flight.receive(reply, 20.0).events]
-    assert "the pilot has taken over: nothing more is sent" in told
-    assert flight.stage is Stage.ENDED
-
-
 def test_telemetry_that_falls_silent_ends_it() -> None:
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=10.0)
-    answer = flight.poll(12.2)
-    assert [event.text for event in answer.events] == ["the telemetry is silent: handing back"]
-    emulator.receive(answer.to_autopilot)
+    told = [
+        event.text for step in range(25) for event in flight.poll(10.0 + 0.1 * (step + 1)).events
+    ]
+    assert told[-2:] == [
+        "nothing to steer by for 2 s: telemetry is silent, or not believed",
+        "stopping: handing back",
+    ]
+    # Nothing is known of its mode meanwhile; once it is heard again it is handed back.
+    assert not flight.released
+    fly(flight, emulator, seconds=10.0, began=12.5)
+    assert flight.released
     assert emulator.truth().mode == "LOITER"
 
 
@@ -134,8 +148,52 @@ def test_the_operator_can_end_it() -> None:
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=10.0)
     emulator.receive(flight.stop(10.0).to_autopilot)
+    fly(flight, emulator, seconds=10.0, began=10.05)
     assert emulator.truth().mode == "LOITER"
     assert flight.stage is Stage.ENDED
+    assert flight.ended == "stopped"
+
+
+def test_a_lost_hand_back_is_repeated_until_it_is_seen() -> None:
+    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    fly(flight, emulator, seconds=10.0)
+    flight.stop(10.0)
+    fly(flight, emulator, seconds=2.5, began=10.05, loses=lambda _: True)
+    assert emulator.truth().mode == "GUIDED"
+    assert not flight.released
+    fly(flight, emulator, seconds=5.0, began=12.55)
+    assert flight.released
+    assert emulator.truth().mode == "LOITER"
+
+
+def test_a_vehicle_that_its_pilot_took_is_not_engaged_again() -> None:
+    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    fly(flight, emulator, seconds=20.0)
+    emulator.receive(_packed(adapter_of(load_mission(MISSION).vehicles["leader"]).hand_back()))
+    fly(flight, emulator, seconds=20.0, began=20.0)
+    assert flight.ended == "the pilot has taken over: nothing more is sent"
+    assert flight.released
+    assert emulator.truth().mode == "LOITER"
+
+
+def test_an_autopilot_that_signs_is_identified_by_its_key_alone() -> None:
+    key = bytes(range(32))
+    signs = identification("ardupilot", signing=Signing(key, lambda: UNIX_S))
+    plain = identification("ardupilot")
+    for flight in (signs, plain):
+        emulator = autopilot("ardupilot", PlantParameters(), key=key)
+        fly(flight, emulator, seconds=10.0)
+        assert flight.stage is (Stage.FLYING if flight is signs else Stage.WAITING)
+
+
+@pytest.mark.parametrize("course", [3.1, -3.1, 0.02])
+def test_courses_and_setpoints_lie_on_one_turn_of_the_circle(course: float) -> None:
+    flight = identification("ardupilot")
+    fly(flight, autopilot("ardupilot", PlantParameters(), course=course), seconds=45.0)
+    samples = flight.recording.findings().course_samples
+    assert samples is not None
+    # The steps are 15 degrees either way, the wind turns the nose by 12 degrees at most.
+    assert abs(samples.direction.mean() - samples.setpoint.mean()) < 0.6
 
 
 @pytest.mark.parametrize("alpha", [0.5, 1.2, 5.0])
