@@ -1,0 +1,50 @@
+"""Four rigid aircraft in moderate turbulence, with standalone receivers and a link that loses a tenth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vfguide
+from vfguide.mission import Mission, load_mission
+
+MISSION = load_mission(Path(__file__).parents[3] / "missions" / "aerosonde-gusts.yaml")
+
+
+def roll_rate(flight: vfguide.Flight, name: str) -> float:
+    """Root mean square over the last half of a flight, rad/s."""
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    rates = np.gradient(flight.tracks[name].bank_rad[settled], flight.time_s[settled])
+    return float(np.sqrt(np.mean(rates**2)))
+
+
+@pytest.fixture(scope="module")
+def flight() -> vfguide.Flight:
+    """The mission as it comes, half as long."""
+    return vfguide.fly(MISSION, duration_s=120.0)
+
+
+def test_followers_are_nearer_to_the_slots_as_meant_than_the_best_flown_figure_known(
+    flight: vfguide.Flight,
+) -> None:
+    # Wilson (ACFR) flew 1.2 m, with cameras.
+    assert flight.summary.formation.intended_error_m < 1.2
+
+
+def test_they_neither_work_at_their_limits_nor_roll_much_more_than_a_lone_aircraft(
+    flight: vfguide.Flight,
+) -> None:
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    limited = [flight.tracks[name].limited[settled].mean() for name in flight.errors]
+    assert np.mean(limited) < 0.05
+    alone = roll_rate(flight, "leader")
+    assert max(roll_rate(flight, name) for name in flight.errors) < 1.3 * alone
+
+
+def test_their_leader_flies_as_it_would_alone(flight: vfguide.Flight) -> None:
+    content = MISSION.model_dump(exclude_unset=True)
+    leader = content["vehicles"]["leader"]
+    alone = Mission.model_validate(content | {"followers": (), "vehicles": {"leader": leader}})
+    by_itself = vfguide.fly(alone, duration_s=30.0).tracks["leader"].bank_rad
+    banks = flight.tracks["leader"].bank_rad[: by_itself.size]
+    assert np.array_equal(banks, by_itself)
