@@ -5,6 +5,7 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Coroutine
+from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -24,6 +25,7 @@ from sitl_stub.fleet import (
     fleet_of,
 )
 from sitl_stub.links import Address, AddressError
+from sitl_stub.option_file import OptionFileError, read_options
 from sitl_stub.options import OptionError, checked, checked_epoch
 from sitl_stub.sensor_errors import SensorGrade
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
@@ -38,6 +40,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+EXAMPLE = "Example: sitl-stub --system-id 1 --mavlink udpout://127.0.0.1:14550 --airborne"
 
 START, FLIES, AIR = "How it starts", "How it flies", "What it flies in"
 SAYS, LINK = "What it reports", "MAVLink and time"
@@ -55,7 +59,33 @@ def option(text: str, group: str, metavar: str | None = None) -> typer.models.Op
     return info
 
 
-@app.command()
+def take_options(context: typer.Context, file: Path | None) -> Path | None:
+    """Take what the command line does not say from a file.
+
+    Raises:
+        typer.Exit: the file is wrong.
+    """
+    if file is not None and not context.resilient_parsing:
+        known = {one.name for one in context.command.params if one.name} - {"config", "version"}
+        try:
+            context.default_map = read_options(file, known)
+        except OptionFileError as error:
+            fail(f"--config {error}", WRONG_INPUT)
+    return file
+
+
+def tell_version(wanted: bool) -> None:
+    """Print the version and end.
+
+    Raises:
+        typer.Exit: if it was asked for.
+    """
+    if wanted:
+        sys.stdout.write(f"sitl-stub {version_of('vfguide')}\n")
+        raise typer.Exit
+
+
+@app.command(epilog=EXAMPLE)
 def fly(
     *,
     system_id: Annotated[int, option("MAVLink system id, 1 to 255.", LINK, "N")],
@@ -219,6 +249,19 @@ def fly(
             "SECONDS",
         ),
     ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            is_eager=True,
+            callback=take_options,
+            help="YAML with options, such as alpha: 0.9; those of the command line go before it.",
+        ),
+    ] = None,
+    version: Annotated[
+        bool,
+        typer.Option("--version", is_eager=True, callback=tell_version, help="Tell the version."),
+    ] = False,
 ) -> None:
     """Emulate autopilots with their fixed-wing aircraft, speaking MAVLink over UDP or TCP.
 
@@ -226,6 +269,7 @@ def fly(
     status: 0 ended as told, 2 the input is wrong, 3 it broke, such as when the port is taken.
     docs/emulator.md has more.
     """
+    del config, version
     try:
         emulated = fleet_of(
             system_id=system_id,

@@ -31,7 +31,6 @@ app = typer.Typer(
     name="vfguide",
     help="Vector-field guidance that flies several fixed-wing UAVs as one formation, over MAVLink.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -79,8 +78,38 @@ def program(
     del version
 
 
+EXAMPLES = {
+    "fly": ("vfguide fly circle-wind --out flights/first", "vfguide fly mission.yaml --wind calm"),
+    "companion": (
+        "vfguide companion f1 --mission mission.yaml --mavlink serial:///dev/ttyAMA0:921600 \\",
+        "    --link mqtts://broker:8883",
+    ),
+    "identify": (
+        "vfguide identify f1 --mission mission.yaml --mavlink udpin://0.0.0.0:14551 --out found",
+    ),
+    "judge": (
+        "vfguide judge mission.yaml --truth udpin://0.0.0.0:14999 --link mqtts://broker:8883 \\",
+        "    --start begin --out flights/judged",
+    ),
+    "order": ("vfguide order mission.yaml line-abreast --spacing 30 --link mqtts://broker:8883",),
+    "status": ("vfguide status mission.yaml --link mqtts://broker:8883 --watch",),
+    "console": ("vfguide console mission.yaml --link mqtts://broker:8883",),
+    "check": ("vfguide check mission.yaml",),
+    "report": ("vfguide report flights/first",),
+    "export": ("vfguide export flights/first --out flight.mcap",),
+    "analyse": ("vfguide analyse mission.yaml 1.BIN 2.BIN --out flights/analysed",),
+}
+"""What is typed first, for the end of each command's help."""
+
+
+def epilog(name: str) -> str | None:
+    """A command's examples, as the help prints them: each on a line of its own."""
+    lines = EXAMPLES.get(name)
+    return None if lines is None else "\n".join(("\b", "Examples:", *(f"  {one}" for one in lines)))
+
+
 for command in COMMANDS:
-    app.command()(with_plugins(command))
+    app.command(epilog=epilog(command.__name__))(with_plugins(command))
 
 
 def main() -> None:
