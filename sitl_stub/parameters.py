@@ -27,6 +27,12 @@ HASH_CHECK = "_HASH_CHECK"
 
 NO_INDEX, NO_PARAMETER = 65_535, -1
 
+NPFG_DAMPING = 0.7
+"""With it NPFG_PERIOD is what gives the plant's alpha: 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+
+TRIMMED_THROTTLES, TRIMMED_TIME_S = (0.28, 0.58, 0.98), 2.0
+"""FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX as PX4's simulated airplane flies, and FW_T_TAS_TC."""
+
 
 class ParameterType(IntEnum):
     """MAV_PARAM_TYPE, as far as these autopilots use it."""
@@ -264,8 +270,12 @@ def px4_parameters(config: AutopilotConfig) -> Parameters:
             real("FW_P_LIM_MIN", -30.0),
             real("FW_T_CLMB_MAX", plant.climb_rate_max_m_s),
             real("FW_T_SINK_MAX", plant.sink_rate_max_m_s),
-            real("NPFG_PERIOD", 10.0),
-            real("NPFG_DAMPING", 0.7),
+            real("FW_T_TAS_TC", TRIMMED_TIME_S),
+            real("FW_THR_ASPD_MIN", TRIMMED_THROTTLES[0]),
+            real("FW_THR_TRIM", TRIMMED_THROTTLES[1]),
+            real("FW_THR_ASPD_MAX", TRIMMED_THROTTLES[2]),
+            real("NPFG_PERIOD", 4.0 * math.pi * NPFG_DAMPING / plant.alpha_1_s),
+            real("NPFG_DAMPING", NPFG_DAMPING),
             real("COM_OF_LOSS_T", 1.0),
             int32("COM_OBL_RC_ACT", 0),
             int32("COM_RC_IN_MODE", 1),

@@ -112,7 +112,8 @@ class Vehicle(Section):
 
     response: Literal["declared", "auto"] = "declared"
     """`auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
-    TECS_TIME_CONST), limits the tighter of its own and these; what is declared counts until it has told."""
+    TECS_TIME_CONST; PX4's NPFG_PERIOD, NPFG_DAMPING, FW_T_TAS_TC and FW_THR_*), limits the tighter of its own
+    and these. What is declared counts until it has told, and where its parameters do not tell."""
 
     engage_from: tuple[EngageMode, ...] = ("LOITER", "HOLD")
     """Modes out of which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,
