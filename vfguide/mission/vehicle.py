@@ -66,8 +66,8 @@ class Vehicle(Section):
 
     px4_steering: Literal["auto", "guided-course", "position", "velocity"] = "auto"
     """How a PX4 is steered. `auto`: Guided Course from 1.18 on, positions ahead in offboard on 1.15 to 1.17,
-    velocities before. Of a companion that dies NAV_DLL_ACT takes care in Guided Course, COM_OBL_RC_ACT in
-    offboard."""
+    velocities before. What stops the aircraft when its companion dies is NAV_DLL_ACT in Guided Course (0, its
+    default: nothing), COM_OBL_RC_ACT in offboard."""
 
     plant: Literal["course-hold", "heading-hold"] = "heading-hold"
     """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
