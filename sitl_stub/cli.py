@@ -105,7 +105,9 @@ def fly(
         float | None, option("The same for a speed; default 0, with tecs 0.5.", FLIES, "S")
     ] = None,
     airspeed_range: Annotated[str, option("What it can fly, m/s.", FLIES, "LO,HI")] = "12,32",
-    max_bank: Annotated[float, option("Limit of the bank.", FLIES, "DEG")] = 45.0,
+    max_bank: Annotated[
+        float | None, option("Limit of the bank; default 45, with px4 50.", FLIES, "DEG")
+    ] = None,
     max_acceleration: Annotated[
         float, option("Limit of the rate of change of speed, m/s2.", FLIES, "A")
     ] = 3.0,

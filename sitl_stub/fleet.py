@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -33,6 +34,9 @@ DEFAULT_HEIGHT_M = 100.0
 
 MAX_COUNT = 100
 
+MAX_BANK_DEG: Mapping[AutopilotName, float] = {"ardupilot": 45.0, "px4": 50.0}
+"""Where it is not given: as each autopilot comes."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aircraft:
@@ -62,8 +66,8 @@ class Aircraft:
     """Of the speed loop; None: what belongs to its response."""
     airspeed_range: str
     """LO,HI in m/s."""
-    max_bank_deg: float
-    """Limit of the bank."""
+    max_bank_deg: float | None
+    """Limit of the bank; None: the autopilot's own."""
     max_acceleration_m_s2: float
     """Limit of the rate of change of speed."""
     climb_range: str = "-3,3"
@@ -94,15 +98,18 @@ class Aircraft:
             raise OptionError(
                 f"--climb-range: {self.climb_range} does not reach from below to above 0"
             )
-        if not 0.0 < self.max_bank_deg < 90.0:
-            raise OptionError(f"--max-bank: {self.max_bank_deg:g} is not between 0 and 90")
+        max_bank_deg = MAX_BANK_DEG[self.autopilot]
+        if self.max_bank_deg is not None:
+            max_bank_deg = self.max_bank_deg
+        if not 0.0 < max_bank_deg < 90.0:
+            raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
         return PlantParameters(
             kind=self.plant,
             alpha_1_s=self.alpha_1_s,
             beta_1_s=self.beta_1_s,
             airspeed_min_m_s=slowest,
             airspeed_max_m_s=fastest,
-            max_bank_rad=math.radians(self.max_bank_deg),
+            max_bank_rad=math.radians(max_bank_deg),
             max_acceleration_m_s2=self.max_acceleration_m_s2,
             climb_rate_max_m_s=climb,
             sink_rate_max_m_s=-sink,

@@ -299,9 +299,7 @@ class Px4:
         elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
             flight.hold_speed(SpeedTarget("ground-speed", speed_m_s))
         else:
-            slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
-            flown_m_s = max(slowest_m_s, min(fastest_m_s, speed_m_s))
-            flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
+            hold_airspeed(flight, speed_m_s)
         return Result.ACCEPTED
 
     def _loiter(self, flight: Flight, _command: Command) -> Result:
@@ -311,7 +309,7 @@ class Px4:
         return self.request_mode(flight, AUTO_RTL.custom_mode)
 
     def _reposition(self, flight: Flight, command: Command) -> Result:
-        """192: loiter around a place."""
+        """192: loiter around a place; param1 is the airspeed there, and nothing where it is not above 0."""
         where = place(command)
         height = height_target(flight, command.frame, *finite(command.z))
         if where is None or height is None:
@@ -319,6 +317,9 @@ class Px4:
         self.request_mode(flight, AUTO_LOITER.custom_mode)
         flight.orbit(flight.orbit_at(*where))
         flight.hold_height(height)
+        airspeed_m_s = command.parameters[0]
+        if math.isfinite(airspeed_m_s) and airspeed_m_s > 0.0:
+            hold_airspeed(flight, airspeed_m_s)
         return Result.ACCEPTED
 
     def _take(self, flight: Flight, message: MAVLink_message) -> str | None:
@@ -344,6 +345,13 @@ class Px4:
         flight.cruise()
         after_us = max(0, round(self.parameters["COM_OF_LOSS_T"] * 1e6))
         self._stream_lost_us = self._latest_us + after_us + NOTICED_US
+
+
+def hold_airspeed(flight: Flight, airspeed_m_s: float) -> None:
+    """Fly an airspeed, or what the aircraft can fly nearest to it."""
+    slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
+    flown_m_s = max(slowest_m_s, min(fastest_m_s, airspeed_m_s))
+    flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
 
 
 def change_course(flight: Flight, command: Command) -> Result:
