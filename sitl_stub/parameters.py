@@ -30,8 +30,9 @@ NO_INDEX, NO_PARAMETER = 65_535, -1
 NPFG_DAMPING = 0.7
 """With it NPFG_PERIOD is what gives the plant's alpha: 4 pi NPFG_DAMPING / NPFG_PERIOD."""
 
-TRIMMED_THROTTLES, TRIMMED_TIME_S = (0.28, 0.58, 0.98), 2.0
-"""FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX as PX4's simulated airplane flies, and FW_T_TAS_TC."""
+TRIMMED, UNTRIMMED = (2.0, 0.28, 0.58, 0.98), (5.0, 0.0, 0.6, 0.0)
+"""FW_T_TAS_TC, FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX: as PX4's simulated airplane flies, and as
+they come."""
 
 
 class ParameterType(IntEnum):
@@ -257,6 +258,7 @@ class ParameterServer:
 def px4_parameters(config: AutopilotConfig) -> Parameters:
     """The parameters of an aircraft at its start."""
     plant = config.plant
+    time_s, slowest, middle, fastest = TRIMMED if plant.is_trimmed else UNTRIMMED
     return Parameters(
         [
             real("FW_AIRSPD_MIN", plant.airspeed_min_m_s),
@@ -270,10 +272,10 @@ def px4_parameters(config: AutopilotConfig) -> Parameters:
             real("FW_P_LIM_MIN", -30.0),
             real("FW_T_CLMB_MAX", plant.climb_rate_max_m_s),
             real("FW_T_SINK_MAX", plant.sink_rate_max_m_s),
-            real("FW_T_TAS_TC", TRIMMED_TIME_S),
-            real("FW_THR_ASPD_MIN", TRIMMED_THROTTLES[0]),
-            real("FW_THR_TRIM", TRIMMED_THROTTLES[1]),
-            real("FW_THR_ASPD_MAX", TRIMMED_THROTTLES[2]),
+            real("FW_T_TAS_TC", time_s),
+            real("FW_THR_ASPD_MIN", slowest),
+            real("FW_THR_TRIM", middle),
+            real("FW_THR_ASPD_MAX", fastest),
             real("NPFG_PERIOD", 4.0 * math.pi * NPFG_DAMPING / plant.alpha_1_s),
             real("NPFG_DAMPING", NPFG_DAMPING),
             real("COM_OF_LOSS_T", 1.0),

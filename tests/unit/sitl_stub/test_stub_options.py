@@ -95,6 +95,31 @@ def test_the_bank_limit_is_the_autopilot_s_own_where_it_is_not_given(
     assert told(flown(options, monkeypatch), name) == pytest.approx(value)
 
 
+def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = flown(["--autopilot", "px4"], monkeypatch).config.plant
+    assert (plant.kind, plant.speed_response) == ("npfg", "px4-untrimmed")
+    assert plant.alpha_1_s == pytest.approx(0.8796, abs=1e-4)
+    assert (plant.roll_time_s, plant.roll_delay_s, plant.course_dead_time_s) == (0.4, 0.2, 0.06)
+    changed = flown(
+        ["--autopilot", "px4", "--alpha", "0.7", "--speed-response", "px4", "--roll-delay", "0"],
+        monkeypatch,
+    ).config.plant
+    assert (changed.kind, changed.alpha_1_s) == ("npfg", 0.7)
+    assert (changed.speed_response, changed.roll_delay_s) == ("px4", 0.0)
+
+
+@pytest.mark.parametrize("options", [["--autopilot", "px4", "--plant", "heading-hold"], []])
+def test_a_plant_that_is_named_is_flown_as_it_is(
+    options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant = flown(options, monkeypatch).config.plant
+    assert (plant.kind, plant.alpha_1_s, plant.speed_response) == (
+        *("heading-hold", 1.2),
+        "first-order",
+    )
+    assert (plant.course_dead_time_s, plant.roll_delay_s) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize("options", [[], ["--autopilot", "betaflight"], ["--no-such-option"]])
 def test_what_is_no_option_at_all_is_status_2_without_a_traceback(
     options: list[str], capsys: pytest.CaptureFixture[str]
