@@ -68,15 +68,15 @@ def test_what_was_not_answered_is_not_known() -> None:
     [
         (FACTORY, 1.5),
         (TRIMMED, 3.0),
-        # Neither was flown.
-        (TRIMMED | {"FW_T_TAS_TC": 5.0}, None),
-        (FACTORY | {"FW_T_TAS_TC": 2.0}, None),
+        (TRIMMED | {"FW_T_TAS_TC": 5.0}, 3.0),
+        (FACTORY | {"FW_T_TAS_TC": 2.0}, 1.5),
+        (TRIMMED | {"FW_T_TAS_TC": 10.0}, None),
         # Not in order, they are no throttles of level flight.
-        (TRIMMED | {"FW_THR_TRIM": 0.2, "FW_T_TAS_TC": 5.0}, 1.5),
+        (TRIMMED | {"FW_THR_TRIM": 0.2}, 1.5),
         ({"FW_T_TAS_TC": 5.0}, None),
     ],
 )
-def test_the_speed_s_beta_is_known_where_formations_were_flown(
+def test_the_speed_s_beta_is_known_where_it_was_measured(
     parameters: Mapping[str, float], beta: float | None
 ) -> None:
     assert px4_response(parameters).beta == beta
