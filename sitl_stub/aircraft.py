@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-SpeedResponse = Literal["first-order", "tecs", "px4"]
+SpeedResponse = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
 
 PLANTS: dict[str, type[Any]] = {}
 """Subclasses of `plants.Plant` by name; `plants` and files of one's own fill it."""
@@ -59,12 +59,16 @@ class PlantParameters:
     roll_time_s: float = 0.4
     """`bank` and `npfg` only: time constant with which the roll follows."""
 
+    roll_delay_s: float = 0.0
+    """`bank` and `npfg` only: time constant with which the bank that is wanted reaches the roll. Unlike
+    `course_dead_time_s` it puts a steady turn no further behind."""
+
     turn_efficiency: float = 1.0
     """`bank` only: turn rate in parts of the coordinated turn's; 0.7 measured on ArduPlane."""
 
     speed_response: SpeedResponse = "first-order"
     """`tecs`: an airspeed hold like ArduPlane's, which overshoots and settles slowly. `px4`: PX4's with a
-    throttle that is trimmed, whose setpoint slews, and which swings."""
+    throttle that is trimmed, whose setpoint slews, and which swings; `px4-untrimmed`: as it comes."""
 
     course_dead_time_s: float = 0.0
     """From a new course, heading or bank to the moment at which the loop knows it."""
@@ -83,6 +87,16 @@ class PlantParameters:
     def rolls(self) -> bool:
         """Whether the bank has a state of its own."""
         return self.kind in {"bank", "npfg"}
+
+    @property
+    def slews(self) -> bool:
+        """Whether an airspeed that is commanded is gone to with PX4's slew."""
+        return self.speed_response in {"px4", "px4-untrimmed"}
+
+    @property
+    def is_trimmed(self) -> bool:
+        """Whether the throttle of each airspeed is known, as of every hold but one."""
+        return self.speed_response != "px4-untrimmed"
 
     @property
     def banks(self) -> bool:
@@ -120,6 +134,7 @@ class PlantParameters:
         for name, delay_s in (
             ("course_dead_time_s", self.course_dead_time_s),
             ("speed_dead_time_s", self.speed_delay_s),
+            ("roll_delay_s", self.roll_delay_s),
         ):
             if not 0.0 <= delay_s <= MAX_DEAD_TIME_S:
                 raise ValueError(f"{name} must be 0 to {MAX_DEAD_TIME_S:g}, not {delay_s!r}")

@@ -100,42 +100,58 @@ def fly(
         str | None, option("Of px4, 1.14 to 1.18; default: the newest.", FLIES, "X.Y")
     ] = None,
     plant: Annotated[
-        str,
+        str | None,
         option(
             "heading-hold: first order, the wind drifts it; course-hold: the article's model; bank:"
             " bank from course error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body;"
-            " or one of --plugin.",
+            " or one of --plugin. Default: heading-hold; with px4 npfg, with all that was measured on it.",
             FLIES,
             "NAME",
         ),
-    ] = "heading-hold",
+    ] = None,
     plant_option: Annotated[
         list[str] | None, option("A number of a plant of one's own.", FLIES, "NAME=VALUE")
     ] = None,
     plugin: Annotated[
         list[Path] | None, option("A file of Python with a plant of one's own.", FLIES, "FILE")
     ] = None,
-    alpha: Annotated[float, option("Gain of the course or heading hold, 1/s.", FLIES, "A")] = 1.2,
+    alpha: Annotated[
+        float | None,
+        option("Gain of the course or heading hold, 1/s; default 1.2, PX4's own 0.88.", FLIES, "A"),
+    ] = None,
     beta: Annotated[float, option("Gain of the speed hold, 1/s.", FLIES, "B")] = 0.8,
     speed_response: Annotated[
-        SpeedResponse,
-        option("tecs: as ArduPlane, late and slow to settle; px4: slews and swings.", FLIES),
-    ] = "first-order",
+        SpeedResponse | None,
+        option(
+            "tecs: as ArduPlane, late and slow to settle; px4: slews and swings; px4-untrimmed: as it comes,"
+            " creeps. Default: first-order, PX4's own px4-untrimmed.",
+            FLIES,
+        ),
+    ] = None,
     guided_p: Annotated[
         float, option("With bank: bank per course error, 0.01 deg/rad.", FLIES, "P")
     ] = 12_000.0,
     roll_time: Annotated[float, option("With bank: time constant of the roll.", FLIES, "S")] = 0.4,
+    roll_delay: Annotated[
+        float | None,
+        option(
+            "With bank: that of the bank on its way there; default 0, PX4's own 0.2.", FLIES, "S"
+        ),
+    ] = None,
     turn_efficiency: Annotated[
         float, option("With bank: parts of the coordinated turn.", FLIES, "X")
     ] = 1.0,
     course_dead_time: Annotated[
-        float, option("Until a new course reaches its loop.", FLIES, "S")
-    ] = 0.0,
+        float | None,
+        option("Until a new course reaches its loop; default 0, PX4's own 0.06.", FLIES, "S"),
+    ] = None,
     speed_dead_time: Annotated[
         float | None, option("The same for a speed; default 0, with tecs 0.5.", FLIES, "S")
     ] = None,
     airspeed_range: Annotated[str, option("What it can fly, m/s.", FLIES, "LO,HI")] = "12,32",
-    max_bank: Annotated[float, option("Limit of the bank.", FLIES, "DEG")] = 45.0,
+    max_bank: Annotated[
+        float | None, option("Limit of the bank; default 45, with px4 50.", FLIES, "DEG")
+    ] = None,
     max_acceleration: Annotated[
         float, option("Limit of the rate of change of speed, m/s2.", FLIES, "A")
     ] = 3.0,
@@ -286,6 +302,7 @@ def fly(
                 speed_response=speed_response,
                 guided_p=guided_p,
                 roll_time_s=roll_time,
+                roll_delay_s=roll_delay,
                 turn_efficiency=turn_efficiency,
                 course_dead_time_s=course_dead_time,
                 speed_dead_time_s=speed_dead_time,

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -33,6 +34,39 @@ DEFAULT_HEIGHT_M = 100.0
 
 MAX_COUNT = 100
 
+MAX_BANK_DEG: Mapping[AutopilotName, float] = {"ardupilot": 45.0, "px4": 50.0}
+"""Where it is not given: as each autopilot comes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loops:
+    """How an aircraft flies where options do not say."""
+
+    plant: str = "heading-hold"
+    """Which model flies."""
+    alpha_1_s: float = 1.2
+    """Gain of the course or heading hold."""
+    speed_response: SpeedResponse = "first-order"
+    """Shape of the speed hold."""
+    course_dead_time_s: float = 0.0
+    """Of the lateral loop."""
+    roll_delay_s: float = 0.0
+    """Of the bank on its way to the roll."""
+
+
+OWN_LOOPS: Mapping[AutopilotName, Loops] = {
+    "ardupilot": Loops(),
+    "px4": Loops(
+        plant="npfg",
+        alpha_1_s=4.0 * math.pi * 0.7 / 10.0,
+        speed_response="px4-untrimmed",
+        course_dead_time_s=0.06,
+        roll_delay_s=0.2,
+    ),
+}
+"""Where no plant is named. PX4's are its defaults, and fitted to 1.18.0-beta1: with the roll's 0.4 s they
+meet its courses in steps of 10 to 60 degrees to 4 % of a step."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aircraft:
@@ -42,13 +76,13 @@ class Aircraft:
     """Whose manners they have."""
     autopilot_version: str | None
     """MAJOR.MINOR of them; None: the newest that is known."""
-    plant: str
-    """Which model flies."""
-    alpha_1_s: float
+    plant: str | None
+    """Which model flies; None: the autopilot's own, with its `OWN_LOOPS` where nothing else is said."""
+    alpha_1_s: float | None
     """Gain of the course or heading hold."""
     beta_1_s: float
     """Gain of the speed hold."""
-    speed_response: SpeedResponse
+    speed_response: SpeedResponse | None
     """Shape of the speed hold."""
     guided_p: float
     """0.01 deg of bank per rad of course error."""
@@ -56,14 +90,16 @@ class Aircraft:
     """Of the bank plant."""
     turn_efficiency: float
     """Of the bank plant."""
-    course_dead_time_s: float
+    roll_delay_s: float | None
+    """Of the bank and the npfg plant."""
+    course_dead_time_s: float | None
     """Of the lateral loop."""
     speed_dead_time_s: float | None
     """Of the speed loop; None: what belongs to its response."""
     airspeed_range: str
     """LO,HI in m/s."""
-    max_bank_deg: float
-    """Limit of the bank."""
+    max_bank_deg: float | None
+    """Limit of the bank; None: the autopilot's own."""
     max_acceleration_m_s2: float
     """Limit of the rate of change of speed."""
     climb_range: str = "-3,3"
@@ -86,23 +122,25 @@ class Aircraft:
             load_installed()
         except ValueError as error:
             raise OptionError(f"--plugin {error}") from error
-        if self.plant not in PLANTS:
-            raise OptionError(f"--plant: {self.plant} is not one of {', '.join(PLANTS)}")
+        loops = OWN_LOOPS[self.autopilot] if self.plant is None else Loops(plant=self.plant)
+        if loops.plant not in PLANTS:
+            raise OptionError(f"--plant: {loops.plant} is not one of {', '.join(PLANTS)}")
         slowest, fastest = parse_numbers("--airspeed-range", self.airspeed_range, "LO,HI")
         sink, climb = parse_numbers("--climb-range", self.climb_range, "LO,HI")
         if not sink < 0.0 < climb:
             raise OptionError(
                 f"--climb-range: {self.climb_range} does not reach from below to above 0"
             )
-        if not 0.0 < self.max_bank_deg < 90.0:
-            raise OptionError(f"--max-bank: {self.max_bank_deg:g} is not between 0 and 90")
+        max_bank_deg = given(self.max_bank_deg, MAX_BANK_DEG[self.autopilot])
+        if not 0.0 < max_bank_deg < 90.0:
+            raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
         return PlantParameters(
-            kind=self.plant,
-            alpha_1_s=self.alpha_1_s,
+            kind=loops.plant,
+            alpha_1_s=given(self.alpha_1_s, loops.alpha_1_s),
             beta_1_s=self.beta_1_s,
             airspeed_min_m_s=slowest,
             airspeed_max_m_s=fastest,
-            max_bank_rad=math.radians(self.max_bank_deg),
+            max_bank_rad=math.radians(max_bank_deg),
             max_acceleration_m_s2=self.max_acceleration_m_s2,
             climb_rate_max_m_s=climb,
             sink_rate_max_m_s=-sink,
@@ -110,11 +148,17 @@ class Aircraft:
             guided_p_cdeg_rad=self.guided_p,
             roll_time_s=self.roll_time_s,
             turn_efficiency=self.turn_efficiency,
-            speed_response=self.speed_response,
-            course_dead_time_s=self.course_dead_time_s,
+            roll_delay_s=given(self.roll_delay_s, loops.roll_delay_s),
+            speed_response=self.speed_response or loops.speed_response,
+            course_dead_time_s=given(self.course_dead_time_s, loops.course_dead_time_s),
             speed_dead_time_s=self.speed_dead_time_s,
             options=options_of(dict(map(parse_option, self.options))),
         )
+
+
+def given(value: float | None, default: float) -> float:
+    """A value, or what there is where none was given."""
+    return default if value is None else value
 
 
 def parse_option(text: str) -> tuple[str, float]:

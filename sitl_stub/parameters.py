@@ -27,6 +27,13 @@ HASH_CHECK = "_HASH_CHECK"
 
 NO_INDEX, NO_PARAMETER = 65_535, -1
 
+NPFG_DAMPING = 0.7
+"""With it NPFG_PERIOD is what gives the plant's alpha: 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+
+TRIMMED, UNTRIMMED = (2.0, 0.28, 0.58, 0.98), (5.0, 0.0, 0.6, 0.0)
+"""FW_T_TAS_TC, FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX: as PX4's simulated airplane flies, and as
+they come."""
+
 
 class ParameterType(IntEnum):
     """MAV_PARAM_TYPE, as far as these autopilots use it."""
@@ -251,6 +258,7 @@ class ParameterServer:
 def px4_parameters(config: AutopilotConfig) -> Parameters:
     """The parameters of an aircraft at its start."""
     plant = config.plant
+    time_s, slowest, middle, fastest = TRIMMED if plant.is_trimmed else UNTRIMMED
     return Parameters(
         [
             real("FW_AIRSPD_MIN", plant.airspeed_min_m_s),
@@ -264,8 +272,12 @@ def px4_parameters(config: AutopilotConfig) -> Parameters:
             real("FW_P_LIM_MIN", -30.0),
             real("FW_T_CLMB_MAX", plant.climb_rate_max_m_s),
             real("FW_T_SINK_MAX", plant.sink_rate_max_m_s),
-            real("NPFG_PERIOD", 10.0),
-            real("NPFG_DAMPING", 0.7),
+            real("FW_T_TAS_TC", time_s),
+            real("FW_THR_ASPD_MIN", slowest),
+            real("FW_THR_TRIM", middle),
+            real("FW_THR_ASPD_MAX", fastest),
+            real("NPFG_PERIOD", 4.0 * math.pi * NPFG_DAMPING / plant.alpha_1_s),
+            real("NPFG_DAMPING", NPFG_DAMPING),
             real("COM_OF_LOSS_T", 1.0),
             int32("COM_OBL_RC_ACT", 0),
             int32("COM_RC_IN_MODE", 1),

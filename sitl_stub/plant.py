@@ -62,6 +62,12 @@ class PlantState:
     speed_reference_m_s: float | None = None
     """What the `px4` speed hold holds now, on its way to what is commanded; None before its first step."""
 
+    speed_trim_m_s: float | None = None
+    """Airspeed to which `px4-untrimmed` has brought its throttle; None before its first step."""
+
+    delayed_bank_rad: float = 0.0
+    """Of the `npfg` plant with a delay of the roll: what has reached the roll of the bank that is wanted."""
+
     memory: tuple[float, ...] = ()
     """Of the loops of a plant of one's own; empty before its first step."""
 

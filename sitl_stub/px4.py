@@ -5,11 +5,13 @@ what a velocity without a position does in offboard, and by their number.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commands import (
     AMSL_FRAMES,
     CUSTOM_MODE_FLAG,
@@ -64,7 +66,7 @@ from sitl_stub.telemetry import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
 STREAM_FRESH_US = 500_000
 """A setpoint this recent lets OFFBOARD be entered: the stream must run at 2 Hz or faster."""
@@ -120,6 +122,12 @@ BETA, RELEASE = 0x80, 0xFF
 GUIDED_COURSE_SINCE = (1, 18)
 
 AIRSPEED_LIMITS = frozenset({"FW_AIRSPD_MIN", "FW_AIRSPD_MAX"})
+
+COURSE_LOOP = frozenset({"NPFG_PERIOD", "NPFG_DAMPING"})
+"""alpha is 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+
+THROTTLES = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
+"""Of level flight at the least airspeed, the trimmed and the greatest."""
 
 
 class Px4:
@@ -197,6 +205,8 @@ class Px4:
             flight.cruise_airspeed_m_s = max(1.0, parameters[name])
         elif name == "FW_R_LIM":
             flight.set_max_bank_deg(parameters[name])
+        else:
+            flight.plant = with_loops(flight.plant, name, parameters)
         # A fail-safe that is switched on now may be due already.
         self.watch(flight)
 
@@ -299,9 +309,7 @@ class Px4:
         elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
             flight.hold_speed(SpeedTarget("ground-speed", speed_m_s))
         else:
-            slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
-            flown_m_s = max(slowest_m_s, min(fastest_m_s, speed_m_s))
-            flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
+            hold_airspeed(flight, speed_m_s)
         return Result.ACCEPTED
 
     def _loiter(self, flight: Flight, _command: Command) -> Result:
@@ -311,7 +319,7 @@ class Px4:
         return self.request_mode(flight, AUTO_RTL.custom_mode)
 
     def _reposition(self, flight: Flight, command: Command) -> Result:
-        """192: loiter around a place."""
+        """192: loiter around a place; param1 is the airspeed there, and nothing where it is not above 0."""
         where = place(command)
         height = height_target(flight, command.frame, *finite(command.z))
         if where is None or height is None:
@@ -319,6 +327,9 @@ class Px4:
         self.request_mode(flight, AUTO_LOITER.custom_mode)
         flight.orbit(flight.orbit_at(*where))
         flight.hold_height(height)
+        airspeed_m_s = command.parameters[0]
+        if math.isfinite(airspeed_m_s) and airspeed_m_s > 0.0:
+            hold_airspeed(flight, airspeed_m_s)
         return Result.ACCEPTED
 
     def _take(self, flight: Flight, message: MAVLink_message) -> str | None:
@@ -344,6 +355,33 @@ class Px4:
         flight.cruise()
         after_us = max(0, round(self.parameters["COM_OF_LOSS_T"] * 1e6))
         self._stream_lost_us = self._latest_us + after_us + NOTICED_US
+
+
+def with_loops(
+    plant: PlantParameters, name: str, parameters: Mapping[str, float]
+) -> PlantParameters:
+    """The plant with what a parameter that was set makes of its loops; out of the real one's range: nothing.
+
+    The course loop of first-order plants is NPFG's here. Of the holds of speed only PX4's own know throttles:
+    `px4` where that of each airspeed is known, else `px4-untrimmed`.
+    """
+    period_s, damping = parameters["NPFG_PERIOD"], parameters["NPFG_DAMPING"]
+    if name in COURSE_LOOP and 1.0 <= period_s <= 100.0 and 0.1 <= damping <= 1.0:
+        return replace(plant, alpha_1_s=4.0 * math.pi * damping / period_s)
+    if name == "FW_R_TC" and 0.2 <= parameters[name] <= 1.0:
+        return replace(plant, roll_time_s=parameters[name])
+    if name in THROTTLES and plant.slews:
+        slowest, middle, fastest = (parameters[one] for one in THROTTLES)
+        trimmed = 0.0 < slowest < middle < fastest
+        return replace(plant, speed_response="px4" if trimmed else "px4-untrimmed")
+    return plant
+
+
+def hold_airspeed(flight: Flight, airspeed_m_s: float) -> None:
+    """Fly an airspeed, or what the aircraft can fly nearest to it."""
+    slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
+    flown_m_s = max(slowest_m_s, min(fastest_m_s, airspeed_m_s))
+    flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
 
 
 def change_course(flight: Flight, command: Command) -> Result:

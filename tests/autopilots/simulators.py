@@ -284,6 +284,8 @@ class Px4(Simulator):
         "FW_THR_TRIM": 0.58,
         "FW_THR_ASPD_MAX": 0.98,
         "FW_T_TAS_TC": 2,
+        "NAV_DLL_ACT": 1,
+        "COM_OBL_RC_ACT": 5,
     }
     """What missions/px4-sitl.yaml asks for."""
 

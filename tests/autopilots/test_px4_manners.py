@@ -26,7 +26,7 @@ def station(tmp_path: Path) -> Iterator[GroundStation]:
         instance=instance,
         place=Place(latitude_deg=47.397742, longitude_deg=8.545594, altitude_amsl_m=0.0),
         height_m=HEIGHT_M,
-        conditions=Conditions(),
+        conditions=Conditions(factory=True),
     )
     simulator.program.start()
     try:

@@ -17,7 +17,7 @@ from vfguide.mission.flight_path import Location, dotted
 from vfguide.mission.load import DEFAULTS
 from vfguide.mission.model import Mission
 
-SpeedResponseName = Literal["first-order", "tecs", "px4"]
+SpeedResponseName = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
 WindName = Literal["calm", "article"]
 
 OPTIONS: dict[Location, str] = {

@@ -61,17 +61,27 @@ class ParameterCheck:
 def response_sentence(response: AutopilotResponse, plan: FlightPlan) -> str:
     """What is flown by, for the pilot."""
     airframe = plan.airframe
-    if response.alpha is None or response.beta is None:
+    alpha, beta = f"alpha {airframe.alpha:.2f}", f"beta {airframe.beta:.2f} 1/s"
+    limits = (
+        f"{airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s,"
+        f" {math.degrees(airframe.max_bank):.0f} degrees of bank"
+    )
+    if response.alpha is None and response.beta is None:
         return (
             "the autopilot's parameters do not tell how it answers: flown by what the mission declares,"
-            f" alpha {airframe.alpha:.2f} and beta {airframe.beta:.2f} 1/s;"
-            " see that they fit, by `vfguide identify`"
+            f" {alpha} and {beta}; see that they fit, by `vfguide identify`"
         )
-    return (
-        f"flown by the autopilot's own parameters: alpha {airframe.alpha:.2f}, beta {airframe.beta:.2f} 1/s,"
-        f" {airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s, {math.degrees(airframe.max_bank):.0f}"
-        " degrees of bank; nothing to do"
-    )
+    if response.alpha is None:
+        return (
+            f"flown by the autopilot's own parameters: {beta}, {limits}; how it takes up a course they do not"
+            f" tell, {alpha} 1/s is the mission's: see that it fits, by `vfguide identify`"
+        )
+    if response.beta is None:
+        return (
+            f"flown by the autopilot's own parameters: {alpha} 1/s, {limits}; how its speed answers they do"
+            f" not tell, {beta} is the mission's: see that it fits, by `vfguide identify`"
+        )
+    return f"flown by the autopilot's own parameters: {alpha}, {beta}, {limits}; nothing to do"
 
 
 def flight_needs(plan: FlightPlan) -> FlightNeeds:

@@ -193,7 +193,11 @@ class FlightPlan:
 
 
 def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
-    """The plan with what the autopilot says of itself; limits are the tighter of its own and the declared."""
+    """The plan with what the autopilot says of itself.
+
+    Limits are the tighter of its own and the declared. A dead time or lag that the mission declares counts:
+    it was measured on the vehicle.
+    """
     airframe = plan.airframe
     lowest = max(airframe.airspeed_min, response.airspeed_min or 0.0)
     highest = min(airframe.airspeed_max, response.airspeed_max or math.inf)
@@ -207,6 +211,9 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=min(airframe.max_bank, response.max_bank or math.inf),
+        course_dead_time=airframe.course_dead_time or response.course_dead_time or 0.0,
+        course_lag=airframe.course_lag or response.course_lag or 0.0,
+        speed_hold=response.speed_hold or airframe.speed_hold,
     )
     return replace(plan, airframe=flown, asks_response=False)
 

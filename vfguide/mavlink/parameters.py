@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.state import SpeedHold
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightNeeds:
@@ -44,6 +46,12 @@ class AutopilotResponse:
     """m/s."""
     max_bank: float | None = None
     """rad."""
+    course_dead_time: float | None = None
+    """From a course setpoint to the first change of the bank, s."""
+    course_lag: float | None = None
+    """Time constant of the roll, s."""
+    speed_hold: SpeedHold | None = None
+    """What kind of hold beta is of."""
 
 
 def request_parameters(

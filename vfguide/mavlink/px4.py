@@ -8,11 +8,13 @@ known of other versions, are told in `px4_steering`.
 | Guided Course | within 0.6 degrees | 1.20 s | by 178 |
 | position ahead | within 0.5 degrees | 1.09 s | by 178, after each position |
 
-- Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM.
+- Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM. All
+  but 0.05 s of that dead time is the roll's: a steady turn does not feel it.
 - Airspeed: a setpoint goes to a new one with 1 m/s². With FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX
   those of the aircraft and FW_T_TAS_TC 2 the airspeed follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²), a swing
-  at 0.5 Hz; with default parameters half of a step comes within 2 s and the rest within a minute. 178 accepts
-  everything, NaN and 99 m/s too. Height within 1 m.
+  at 0.5 Hz; with FW_T_TAS_TC 5 nearly so. With default parameters 0.6 of a step comes like that (0.8 with
+  FW_T_TAS_TC 2), the rest with a time constant of a minute. 178 accepts everything, NaN and 99 m/s too.
+  Height within 1 m.
 - A companion that dies in Guided Course leaves an aircraft that flies on. Heartbeats of companions are not
   counted, those of ground stations are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the
   companion sends such a heartbeat beside its own, except while a pilot flies.
@@ -60,7 +62,8 @@ from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionRepor
 
 NAMES = (
     *("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_DLL_EXCEPT", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"),
-    *("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_R_LIM", "NPFG_PERIOD", "NPFG_DAMPING"),
+    *("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_R_LIM", "FW_R_TC", "NPFG_PERIOD", "NPFG_DAMPING"),
+    *("FW_T_TAS_TC", "FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX"),
 )
 """Those that matter here."""
 
@@ -81,6 +84,15 @@ HOLD_BIT = 1 << 1
 
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what the parameters give."""
+
+COURSE_DEAD_TIME_S = 0.2
+"""With which formations were flown; no parameter tells it."""
+
+TRIMMED_BETA, UNTRIMMED_BETA = 3.0, 1.5
+"""1/s, of a total-energy hold: with these formations were flown."""
+
+LEAST_TIME_S, MOST_TIME_S = 1.5, 6.0
+"""FW_T_TAS_TC: with 2 and with 5 the airspeed was measured, and answers nearly alike."""
 
 STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
     "guided-course": GuidedCourse,
@@ -139,11 +151,58 @@ def px4_warnings(
         *(link_loss_warnings(known) if stops_by != "COM_OBL_RC_ACT" else ()),
         *(stream_loss_warnings(known) if stops_by != "NAV_DLL_ACT" else ()),
         *course_warning(known, needs),
+        *throttle_warning(known),
         *airspeed_warnings(
             first_known(known, "FW_AIRSPD_MIN"), first_known(known, "FW_AIRSPD_MAX"), needs
         ),
         *bank_warning(first_known(known, "FW_R_LIM"), needs),
     ]
+
+
+def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
+    """How the vehicle answers, and its limits."""
+    known = dict(parameters)
+    lowest, highest = known.get("FW_AIRSPD_MIN"), known.get("FW_AIRSPD_MAX")
+    bank, roll = known.get("FW_R_LIM", 0.0), known.get("FW_R_TC", 0.0)
+    alpha = alpha_of(known)
+    return AutopilotResponse(
+        alpha=alpha,
+        beta=beta_of(known),
+        airspeed_min=lowest,
+        airspeed_max=highest,
+        max_bank=math.radians(bank) if bank > 0.0 else None,
+        course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,
+        course_lag=roll if roll > 0.0 else None,
+        # Of every PX4: it has no other.
+        speed_hold="total-energy" if known else None,
+    )
+
+
+def alpha_of(parameters: Mapping[str, float]) -> float | None:
+    """4 pi NPFG_DAMPING / NPFG_PERIOD, 1/s; None where they do not tell."""
+    period_s, damping = parameters.get("NPFG_PERIOD", 0.0), parameters.get("NPFG_DAMPING", 0.0)
+    return 4.0 * math.pi * damping / period_s if period_s > 0.0 and damping > 0.0 else None
+
+
+def beta_of(parameters: Mapping[str, float]) -> float | None:
+    """1/s, where the airspeed is known to answer with it; None of other parameters."""
+    trimmed = is_trimmed(parameters)
+    if trimmed is None or not LEAST_TIME_S <= parameters.get("FW_T_TAS_TC", 0.0) <= MOST_TIME_S:
+        return None
+    return TRIMMED_BETA if trimmed else UNTRIMMED_BETA
+
+
+def is_trimmed(parameters: Mapping[str, float]) -> bool | None:
+    """Whether the throttle of every airspeed is known to the autopilot; None where it does not tell.
+
+    That of FW_AIRSPD_MIN and of FW_AIRSPD_MAX are 0 where they are not: it then goes by FW_THR_TRIM at every
+    airspeed, and finds the rest by an integral.
+    """
+    names = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
+    if any(name not in parameters for name in names):
+        return None
+    slowest, middle, fastest = (parameters[name] for name in names)
+    return 0.0 < slowest < middle < fastest
 
 
 def link_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
@@ -209,16 +268,31 @@ def stream_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
 
 def course_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
     """NPFG decides how fast a course is taken up: alpha = 4 pi NPFG_DAMPING / NPFG_PERIOD."""
-    period_s, damping = parameters.get("NPFG_PERIOD"), parameters.get("NPFG_DAMPING")
-    if period_s is None or damping is None or period_s <= 0.0:
+    alpha = alpha_of(parameters)
+    if alpha is None or abs(alpha - needs.alpha) <= ALPHA_SHARE * needs.alpha:
         return []
-    alpha = 4.0 * math.pi * damping / period_s
-    if abs(alpha - needs.alpha) <= ALPHA_SHARE * needs.alpha:
-        return []
+    period_s, damping = parameters["NPFG_PERIOD"], parameters["NPFG_DAMPING"]
     return [
         (
             f"NPFG_PERIOD {period_s:g} s and NPFG_DAMPING {damping:g} give alpha {alpha:.2f} 1/s, and the"
             f" mission says {needs.alpha:g}: fly `vfguide identify` and take over what it finds"
+        )
+    ]
+
+
+def throttle_warning(parameters: Mapping[str, float]) -> list[str]:
+    """Without the throttles of its airspeeds a PX4 goes half way to a new one, and creeps on from there."""
+    if is_trimmed(parameters) is not False:
+        return []
+    slowest, middle, fastest = (
+        parameters[name] for name in ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
+    )
+    return [
+        (
+            f"FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX are {slowest:g}, {middle:g} and {fastest:g}:"
+            " half of a new airspeed comes within 2 s and the rest within a minute, which costs accuracy; set"
+            " them to the throttles of level flight at FW_AIRSPD_MIN, FW_AIRSPD_TRIM and FW_AIRSPD_MAX, and"
+            " FW_T_TAS_TC to 2"
         )
     ]
 
@@ -319,9 +393,9 @@ class Px4(AutopilotAdapter):
         return report.value if report.whole is None else float(report.whole)
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-        """Nothing yet: what is declared counts."""
-        del parameters, needs
-        return AutopilotResponse()
+        """By NPFG's course loop, TECS's throttles, and its limits."""
+        del needs
+        return px4_response(parameters)
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""

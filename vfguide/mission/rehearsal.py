@@ -137,14 +137,18 @@ class Emulator(Section):
     """`bank`, `six-dof`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
 
     roll_time_s: Annotated[Positive, Field(le=10.0)] = 0.4
-    """`bank`: time constant of the roll, s."""
+    """`bank`, `npfg`: time constant of the roll, s."""
+
+    roll_delay_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
+    """`bank`, `npfg`: time constant with which the bank that is wanted reaches the roll, s."""
 
     turn_efficiency: Annotated[Positive, Field(le=2.0)] = 1.0
     """`bank`: turn rate in parts of the coordinated turn's; 0.7 was measured on ArduPlane."""
 
-    speed_response: Literal["first-order", "tecs", "px4"] = "first-order"
+    speed_response: Literal["first-order", "tecs", "px4", "px4-untrimmed"] = "first-order"
     """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane; `px4`:
-    one whose setpoint slews with 1 m/s² and which swings, as PX4's with a throttle that is trimmed."""
+    one whose setpoint slews with 1 m/s² and which swings, as PX4's with a throttle that is trimmed;
+    `px4-untrimmed`: as PX4's comes, which goes 0.6 of the way and creeps on."""
 
     course_dead_time_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
     """From a new course to the moment at which the autopilot's loop knows it, s."""

@@ -66,8 +66,8 @@ class Vehicle(Section):
 
     px4_steering: Literal["auto", "guided-course", "position", "velocity"] = "auto"
     """How a PX4 is steered. `auto`: Guided Course from 1.18 on, positions ahead in offboard on 1.15 to 1.17,
-    velocities before. Of a companion that dies NAV_DLL_ACT takes care in Guided Course, COM_OBL_RC_ACT in
-    offboard."""
+    velocities before. What stops the aircraft when its companion dies is NAV_DLL_ACT in Guided Course (0, its
+    default: nothing), COM_OBL_RC_ACT in offboard."""
 
     plant: Literal["course-hold", "heading-hold"] = "heading-hold"
     """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
@@ -112,7 +112,8 @@ class Vehicle(Section):
 
     response: Literal["declared", "auto"] = "declared"
     """`auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
-    TECS_TIME_CONST), limits the tighter of its own and these; what is declared counts until it has told."""
+    TECS_TIME_CONST; PX4's NPFG_PERIOD, NPFG_DAMPING, FW_T_TAS_TC and FW_THR_*), limits the tighter of its own
+    and these. What is declared counts until it has told, and where its parameters do not tell."""
 
     engage_from: tuple[EngageMode, ...] = ("LOITER", "HOLD")
     """Modes out of which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,

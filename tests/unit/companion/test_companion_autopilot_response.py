@@ -8,6 +8,7 @@ import pytest
 
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
+from vfguide.companion.parameter_check import response_sentence
 from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.parameters import AutopilotResponse
@@ -40,6 +41,50 @@ def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_wh
     words = next(text for _, text in flown.texts() if WORDS in text)
     # GUIDED_P of the emulated 1.2 1/s at 22 m/s, flown at 20 m/s: 1.2 * 22 / 20.
     assert "alpha 1.32" in words
+
+
+def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(
+    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
+) -> None:
+    flown = flight(kind="px4")
+    declared = mission("line-calm").vehicles["f1"].model_copy(update={"autopilot": "px4"})
+    flown.companion = Companion(asking, adapter_of(declared), engage=True)
+    flown.run(30.0)
+    told, words = next((time, text) for time, text in flown.texts() if WORDS in text)
+    assert told < 10.0
+    # The emulated loops' 1.2 1/s as NPFG_PERIOD and NPFG_DAMPING, limits of both.
+    assert "alpha 1.20, beta 3.00 1/s, 12 to 32 m/s, 45 degrees" in words
+    assert flown.modes[-1][1] in {Mode.JOINING, Mode.TRACKING}
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (
+            AutopilotResponse(alpha=0.88),
+            "alpha 0.88 1/s, 12 to 32 m/s, 45 degrees of bank; how its speed",
+        ),
+        (
+            AutopilotResponse(beta=1.5),
+            "beta 1.50 1/s, 12 to 32 m/s, 45 degrees of bank; how it takes up",
+        ),
+        (AutopilotResponse(), "do not tell how it answers"),
+    ],
+)
+def test_what_the_parameters_leave_open_is_said(
+    asking: FlightPlan, told: AutopilotResponse, words: str
+) -> None:
+    assert words in response_sentence(told, flown_by(asking, told))
+
+
+def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: FlightPlan) -> None:
+    told = AutopilotResponse(course_dead_time=0.2, course_lag=0.4, speed_hold="total-energy")
+    airframe = flown_by(asking, told).airframe
+    assert (airframe.course_dead_time, airframe.course_lag) == (0.2, 0.4)
+    assert airframe.speed_hold == "total-energy"
+    measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
+    airframe = flown_by(replace(asking, airframe=measured), told).airframe
+    assert (airframe.course_dead_time, airframe.course_lag) == (0.3, 0.6)
 
 
 def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:

@@ -53,6 +53,10 @@ FITTING_PX4 = {
     "FW_AIRSPD_MIN": 12.0,
     "FW_AIRSPD_MAX": 28.0,
     "FW_R_LIM": 50.0,
+    "FW_THR_ASPD_MIN": 0.28,
+    "FW_THR_TRIM": 0.58,
+    "FW_THR_ASPD_MAX": 0.98,
+    "FW_T_TAS_TC": 2.0,
 }
 
 
@@ -126,6 +130,7 @@ def test_the_names_before_version_4_5_are_understood() -> None:
         ({"NPFG_PERIOD": 20.0}, "give alpha 0.44 1/s, and the mission says 1.027"),
         ({"FW_AIRSPD_MIN": 15.0}, "FW_AIRSPD_MIN is 15 m/s"),
         ({"FW_R_LIM": 40.0}, "FW_R_LIM is 40 degrees"),
+        ({"FW_THR_ASPD_MIN": 0.0}, "half of a new airspeed comes within 2 s"),
     ],
 )
 def test_what_does_not_fit_px4_is_told_in_words(changes: dict[str, float], words: str) -> None:

@@ -25,6 +25,7 @@ UNUSUAL_EMULATOR = {
     "plant": "bank",
     "guided_p": 9000,
     "roll_time_s": 0.3,
+    "roll_delay_s": 0.1,
     "turn_efficiency": 0.8,
     "speed_response": "tecs",
     "course_dead_time_s": 0.15,

@@ -1,5 +1,6 @@
 """What QGroundControl asks a vehicle at start-up, in its order, and other courtesies."""
 
+import math
 import struct
 from collections.abc import Callable
 from typing import Any
@@ -148,15 +149,34 @@ def test_px4_flies_home_and_holds_there_when_told(station: Station) -> None:
     assert away_m == pytest.approx(80.0, abs=10.0)
 
 
-def reposition(vehicle: Vehicle, flags: int, latitude_deg: float = 47.01) -> str:
+def reposition(
+    vehicle: Vehicle, flags: int, latitude_deg: float = 47.01, speed_m_s: float = -1.0
+) -> str:
     result: str = vehicle.result(
         vehicle.send(
             mavlink.MAVLink_command_int_message(
-                7, 1, 0, 192, 0, 0, -1, flags, 0, 0, round(latitude_deg * 1e7), 80_000_000, 520.0
+                *(7, 1, 0, 192, 0, 0, speed_m_s, flags, 0, 0),
+                *(round(latitude_deg * 1e7), 80_000_000, 520.0),
             )
         )
     )
     return result
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "flown"),
+    [(24.0, 24.0), (99.0, 32.0), (-1.0, 20.0), (0.0, 20.0), (math.nan, 20.0)],
+)
+def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(
+    station: Station, speed_m_s: float, flown: float
+) -> None:
+    vehicle = station(autopilot="px4")
+    assert reposition(vehicle, 1, 47.03, speed_m_s) == "ACCEPTED"
+    vehicle.advance(30.0)
+    truth = vehicle.autopilot.truth()
+    assert truth.mode == "AUTO.LOITER"
+    assert truth.airspeed_m_s == pytest.approx(flown, abs=1e-3)
+    assert math.degrees(math.remainder(truth.course_rad, math.tau)) == pytest.approx(0.0, abs=2.5)
 
 
 def test_arduplane_is_repositioned_in_guided_and_forgets_its_course(station: Station) -> None:

@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -12,6 +13,7 @@ from sitl_stub import (
     SteadyWind,
     Wind,
 )
+from sitl_stub.fleet import OWN_LOOPS
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
     lagging_stepped,
@@ -23,6 +25,16 @@ from sitl_stub.plant import PlantState
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 BANK = PlantParameters(kind="bank")
+LOOPS = OWN_LOOPS["px4"]
+OWN = PlantParameters(
+    kind=LOOPS.plant,
+    alpha_1_s=LOOPS.alpha_1_s,
+    roll_delay_s=LOOPS.roll_delay_s,
+    course_dead_time_s=LOOPS.course_dead_time_s,
+    speed_response=LOOPS.speed_response,
+    max_bank_rad=math.radians(50.0),
+)
+"""As `sitl-stub --autopilot px4` flies where no plant is named."""
 TECS = PlantParameters(speed_response="tecs")
 
 
@@ -193,8 +205,21 @@ def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for() -> None:
     assert wanted(2.0) == wanted(3.0) == pytest.approx(math.radians(50.0))
 
 
-def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_roll() -> None:
-    plant = PlantParameters(kind="npfg", alpha_1_s=0.9, roll_time_s=0.4, course_dead_time_s=0.3)
+@pytest.mark.parametrize(
+    ("plant", "lag"),
+    [
+        # 1 / 0.9 for the loop and 0.3 for the dead time; the roll is still in a steady turn.
+        (
+            PlantParameters(kind="npfg", alpha_1_s=0.9, roll_time_s=0.4, course_dead_time_s=0.3),
+            1.0 / 0.9 + 0.3,
+        ),
+        # As `sitl-stub --autopilot px4` flies: 1.20 and 1.17 s were measured.
+        (OWN, 1.2),
+    ],
+)
+def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(
+    plant: PlantParameters, lag: float
+) -> None:
     autopilot = Autopilot(
         AutopilotConfig(
             system_id=7,
@@ -222,11 +247,46 @@ def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_roll() -> None:
         command(43_002, 0, 6.0 * step / 20)
     lag_s = math.remainder(math.radians(6.0 * 599 / 20) - autopilot.truth().course_rad, math.tau)
     lag_s /= math.radians(6.0)
-    # 1 / 0.9 for the loop and 0.3 for the dead time; the roll is still in a steady turn.
-    assert lag_s == pytest.approx(1.0 / 0.9 + 0.3, abs=0.05)
+    assert lag_s == pytest.approx(lag, abs=0.05)
+
+
+def test_px4_s_course_takes_up_a_step_as_measured() -> None:
+    """30 degrees of 1.18.0-beta1: a tenth after 0.6 s, half after 1.25 s, and 0.85 after 2 s."""
+    plant = replace(OWN, airspeed_min_m_s=10.0)
+    late_s = OWN.course_dead_time_s
+    start = state(speed_m_s=15.0)
+    aim = targets(math.radians(30.0), 15.0)
+    states = flown(plant, aim, 8.0, start=start)
+
+    def share(after_s: float) -> float:
+        return states[round((after_s - late_s) / 0.005)].direction_rad / math.radians(30.0)
+
+    assert share(0.3) == pytest.approx(0.03, abs=0.03)
+    assert share(0.6) == pytest.approx(0.12, abs=0.04)
+    assert share(1.25) == pytest.approx(0.49, abs=0.04)
+    assert share(2.0) == pytest.approx(0.85, abs=0.04)
+    assert max(one.direction_rad for one in states) < math.radians(31.5)
+
+
+def test_a_delay_of_the_roll_is_that_of_a_second_lag() -> None:
+    plant = PlantParameters(kind="npfg", roll_time_s=0.4, roll_delay_s=0.2)
+    end = flown(plant, targets(0.5, hold="bank"), 0.4)[-1]
+    # 1 - (0.4 e^(-t/0.4) - 0.2 e^(-t/0.2)) / 0.2
+    share = 1.0 - (0.4 * math.exp(-1.0) - 0.2 * math.exp(-2.0)) / 0.2
+    assert end.roll_rad == pytest.approx(0.5 * share, abs=1e-4)
 
 
 PX4 = PlantParameters(kind="npfg", speed_response="px4")
+UNTRIMMED = PlantParameters(kind="npfg", speed_response="px4-untrimmed")
+
+
+def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed() -> None:
+    """Steps of 2 m/s as it comes: half within 2 to 3 s, 0.65 after 12 s, 0.85 to 0.9 after 55 s."""
+    states = flown(UNTRIMMED, targets(speed_m_s=22.0), 60.0, step_s=0.01)
+    shares = [(one.speed_m_s - 20.0) / 2.0 for one in states]
+    assert shares[300] == pytest.approx(0.6, abs=0.15)
+    assert shares[1200] == pytest.approx(0.66, abs=0.05)
+    assert shares[5500] == pytest.approx(0.82, abs=0.05)
 
 
 def test_px4s_airspeed_setpoint_slews_with_1_m_s2() -> None:

@@ -1,6 +1,11 @@
-import pytest
+from typing import Any
 
-from sitl_stub import cli
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot, cli
+
+Vehicle = Any  # an emulated autopilot
 
 
 @pytest.mark.parametrize(
@@ -51,6 +56,68 @@ def test_a_wrong_option_is_one_line_and_status_2(
     assert errors.count("\n") == 1
     assert errors.startswith("sitl-stub: ")
     assert said in errors
+
+
+def flown(options: list[str], monkeypatch: pytest.MonkeyPatch) -> Vehicle:
+    """What these options let fly."""
+    served: list[tuple[Autopilot, object]] = []
+
+    async def serve(emulated: list[tuple[Autopilot, object]], *_: object, **__: object) -> None:
+        served.extend(emulated)
+
+    monkeypatch.setattr(cli, "serve_all", serve)
+    given = ["--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", "--airborne", *options]
+    with pytest.raises(SystemExit) as caught:
+        cli.app(given)
+    assert caught.value.code == 0
+    return served[0][0]
+
+
+def told(vehicle: Vehicle, name: bytes) -> float:
+    """A parameter as a ground station reads it."""
+    asked = mavlink.MAVLink_param_request_read_message(1, 1, name, -1)
+    data = vehicle.receive(asked.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
+    (value,) = mavlink.MAVLink(None).parse_buffer(data)
+    return float(value.param_value)
+
+
+@pytest.mark.parametrize(
+    ("options", "name", "value"),
+    [
+        (["--autopilot", "px4"], b"FW_R_LIM", 50.0),
+        (["--autopilot", "px4", "--max-bank", "45"], b"FW_R_LIM", 45.0),
+        ([], b"ROLL_LIMIT_DEG", 45.0),
+    ],
+)
+def test_the_bank_limit_is_the_autopilot_s_own_where_it_is_not_given(
+    options: list[str], name: bytes, value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert told(flown(options, monkeypatch), name) == pytest.approx(value)
+
+
+def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = flown(["--autopilot", "px4"], monkeypatch).config.plant
+    assert (plant.kind, plant.speed_response) == ("npfg", "px4-untrimmed")
+    assert plant.alpha_1_s == pytest.approx(0.8796, abs=1e-4)
+    assert (plant.roll_time_s, plant.roll_delay_s, plant.course_dead_time_s) == (0.4, 0.2, 0.06)
+    changed = flown(
+        ["--autopilot", "px4", "--alpha", "0.7", "--speed-response", "px4", "--roll-delay", "0"],
+        monkeypatch,
+    ).config.plant
+    assert (changed.kind, changed.alpha_1_s) == ("npfg", 0.7)
+    assert (changed.speed_response, changed.roll_delay_s) == ("px4", 0.0)
+
+
+@pytest.mark.parametrize("options", [["--autopilot", "px4", "--plant", "heading-hold"], []])
+def test_a_plant_that_is_named_is_flown_as_it_is(
+    options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant = flown(options, monkeypatch).config.plant
+    assert (plant.kind, plant.alpha_1_s, plant.speed_response) == (
+        *("heading-hold", 1.2),
+        "first-order",
+    )
+    assert (plant.course_dead_time_s, plant.roll_delay_s) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("options", [[], ["--autopilot", "betaflight"], ["--no-such-option"]])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters
+from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.parameters import Parameters, ParameterType, int8, int16, int32, real, stored
 
 Station = Callable[..., Any]
@@ -90,6 +91,60 @@ def test_guided_p_is_what_the_bank_plant_flies_by(station: Station) -> None:
     vehicle.advance(20.5)
     # 3000 cdeg/rad * 0.349 rad = 10.5 deg at most
     assert 0.0 < math.degrees(vehicle.autopilot.truth().bank_rad) < 10.5
+
+
+def test_npfg_s_parameters_are_what_px4_s_course_is_flown_by(station: Station) -> None:
+    def lag_s(period_s: float) -> float:
+        """Of a course that turns with 3 degrees a second."""
+        vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg"))
+        write(vehicle, "NPFG_PERIOD", period_s)
+        vehicle.command_long(176, 1, 4, 19)
+        for tenth in range(300):
+            vehicle.advance(tenth / 10.0)
+            vehicle.command_long(43_002, 0, 0.3 * tenth)
+        behind = math.radians(0.3 * 299) - vehicle.autopilot.truth().course_rad
+        return math.remainder(behind, math.tau) / math.radians(3.0)
+
+    # 4 pi 0.7 / 10 = 0.880, and half of it; setpoints are 0.05 s old on average, and 0.1 s when they end.
+    assert lag_s(10.0) == pytest.approx(1.137 + 0.05, abs=0.06)
+    assert lag_s(20.0) == pytest.approx(2.274 + 0.05, abs=0.06)
+    assert lag_s(0.0) == pytest.approx(1.0 / 1.2 + 0.05, abs=0.06)
+
+
+@pytest.mark.parametrize("response", ["px4", "px4-untrimmed"])
+def test_the_throttles_of_its_airspeeds_decide_how_px4_s_speed_answers(
+    station: Station, response: SpeedResponse
+) -> None:
+    vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg", speed_response=response))
+    trimmed = response == "px4"
+    assert (read(vehicle, "FW_THR_ASPD_MIN").param_value > 0.0) is trimmed
+    assert read(vehicle, "FW_T_TAS_TC").param_value == (2.0 if trimmed else 5.0)
+
+    def missing_m_s(to_s: float, wanted_m_s: float) -> float:
+        vehicle.command_long(178, 0, wanted_m_s, -1)
+        vehicle.advance(to_s)
+        return abs(float(vehicle.autopilot.truth().airspeed_m_s) - wanted_m_s)
+
+    vehicle.command_long(176, 1, 4, 19)
+    first = missing_m_s(20.0, 22.0)
+    for name, value in (("MIN", 0.28), ("MAX", 0.0 if trimmed else 0.98)):
+        write(vehicle, f"FW_THR_ASPD_{name}", value)
+    second = missing_m_s(120.0, 22.0), missing_m_s(140.0, 24.0)
+    assert (first < 0.1) is trimmed
+    assert (second[1] < 0.1) is not trimmed
+
+
+def test_a_roll_that_is_set_slower_is_flown_slower(station: Station) -> None:
+    def bank_deg(roll_s: float) -> float:
+        vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg"))
+        vehicle.command_long(176, 1, 4, 19)
+        vehicle.advance(10.0)
+        write(vehicle, "FW_R_TC", roll_s)
+        vehicle.command_long(43_002, 0, 30.0)
+        vehicle.advance(10.3)
+        return math.degrees(vehicle.autopilot.truth().bank_rad)
+
+    assert bank_deg(0.4) > 1.5 * bank_deg(0.8)
 
 
 def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: Station) -> None:

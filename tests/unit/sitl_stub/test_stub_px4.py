@@ -435,6 +435,17 @@ def test_guided_course_can_be_excepted_from_it(station: Station) -> None:
     assert vehicle.autopilot.truth().mode == "AUTO.COURSE"
 
 
+def test_every_command_is_acknowledged_at_40_a_second(station: Station) -> None:
+    vehicle = station(autopilot="px4")
+    vehicle.command_long(*GUIDED_COURSE)
+    for turn in range(100):
+        for command, values in ((43_002, (0.0, turn % 360)), (178, (0.0, 21.0, -1.0))):
+            replies = vehicle.command_long(command, *values)
+            acks = [reply for reply in replies if reply.get_type() == "COMMAND_ACK"]
+            assert [(ack.command, ack.result) for ack in acks] == [(command, 0)]
+        vehicle.advance((turn + 1) / 20.0)
+
+
 def test_the_link_for_companions_is_busy_without_being_asked(station: Station) -> None:
     vehicle = station(autopilot="px4")
     vehicle.advance(0.0)

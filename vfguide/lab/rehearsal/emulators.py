@@ -87,6 +87,7 @@ def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
             height_delay_s=vehicle.height_delay_s,
             guided_p_cdeg_rad=emulator.guided_p,
             roll_time_s=emulator.roll_time_s,
+            roll_delay_s=emulator.roll_delay_s,
             turn_efficiency=emulator.turn_efficiency,
             speed_response=emulator.speed_response,
             course_dead_time_s=emulator.course_dead_time_s,

@@ -96,6 +96,7 @@ def emulator_command(
         "plant": emulator.plant or vehicle.plant,
         "guided-p": emulator.guided_p,
         "roll-time": emulator.roll_time_s,
+        "roll-delay": emulator.roll_delay_s,
         "turn-efficiency": emulator.turn_efficiency,
         "speed-response": emulator.speed_response,
         "course-dead-time": emulator.course_dead_time_s,
