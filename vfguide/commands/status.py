@@ -180,7 +180,7 @@ def doubts(presence: Presence | None) -> list[str]:
         found.append("its messages are not signed (--insecure)")
     if (lost := presence.figures.get(LINKS_LOST, 0.0)) > 0.0:
         found.append(f"{lost:.0f} of its links is lost")
-    return found
+    return [*found, *presence.findings]
 
 
 def flies(mission: Mission, seen: Seen) -> str:
@@ -215,6 +215,8 @@ def described(presence: Presence | None) -> dict[str, object]:
         "version": presence.version,
         "signed": presence.signed,
         "obstacle": presence.obstacle,
+        "findings": list(presence.findings),
+        "warning": presence.warning,
         **presence.figures,
     }
 

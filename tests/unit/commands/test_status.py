@@ -20,6 +20,8 @@ from vfguide.mission import load_mission
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
 READY = Presence(status="online", mode="waiting", time_s=1.0, version="1", signed=True)
+UNSAFE = "FS_GCS_ENABL is 0: should this companion fall silent, the aircraft flies on; set it to 1"
+NO_FIX = "the GPS has no fix: wait, or see that its antenna has a clear sky"
 ALL = dict.fromkeys(("leader", "f1", "f2", "f3"), READY)
 
 
@@ -35,6 +37,11 @@ def test_a_formation_whose_companions_are_all_ready_may_go() -> None:
         ({"f1": replace(READY, obstacle=NO_LEADER)}, f"f1: {NO_LEADER}"),
         ({"f1": replace(READY, signed=False)}, "f1: its messages are not signed (--insecure)"),
         ({"f1": replace(READY, figures={"links_lost": 1.0})}, "f1: 1 of its links is lost"),
+        ({"f1": replace(READY, findings=(UNSAFE,))}, f"f1: {UNSAFE}"),
+        (
+            {"f1": replace(READY, obstacle=NO_FIX, findings=(UNSAFE,))},
+            f"f1: {NO_FIX}; f1: {UNSAFE}",
+        ),
         ({"f1": replace(READY, version="2")}, "companions of different versions: 1, 2"),
     ],
 )
@@ -134,24 +141,35 @@ def test_while_no_link_stands_nothing_is_said_of_the_vehicles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("telemetry_age", "doubts", "leader_age", "time_known", "expected"),
+    ("telemetry_age", "doubts", "fault", "leader_age", "time_known", "expected"),
     [
-        (0.1, False, 0.1, True, None),
-        (float("inf"), False, 0.1, True, NOTHING_HEARD),
-        (float("nan"), False, 0.1, True, NOTHING_HEARD),
-        (0.1, True, 0.1, True, DOUBTED),
-        (0.1, False, float("inf"), True, NO_LEADER),
-        (1.1, True, 9.0, True, NOTHING_HEARD),
-        (0.1, False, 0.1, False, NO_TIME),
+        (0.1, False, None, 0.1, True, None),
+        (float("inf"), False, None, 0.1, True, NOTHING_HEARD),
+        (float("nan"), False, None, 0.1, True, NOTHING_HEARD),
+        (float("inf"), False, NO_FIX, 0.1, True, NO_FIX),
+        (0.1, True, None, 0.1, True, DOUBTED),
+        (0.1, True, NO_FIX, 0.1, True, NO_FIX),
+        # Believed again, whatever was wrong a moment ago.
+        (0.1, False, NO_FIX, 0.1, True, None),
+        (0.1, False, None, float("inf"), True, NO_LEADER),
+        (1.1, True, None, 9.0, True, NOTHING_HEARD),
+        (0.1, False, None, 0.1, False, NO_TIME),
     ],
 )
 def test_the_first_obstacle_is_told(
-    telemetry_age: float, leader_age: float, expected: str | None, *, doubts: bool, time_known: bool
+    telemetry_age: float,
+    leader_age: float,
+    fault: str | None,
+    expected: str | None,
+    *,
+    doubts: bool,
+    time_known: bool,
 ) -> None:
     found = obstacle(
         Timeouts(),
         telemetry_age=telemetry_age,
         doubts=doubts,
+        fault=fault,
         leader_age=leader_age,
         time_known=time_known,
     )
@@ -166,5 +184,7 @@ def test_the_json_holds_what_keeps_each_from_steering() -> None:
         "version": "1",
         "signed": True,
         "obstacle": NO_LEADER,
+        "findings": [],
+        "warning": "",
     }
     assert content["leader"] == {"status": "never seen"}
