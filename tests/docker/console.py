@@ -10,6 +10,7 @@ from typing import Any
 
 from tests.docker.formation import Formation
 from tests.docker.programs import log_of
+from tests.integration.console.streamed import aircraft_heard, logged_in
 
 PATIENCE_S = 90.0
 PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+)/\?token=(\S+)")
@@ -32,6 +33,8 @@ class Console:
     """HTTP status without the token."""
     page: bytes
     """With it."""
+    heard: set[str]
+    """Names of the aircraft that have a place in the flight that the page is sent."""
     published: Any
     """Where on this computer Docker publishes its port."""
 
@@ -55,8 +58,11 @@ def look_at_console(formation: Formation) -> Console:
         urllib.request.build_opener().open(f"{address}/", timeout=20.0)
     except urllib.error.HTTPError as error:
         refusal = error.code
-    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-    with opener.open(f"{address}/?token={token}", timeout=20.0) as page:
+    visitor = logged_in(f"{address}/?token={token}")
+    with visitor.open(f"{address}/", timeout=20.0) as page:
         content = page.read()
+    _, heard = aircraft_heard(visitor, f"{address}/")
     ports = formation.inspect("console")["NetworkSettings"]["Ports"]
-    return Console(address=address, refusal=refusal, page=content, published=ports["8080/tcp"])
+    return Console(
+        address=address, refusal=refusal, page=content, heard=heard, published=ports["8080/tcp"]
+    )

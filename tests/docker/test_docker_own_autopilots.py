@@ -96,3 +96,4 @@ def test_the_printed_address_opens_the_page_and_no_other_does(flights: Flights) 
     assert console.address == f"http://127.0.0.1:{port}"
     assert console.refusal == 403
     assert b"circle-calm" in console.page
+    assert console.heard == {"leader", *FOLLOWERS}

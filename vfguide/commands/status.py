@@ -2,11 +2,9 @@
 
 import asyncio
 import json
-import math
 import signal
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from random import Random
 
 from rich import box
@@ -16,10 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
+from vfguide.commands.freshness import SILENT_S, Lookout, Seen
 from vfguide.commands.terminal import Terminal
 from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
-from vfguide.link.opening import HEARD_SHARE, WatchedFormation, check_connected, watching
+from vfguide.link.opening import HEARD_SHARE, Link, WatchedFormation, check_connected, watching
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import check_mission
@@ -27,14 +26,16 @@ from vfguide.mission.feasibility import check_mission
 LISTEN_S = 1.5
 """Long enough for a presence from everybody who lives."""
 
-SILENT_S, SILENT_TURNS = 5.0, 2.5
-"""A companion that has not said for so long how it is counts as gone: a kept presence may be old. On a slow
-link that is more than two of its turns."""
+SILENT_TURNS = 2.5
+"""On a slow link, who is silent for more than two of its turns counts as gone."""
 
 LOOK_S = 0.05
 """Between looks at what has come in."""
 
 ALL_THERE, SOME_MISSING = 0, 1
+
+NOT_HEARD = "not heard"
+NOTHING_KNOWN = "nothing is known of the vehicles until it stands again"
 
 SIGNED, INSECURE = "signed", "INSECURE"
 
@@ -64,35 +65,31 @@ def show_status(
     if watch:
         asyncio.run(keep_showing(mission, watched, output, as_json=as_json))
         return ALL_THERE
-    found = asyncio.run(living_presences(watched))
+    seen = asyncio.run(living_presences(watched))
     if as_json:
-        output.tell(json.dumps(status_json(mission, found), indent=2))
+        output.tell(json.dumps(status_json(mission, seen), indent=2))
     else:
-        output.print(status_table(mission, found))
-        output.tell(flies(mission, found))
-        output.tell(readiness(mission, found))
+        output.print(status_table(mission, seen))
+        output.tell(flies(mission, seen))
+        output.tell(readiness(mission, seen))
+    found = seen.found
     online = all(name in found and found[name].status == "online" for name in mission.companions)
     return ALL_THERE if online else SOME_MISSING
 
 
-async def living_presences(watched: WatchedFormation) -> dict[str, Presence]:
+async def living_presences(watched: WatchedFormation) -> Seen:
     """What each vehicle says about itself; who is not heard a second time is offline.
 
     Raises:
         VfguideError: no link stands.
     """
-    loop, beats = asyncio.get_running_loop(), Beats()
+    loop = asyncio.get_running_loop()
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
-        slowest_s = max(carrier.presence_s for carrier in link.carriers)
-        least_s = max(LISTEN_S, HEARD_SHARE * slowest_s)
-        longest_s = max(SILENT_S, SILENT_TURNS * slowest_s)
-        began_s, passed_s = loop.time(), 0.0
-        while passed_s < least_s or (beats.missing(current) and passed_s < longest_s):
-            await asyncio.sleep(LOOK_S)
-            passed_s = loop.time() - began_s
+        lookout = lookout_of(link, current)
+        await first_words(link, lookout, asyncio.Event())
         check_connected(link)
-        return beats.judge(current, passed_s)
+        return lookout.seen(loop.time())
 
 
 async def keep_showing(
@@ -108,97 +105,63 @@ async def keep_showing(
         loop.add_signal_handler(number, ended.set)
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
-        slowest_s = max(carrier.presence_s for carrier in link.carriers)
-        freshness = Freshness(max(SILENT_S, SILENT_TURNS * slowest_s))
-        await asyncio.sleep(LISTEN_S)
+        lookout = lookout_of(link, current)
+        await first_words(link, lookout, ended)
         with Live(console=output, auto_refresh=False) as live:
             while not ended.is_set():
-                found = freshness.judge(dict(current), loop.time())
+                seen = lookout.seen(loop.time())
                 if as_json:
-                    output.tell(json.dumps(status_json(mission, found)))
+                    output.tell(json.dumps(status_json(mission, seen)))
                 elif output.is_terminal:
-                    lines = Text(f"{flies(mission, found)}\n{readiness(mission, found)}")
-                    live.update(Group(status_table(mission, found), lines), refresh=True)
+                    lines = Text(f"{flies(mission, seen)}\n{readiness(mission, seen)}")
+                    live.update(Group(status_table(mission, seen), lines), refresh=True)
                 else:
-                    output.tell(readiness(mission, found))
-                with suppress(TimeoutError):
-                    async with asyncio.timeout(WATCH_S):
-                        await ended.wait()
+                    output.tell(readiness(mission, seen))
+                await look_on(lookout, WATCH_S, ended)
 
 
-class Beats:
-    """Who has said twice how it is: a broker keeps the last word of a companion that is gone."""
-
-    def __init__(self) -> None:
-        self._first: dict[str, float] = {}
-
-    def missing(self, found: Mapping[str, Presence]) -> list[str]:
-        """Vehicles that are online by the only presence of them that was heard."""
-        return [
-            name
-            for name, presence in found.items()
-            if presence.status == "online"
-            and self._first.setdefault(name, presence.time_s) == presence.time_s
-        ]
-
-    def judge(self, found: Mapping[str, Presence], listened_s: float) -> dict[str, Presence]:
-        """The presences, those of which no second one was heard in so long (s) as offline."""
-        silent = f"nothing new of its companion in {listened_s:.0f} s: it may be gone"
-        gone = self.missing(found)
-        return {
-            name: replace(one, status="offline", obstacle=silent) if name in gone else one
-            for name, one in found.items()
-        }
+def lookout_of(link: Link, current: Mapping[str, Presence]) -> Lookout:
+    """On a slow link, silence is more than two of everybody's turns."""
+    slowest_s = max(carrier.presence_s for carrier in link.carriers)
+    return Lookout(link, current, silent_s=max(SILENT_S, SILENT_TURNS * slowest_s))
 
 
-class Freshness:
-    """Which presences are of now: a broker keeps the last one of a companion that is gone, too."""
-
-    def __init__(self, silent_s: float = SILENT_S) -> None:
-        """Begin with nobody heard; who says nothing for so long (s) is offline."""
-        self._silent_s = silent_s
-        self._heard: dict[str, tuple[float, float]] = {}
-
-    def judge(self, found: Mapping[str, Presence], now: float) -> dict[str, Presence]:
-        """The presences, those that have not changed for a while as offline.
-
-        Args:
-            found: what each vehicle said last.
-            now: s.
-        """
-        judged = {}
-        for name, presence in found.items():
-            said_s, heard = self._heard.get(name, (math.nan, now))
-            if presence.time_s != said_s:
-                heard = now
-            self._heard[name] = (presence.time_s, heard)
-            silent_s = now - heard
-            if silent_s > self._silent_s and presence.status == "online":
-                text = f"its companion has been silent for {silent_s:.0f} s"
-                judged[name] = replace(presence, status="offline", obstacle=text)
-            else:
-                judged[name] = presence
-        return judged
+async def first_words(link: Link, lookout: Lookout, ended: asyncio.Event) -> None:
+    """Listen until everybody who lives should have been heard, and longer for the second word of some."""
+    loop = asyncio.get_running_loop()
+    slowest_s = max(carrier.presence_s for carrier in link.carriers)
+    least_s = max(LISTEN_S, HEARD_SHARE * slowest_s)
+    longest_s = max(SILENT_S, SILENT_TURNS * slowest_s)
+    began_s, passed_s = loop.time(), 0.0
+    while not ended.is_set() and (passed_s < least_s or (lookout.waits and passed_s < longest_s)):
+        await look_on(lookout, LOOK_S, ended)
+        passed_s = loop.time() - began_s
 
 
-def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
+async def look_on(lookout: Lookout, seconds: float, ended: asyncio.Event) -> None:
+    """Look at what comes in for so long, or until the end."""
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + seconds
+    while not ended.is_set() and (left_s := until_s - loop.time()) > 0.0:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(min(left_s, LOOK_S)):
+                await ended.wait()
+        lookout.look(loop.time())
+
+
+def readiness(mission: Mission, seen: Seen) -> str:
     """Whether the formation may take off, in one line: go, or no-go and everything that speaks against it."""
+    if seen.deaf:
+        return f"NO-GO  {seen.complaint}: {NOTHING_KNOWN}"
+    found = seen.found
     against = [
         f"mission: {one.message}" for one in check_mission(mission) if one.severity == "error"
     ]
+    if seen.complaint:
+        against.append(f"{seen.complaint}: see that it stands again")
     versions = {one.version for one in found.values() if one.status == "online"}
     for name in mission.companions:
-        presence = found.get(name)
-        if presence is None:
-            against.append(f"{name}: no companion is heard")
-        elif presence.status != "online":
-            against.append(f"{name}: {presence.obstacle or 'its companion is offline'}")
-        elif presence.obstacle:
-            against.append(f"{name}: {presence.obstacle}")
-        elif not presence.signed:
-            against.append(f"{name}: its messages are not signed (--insecure)")
-        elif presence.figures.get(LINKS_LOST, 0.0) > 0.0:
-            against.append(f"{name}: {presence.figures[LINKS_LOST]:.0f} of its links is lost")
+        against += [f"{name}: {text}" for text in doubts(found.get(name))]
     if len(versions) > 1:
         against.append(f"companions of different versions: {', '.join(sorted(versions))}")
     if against:
@@ -206,9 +169,25 @@ def readiness(mission: Mission, found: Mapping[str, Presence]) -> str:
     return f"GO  {mission.name}: all {len(mission.companions)} companions are ready"
 
 
-def flies(mission: Mission, found: Mapping[str, Presence]) -> str:
+def doubts(presence: Presence | None) -> list[str]:
+    """What speaks against taking off with a vehicle that says this of itself."""
+    if presence is None:
+        return ["no companion is heard"]
+    if presence.status != "online":
+        return [presence.obstacle or "its companion is offline"]
+    found = [presence.obstacle] if presence.obstacle else []
+    if not presence.signed:
+        found.append("its messages are not signed (--insecure)")
+    if (lost := presence.figures.get(LINKS_LOST, 0.0)) > 0.0:
+        found.append(f"{lost:.0f} of its links is lost")
+    return [*found, *presence.findings]
+
+
+def flies(mission: Mission, seen: Seen) -> str:
     """Who leads, and the order that is flown, in one line."""
-    online = {name: one.figures for name, one in found.items() if one.status == "online"}
+    if seen.deaf:
+        return "who leads and what is flown is not known: no link stands"
+    online = {name: one.figures for name, one in seen.found.items() if one.status == "online"}
     term = max(int(max((one.get(TERM, 0.0) for one in online.values()), default=0.0)), 0)
     leads = holder_of(term, (mission.leader.vehicle, *mission.deputies))
     numbers = {name: int(one.get(ORDER, 0.0)) for name, one in online.items()}
@@ -218,9 +197,12 @@ def flies(mission: Mission, found: Mapping[str, Presence]) -> str:
     return f"{leads} leads{place}; {order} is flown"
 
 
-def status_json(mission: Mission, found: Mapping[str, Presence]) -> dict[str, object]:
+def status_json(mission: Mission, seen: Seen) -> dict[str, object]:
     """Everybody's presence as JSON holds it."""
-    return {name: described(found.get(name)) for name in mission.companions}
+    if seen.deaf:
+        lost = {"status": NOT_HEARD, "obstacle": f"{seen.complaint}: {NOTHING_KNOWN}"}
+        return dict.fromkeys(mission.companions, lost)
+    return {name: described(seen.found.get(name)) for name in mission.companions}
 
 
 def described(presence: Presence | None) -> dict[str, object]:
@@ -233,11 +215,13 @@ def described(presence: Presence | None) -> dict[str, object]:
         "version": presence.version,
         "signed": presence.signed,
         "obstacle": presence.obstacle,
+        "findings": list(presence.findings),
+        "warning": presence.warning,
         **presence.figures,
     }
 
 
-def status_table(mission: Mission, found: Mapping[str, Presence]) -> Table:
+def status_table(mission: Mission, seen: Seen) -> Table:
     """A line for each vehicle."""
     table = Table(
         *("vehicle", "status", "mode", "messages"),
@@ -248,9 +232,9 @@ def status_table(mission: Mission, found: Mapping[str, Presence]) -> Table:
     for heading in (*COLUMNS, "refused"):
         table.add_column(heading, justify="right")
     for vehicle in mission.companions:
-        presence = found.get(vehicle)
-        if presence is None:
-            table.add_row(vehicle, "never seen")
+        presence = seen.found.get(vehicle)
+        if seen.deaf or presence is None:
+            table.add_row(vehicle, NOT_HEARD if seen.deaf else "never seen")
             continue
         cells = (
             " / ".join(

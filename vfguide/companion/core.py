@@ -361,9 +361,15 @@ class Companion:
             self._timeouts,
             telemetry_age=now - self._vehicle.telemetry_time,
             doubts=self._vehicle.own.doubts,
+            fault=self._vehicle.own.fault(now),
             leader_age=self.leader_age(now),
             time_known=math.isfinite(self._clock.from_own(now)),
         )
+
+    @property
+    def findings(self) -> list[str]:
+        """What of the autopilot's parameters speaks against taking off, the worst first."""
+        return self._housekeeping.findings()
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
         """One datagram, whose commands wait for their answers from now on."""

@@ -36,6 +36,7 @@ from vfguide.link.opening import Link, greeting_of, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import (
     LONGEST_WARNING,
+    MOST_FINDINGS,
     ORDER,
     TERM,
     Presence,
@@ -395,9 +396,13 @@ class Daemon:
                 time_s=now,
                 version=VERSION,
                 signed=self._surroundings.trust.signs,
-                obstacle=self._companion.obstacle(now) or "",
+                obstacle=fit_text(self._companion.obstacle(now) or ""),
                 autopilot=fit_text(self._companion.flight_mode),
                 warning=fit_text(self._warning, LONGEST_WARNING),
+                findings=tuple(
+                    fit_text(one, LONGEST_WARNING)
+                    for one in self._companion.findings[:MOST_FINDINGS]
+                ),
                 figures=self._figures(),
             )
         )

@@ -195,6 +195,21 @@ def fault_of(report: GpsReport | EstimatorReport | SensorsReport) -> str | None:
     return None
 
 
+REMEDIES = {
+    "the GPS": "wait, or see that its antenna has a clear sky",
+    "the autopilot's estimator": "wait, or see its ground station",
+    "the autopilot says that its GPS": "see that its antenna is connected",
+    "the autopilot says that its attitude": "before take-off restart it",
+}
+"""What to do about a fault, by how it begins."""
+
+
+def with_remedy(fault: str) -> str:
+    """Why no position is used, and what to do."""
+    remedies = (remedy for beginning, remedy in REMEDIES.items() if fault.startswith(beginning))
+    return f"{fault}: {next(remedies, 'see its GPS and its ground station')}"
+
+
 class FrozenPosition:
     """Finds positions that stay the same, without a ground velocity, in flight."""
 

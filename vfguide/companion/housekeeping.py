@@ -73,6 +73,10 @@ class Housekeeping:
         """With what the autopilot said of itself, once it has and where it is asked for."""
         return self._plan if self._parameter_check is None else self._parameter_check.plan
 
+    def findings(self) -> list[str]:
+        """What of the autopilot's parameters speaks against taking off."""
+        return [] if self._parameter_check is None else self._parameter_check.faults()
+
     def hear_parameter(self, report: ParameterReport) -> None:
         """Take a parameter, asked for by whomever."""
         if self._parameter_check is not None:

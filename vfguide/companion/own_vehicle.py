@@ -12,6 +12,7 @@ from vfguide.companion.distrust import (
     Doubt,
     FrozenPosition,
     NavigationHealth,
+    with_remedy,
 )
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import (
@@ -73,6 +74,9 @@ SENSORS_S = 10.0
 
 MOST_BATTERIES = 10
 """Of a vehicle, that are kept apart."""
+
+REFUSAL_S = 2.0
+"""A report that was refused longer ago than this is not why none is used now."""
 
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
@@ -137,6 +141,8 @@ class OwnVehicle:
         self._altitude = AltitudeGate()
         self._reading: Reading | None = None
         self._refused = self._comes_back = False
+        self._refusal: str | None = None
+        self._refusal_s = -math.inf
         self._passed_s = 0.0
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
@@ -189,6 +195,16 @@ class OwnVehicle:
             - math.atan2(right.velocity_east, right.velocity_north)
         )
 
+    def fault(self, now: float) -> str | None:
+        """Why no position is used, and what to do; None where none is known.
+
+        What the autopilot itself says of its receiver and estimator goes before what its positions show.
+        """
+        said = self._health.fault(now)
+        if said is None and now - self._refusal_s <= REFUSAL_S:
+            said = self._refusal
+        return None if said is None else with_remedy(said)
+
     def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
         if self._delay_compensator is None:
@@ -230,6 +246,7 @@ class OwnVehicle:
         self._doubt.note(judgement, now)
         if judgement.verdict is Verdict.REFUSED:
             self._refused = True
+            self._refusal, self._refusal_s = judgement.reason, now
             return None
         if previous is not None and time_s <= previous.time_s:
             return None

@@ -34,6 +34,12 @@ class ParameterCheck:
             if math.isfinite(value):
                 self._known[report.name] = value
 
+    def faults(self) -> list[str]:
+        """What of them speaks against taking off, by their newest values; nothing before all were asked."""
+        if not self._told:
+            return []
+        return self._adapter.parameter_faults(self._known, flight_needs(self.plan))
+
     def requests(self, tell: Tell) -> list[MAVLink_message]:
         """What to ask now; to be called once a second while the autopilot is heard."""
         wanted = self._adapter.parameters

@@ -132,7 +132,13 @@ def mode_when_leader_is_silent(situation: Situation, timeouts: Timeouts) -> Mode
 
 
 def obstacle(
-    timeouts: Timeouts, *, telemetry_age: float, doubts: bool, leader_age: float, time_known: bool
+    timeouts: Timeouts,
+    *,
+    telemetry_age: float,
+    doubts: bool,
+    fault: str | None,
+    leader_age: float,
+    time_known: bool,
 ) -> str | None:
     """What would keep a companion from steering, in words; None where nothing would.
 
@@ -143,14 +149,15 @@ def obstacle(
         timeouts: of the mission.
         telemetry_age: since the newest position report, s.
         doubts: whether that is not believed.
+        fault: why no position is used, and what to do, where that is known.
         leader_age: of the newest leader state, s; 0 for the leader itself.
         time_known: whether the formation's clock is known: without it nobody is told where this vehicle is.
     """
     # Not "above": an age that is no number counts as silence.
     if not telemetry_age <= timeouts.telemetry_s:
-        return NOTHING_HEARD
+        return fault or NOTHING_HEARD
     if doubts:
-        return DOUBTED
+        return fault or DOUBTED
     if not leader_age <= timeouts.leader_s:
         return NO_LEADER
     if not time_known:

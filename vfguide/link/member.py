@@ -13,7 +13,13 @@ from dataclasses import dataclass
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Envelope, Kind
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import Presence, decode_presence, encode_presence
+from vfguide.link.presence import (
+    MOST_BYTES,
+    Presence,
+    decode_presence,
+    encode_presence,
+    shorter_presences,
+)
 from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError, Trust
 from vfguide.link.twin import TwinWatch
 
@@ -226,9 +232,16 @@ class Member:
             self._send(Kind.QUESTION, self.trust.leader, question)
 
     def presence(self, presence: Presence, *, will: bool = False) -> Parcel:
-        """Seal a presence, or what a broker is to say once it has lost this member; it is not sent."""
-        kind = Kind.WILL if will else Kind.PRESENCE
-        return self._seal(kind, EVERYBODY, encode_presence(presence))
+        """Seal a presence, or what a broker is to say once it has lost this member; it is not sent.
+
+        What is too long for an envelope goes with less in it.
+        """
+        kind, body = Kind.WILL if will else Kind.PRESENCE, b""
+        for one in shorter_presences(presence):
+            body = encode_presence(one)
+            if len(body) <= MOST_BYTES:
+                break
+        return self._seal(kind, EVERYBODY, body)
 
     def take(self, data: bytes) -> bool:
         """Take a message from a link; whatever is wrong with it ends up as a counter.

@@ -66,6 +66,11 @@ class Link:
         )
 
     @property
+    def losses(self) -> int:
+        """How often one of the links was lost."""
+        return sum(carrier.status.counters["disconnected"] for carrier in self.carriers)
+
+    @property
     def order_lead_s(self) -> float:
         """How long before its time an order is to be given, s: as the slowest link needs it."""
         return max(carrier.order_lead_s for carrier in self.carriers)

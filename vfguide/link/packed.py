@@ -61,11 +61,16 @@ REVISION = "2"
 NOT_STEERED = 0x80
 """Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
 
-ONLINE, SIGNED, OBSTACLE, LINK_LOST = 0x01, 0x02, 0x04, 0x08
+ONLINE, SIGNED, OBSTACLE, LINK_LOST, FINDING = 0x01, 0x02, 0x04, 0x08, 0x10
 """Flags of a presence."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
-"""What becomes of the last two."""
+"""What becomes of an obstacle."""
+
+FINDING_TEXT = (
+    "its autopilot's parameters speak against it: its log says which, for which a radio has no room"
+)
+"""What becomes of findings."""
 
 LEADER, OPERATOR = 0, 255
 """Numbers of the leader, and of an operator."""
@@ -249,6 +254,7 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
     """The body of a presence: without its figures, its texts as far as there is room."""
     flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
     flags |= OBSTACLE * bool(presence.obstacle)
+    flags |= FINDING * bool(presence.findings)
     flags |= LINK_LOST * (presence.figures.get(LINKS_LOST, 0.0) > 0.0)
     mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
     return PRESENCE.pack(session, flags, mode, version)
@@ -364,6 +370,7 @@ def _presence(packet: Packet, body: bytes) -> Packet:
         version=version,
         signed=bool(flags & SIGNED),
         obstacle=OBSTACLE_TEXT if flags & OBSTACLE else "",
+        findings=(FINDING_TEXT,) if flags & FINDING else (),
         figures={LINKS_LOST: 1.0} if flags & LINK_LOST else {},
     )
     return replace(packet, session=session, presence=presence)

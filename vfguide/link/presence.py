@@ -15,7 +15,13 @@ LONGEST_TEXT = 100
 """Characters of every other text."""
 
 LONGEST_WARNING = 200
-"""Characters of a warning."""
+"""Characters of a warning, and of a finding."""
+
+MOST_FINDINGS = 3
+"""What speaks against taking off: the first of it."""
+
+MOST_BYTES = 3700
+"""Bytes of a presence that an envelope has room for."""
 
 MOST_FIGURES = 100
 """Figures in one presence."""
@@ -74,6 +80,8 @@ class Presence:
     """What ground stations call the autopilot's mode; empty while not known."""
     warning: str = ""
     """The last warning that it gave its pilot; empty before the first."""
+    findings: tuple[str, ...] = ()
+    """What of the autopilot's parameters speaks against taking off, each with what to do; the first ones."""
     figures: dict[str, float] = field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
@@ -96,7 +104,8 @@ def encode_presence(presence: Presence) -> bytes:
 def shorter_presences(presence: Presence) -> Iterator[Presence]:
     """A presence as it is, then with less and less in it, down to what nobody can do without.
 
-    Statistics go first, then the ends of texts, then all figures but the number of links that are lost.
+    Statistics go first, then the ends of texts, then all findings but one and all figures but the number of
+    links that are lost.
     """
     yield presence
     figures = {name: value for name, value in presence.figures.items() if name in LEAST_FIGURES}
@@ -107,10 +116,11 @@ def shorter_presences(presence: Presence) -> Iterator[Presence]:
         obstacle=fit_text(presence.obstacle, SHORT_TEXT),
         autopilot=fit_text(presence.autopilot, SHORT_TEXT),
         warning=fit_text(presence.warning, SHORT_TEXT),
+        findings=tuple(fit_text(finding, SHORT_TEXT) for finding in presence.findings),
     )
     yield lean
     lost = {name: value for name, value in figures.items() if name == LINKS_LOST}
-    yield replace(lean, figures=lost)
+    yield replace(lean, figures=lost, findings=lean.findings[:1])
 
 
 def decode_presence(data: bytes) -> Presence:
@@ -137,6 +147,7 @@ def decode_presence(data: bytes) -> Presence:
         obstacle=_text(content.get("obstacle", "")),
         autopilot=_text(content.get("autopilot", "")),
         warning=_text(content.get("warning", ""), LONGEST_WARNING),
+        findings=_findings(content.get("findings", [])),
         figures=_figures(content.get("figures", {})),
     )
 
@@ -172,6 +183,12 @@ def _number(value: object) -> float:
     if not math.isfinite(number):
         raise LinkDataError("a number is not finite")
     return number
+
+
+def _findings(value: object) -> tuple[str, ...]:
+    if not isinstance(value, list) or len(value) > MOST_FINDINGS:
+        raise LinkDataError("the findings are none, or too many")
+    return tuple(_text(one, LONGEST_WARNING) for one in value)
 
 
 def _figures(value: object) -> dict[str, float]:

@@ -187,6 +187,11 @@ class AutopilotAdapter(ABC):
         del parameters, needs
         return []
 
+    def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """Those of them with which the vehicle should not take off, the worst first."""
+        del parameters, needs
+        return []
+
     @abstractmethod
     def is_engaged(self, custom_mode: int) -> bool:
         """Whether the autopilot obeys setpoints in this mode."""

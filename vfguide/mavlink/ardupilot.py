@@ -101,6 +101,9 @@ HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 
 COURSE_OVER_GROUND = 0
 
+LEAST_TICKS = 1.25
+"""Of the scheduler from one report to the next: with fewer ArduPlane refuses the rate."""
+
 AIRSPEED, GROUND_SPEED = 0, 1
 
 
@@ -128,15 +131,23 @@ def alpha_of(guided_p: float, airspeed: float) -> float:
 
 def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
     """One line for each parameter that does not fit."""
+    return [
+        *arduplane_faults(parameters, needs),
+        *course_warnings(parameters, needs),
+        *uneven_warning(parameters, needs),
+        *speed_warning(parameters),
+    ]
+
+
+def arduplane_faults(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+    """Those with which it should not take off: no fail-safe, or what the mission asks for is not flown."""
     known = dict(parameters)
     roll = first_known(known, "ROLL_LIMIT_DEG")
     if roll is None and "LIM_ROLL_CD" in known:
         roll = ("LIM_ROLL_CD (in degrees)", known["LIM_ROLL_CD"] / 100.0)
     return [
         *failsafe_warnings(known, needs),
-        *course_warnings(known, needs),
         *loop_warning(known, needs),
-        *speed_warning(known),
         *airspeed_warnings(
             first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN"),
             first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX"),
@@ -205,26 +216,37 @@ def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list
 
 
 def loop_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """Telemetry leaves on the scheduler's ticks: other rates come unevenly, or are refused."""
-    loop_hz = parameters.get("SCHED_LOOP_RATE")
-    if loop_hz is None or loop_hz <= 0.0:
+    """Telemetry leaves on the scheduler's ticks: higher rates are refused."""
+    loop_hz, ticks = scheduled(parameters, needs)
+    if not ticks < LEAST_TICKS:
         return []
-    ticks = loop_hz / needs.rate_hz
-    if ticks < 1.25:
-        return [
-            (
-                f"SCHED_LOOP_RATE is {loop_hz:g}: {needs.rate_hz:g} reports a second will be refused;"
-                " set it to 200, or lower rehearsal.rate_hz"
-            )
-        ]
-    if abs(ticks - round(ticks)) > 0.01 and ticks < 8.0:
-        return [
-            (
-                f"SCHED_LOOP_RATE is {loop_hz:g}: {needs.rate_hz:g} reports a second will come unevenly;"
-                f" set it to 200, or rehearsal.rate_hz to {loop_hz / math.ceil(ticks):g}"
-            )
-        ]
-    return []
+    return [
+        (
+            f"SCHED_LOOP_RATE is {loop_hz:g}: {needs.rate_hz:g} reports a second will be refused;"
+            " set it to 200, or lower rehearsal.rate_hz"
+        )
+    ]
+
+
+def uneven_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+    """Rates between those of whole ticks come unevenly."""
+    loop_hz, ticks = scheduled(parameters, needs)
+    if not (LEAST_TICKS <= ticks < 8.0 and abs(ticks - round(ticks)) > 0.01):
+        return []
+    return [
+        (
+            f"SCHED_LOOP_RATE is {loop_hz:g}: {needs.rate_hz:g} reports a second will come unevenly;"
+            f" set it to 200, or rehearsal.rate_hz to {loop_hz / math.ceil(ticks):g}"
+        )
+    ]
+
+
+def scheduled(parameters: Mapping[str, float], needs: FlightNeeds) -> tuple[float, float]:
+    """The scheduler's rate (Hz) and its ticks from one report to the next; NaN while not known."""
+    loop_hz = parameters.get("SCHED_LOOP_RATE", math.nan)
+    if not loop_hz > 0.0:
+        return math.nan, math.nan
+    return loop_hz, loop_hz / needs.rate_hz
 
 
 def speed_warning(parameters: Mapping[str, float]) -> list[str]:
@@ -264,6 +286,10 @@ class ArduPlane(AutopilotAdapter):
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
         return arduplane_warnings(parameters, needs)
+
+    def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """Those with which it should not take off."""
+        return arduplane_faults(parameters, needs)
 
     def is_engaged(self, custom_mode: int) -> bool:
         """GUIDED."""

@@ -102,6 +102,10 @@ class DetectedAutopilot(AutopilotAdapter):
         """As the one that was found."""
         return [] if self._found is None else self._found.parameter_warnings(parameters, needs)
 
+    def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """As the one that was found."""
+        return [] if self._found is None else self._found.parameter_faults(parameters, needs)
+
     def is_engaged(self, custom_mode: int) -> bool:
         """As the one that was found; never before."""
         return self._found is not None and self._found.is_engaged(custom_mode)

@@ -139,7 +139,18 @@ REFUSALS = 3
 def px4_warnings(
     parameters: Mapping[str, float], needs: FlightNeeds, stops_by: str | None
 ) -> list[str]:
-    """One line for each parameter that does not fit.
+    """One line for each parameter that does not fit; arguments as of `px4_faults`."""
+    return [
+        *px4_faults(parameters, needs, stops_by),
+        *course_warning(parameters, needs),
+        *throttle_warning(parameters),
+    ]
+
+
+def px4_faults(
+    parameters: Mapping[str, float], needs: FlightNeeds, stops_by: str | None
+) -> list[str]:
+    """Those with which it should not take off: no fail-safe, or what the mission asks for is not flown.
 
     Args:
         parameters: those that were answered.
@@ -150,8 +161,6 @@ def px4_warnings(
     return [
         *(link_loss_warnings(known) if stops_by != "COM_OBL_RC_ACT" else ()),
         *(stream_loss_warnings(known) if stops_by != "NAV_DLL_ACT" else ()),
-        *course_warning(known, needs),
-        *throttle_warning(known),
         *airspeed_warnings(
             first_known(known, "FW_AIRSPD_MIN"), first_known(known, "FW_AIRSPD_MAX"), needs
         ),
@@ -401,6 +410,11 @@ class Px4(AutopilotAdapter):
         """What does not fit the flight, one line each."""
         stops_by = None if self._steering is None else self._steering.stops_by
         return px4_warnings(parameters, needs, stops_by)
+
+    def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+        """Those with which it should not take off."""
+        stops_by = None if self._steering is None else self._steering.stops_by
+        return px4_faults(parameters, needs, stops_by)
 
     def is_engaged(self, custom_mode: int) -> bool:
         """Guided Course or offboard, whichever it is steered in."""

@@ -45,6 +45,17 @@ def writes(rules: str, user: str) -> list[str]:
     return found
 
 
+def test_docker_compose_up_serves_the_console_beside_the_demonstration(
+    services: dict[str, Any],
+) -> None:
+    settings = (PROJECT / ".env").read_text(encoding="utf-8").splitlines()
+    assert "COMPOSE_PROFILES=demo,console" in settings
+    assert services["console"]["profiles"] == ["console"]
+    # All that it waits for is there in the demonstration.
+    for name in services["console"]["depends_on"]:
+        assert "demo" in services[name]["profiles"]
+
+
 def test_one_setting_asks_for_orders_and_is_off_unless_set(services: dict[str, Any]) -> None:
     assert services["console"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
     assert services["broker"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"

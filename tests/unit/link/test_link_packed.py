@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (
+    FINDING_TEXT,
     LEADER,
     OBSTACLE_TEXT,
     TAG_SIZE,
@@ -45,6 +46,7 @@ PRESENCE = Presence(
     version="12.34.56.dev7",
     signed=True,
     obstacle="no position",
+    findings=("FS_GCS_ENABL is 0", "ROLL_LIMIT_DEG is 30"),
     figures={"links": 2.0, "links_lost": 1.0},
 )
 
@@ -170,15 +172,17 @@ def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind: PackedKind) ->
             version="12.34.56",
             time_s=TICK_S,
             obstacle=OBSTACLE_TEXT,
+            findings=(FINDING_TEXT,),
             figures={"links_lost": 1.0},
         )
 
 
 def test_a_companion_that_is_ready_says_so() -> None:
-    ready = replace(PRESENCE, obstacle="", figures={"links": 2.0, "links_lost": 0.0})
+    ready = replace(PRESENCE, obstacle="", findings=(), figures={"links": 2.0, "links_lost": 0.0})
     packet = decode_packet(packed(PackedKind.PRESENCE, encode_packed_presence(ready, 1)))
     assert packet.presence is not None
     assert not packet.presence.obstacle
+    assert not packet.presence.findings
     assert not packet.presence.figures
 
 

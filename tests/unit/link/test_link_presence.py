@@ -7,12 +7,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.link.codec import LinkDataError
+from vfguide.link.member import Member
 from vfguide.link.presence import (
     Presence,
     decode_presence,
     encode_presence,
     shorter_presences,
 )
+from vfguide.link.trust import Trust
 
 PLAIN = Presence(
     status="online", mode="tracking", time_s=12.5, version="0.1.0", figures={"delay_ms": 0.25}
@@ -28,6 +30,7 @@ SOUND = st.builds(
     obstacle=TEXTS,
     autopilot=TEXTS,
     warning=TEXTS,
+    findings=st.lists(TEXTS, max_size=3).map(tuple),
     figures=st.dictionaries(st.text("abc_", max_size=8), FINITE, max_size=10),
 )
 JSON: Any = st.recursive(
@@ -53,6 +56,7 @@ def test_a_presence_is_json_that_anybody_can_read() -> None:
         "obstacle": "",
         "autopilot": "",
         "warning": "",
+        "findings": [],
         "figures": {"delay_ms": 0.25},
     }
 
@@ -84,6 +88,10 @@ def test_fields_that_are_not_known_are_ignored_and_some_may_be_missing() -> None
         b'{"status":"online","time_s":1,"mode":7}',
         b'{"status":"online","time_s":1,"mode":"a\\nb"}',
         b'{"status":"online","time_s":1,"version":"' + b"v" * 101 + b'"}',
+        b'{"status":"online","time_s":1,"findings":"a"}',
+        b'{"status":"online","time_s":1,"findings":[1]}',
+        b'{"status":"online","time_s":1,"findings":["a","b","c","d"]}',
+        b'{"status":"online","time_s":1,"findings":["' + b"v" * 201 + b'"]}',
         b'{"status":"online","time_s":1,"figures":[1]}',
         b'{"status":"online","time_s":1,"figures":{"a":"b"}}',
         b'{"status":"online","time_s":1,"figures":{"a":null}}',
@@ -130,6 +138,7 @@ def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None
         obstacle="ä" * 100,
         autopilot="é" * 100,
         warning="\U0001f6e9" * 200,
+        findings=("ä" * 200, "b" * 200, "c" * 200),
         figures={
             **figures,
             "links": 2.0,
@@ -148,8 +157,28 @@ def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None
         assert decode_presence(encode_presence(one)).figures["links_lost"] == 1.0
         assert one.status == "online"
         assert one.obstacle
+        assert one.findings
 
 
 def test_letters_beyond_ascii_take_no_more_room_than_in_utf_8() -> None:
     short, long = replace(PLAIN, warning=""), replace(PLAIN, warning="ä" * 100)
     assert len(encode_presence(long)) - len(encode_presence(short)) == 200
+
+
+def test_three_findings_in_full_go_in_one_datagram_beside_the_figures_that_people_decide_by() -> (
+    None
+):
+    """1400 bytes less the envelope: statistics make room, sentences stay whole."""
+    findings = ("f" * 200, "g" * 200, "h" * 200)
+    figures = {f"latency_{number}_ms": 1.0 for number in range(60)}
+    said = replace(PLAIN, warning="w" * 100, findings=findings, figures=figures)
+    fitting = next(one for one in shorter_presences(said) if len(encode_presence(one)) < 1200)
+    assert fitting.findings == findings
+
+
+def test_a_presence_that_no_envelope_has_room_for_goes_with_less_in_it() -> None:
+    figures = {f"{'n' * 90}{number}": 1.0 for number in range(60)}
+    trust = Trust(formation="test", name="f1", leader="f0", session=1, roster=None)
+    member = Member(trust, clock=lambda: 0.0)
+    sent = decode_presence(member.presence(replace(PLAIN, figures=figures)).body)
+    assert (sent.mode, sent.figures) == (PLAIN.mode, {})

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.mavlink.ardupilot import NAMES, arduplane_warnings
+from vfguide.mavlink.ardupilot import NAMES, arduplane_faults, arduplane_warnings
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.parameters import FlightNeeds, request_parameters
-from vfguide.mavlink.px4 import Px4, px4_warnings
+from vfguide.mavlink.px4 import Px4, px4_faults, px4_warnings
 from vfguide.mavlink.reports import ParameterReport
 
 Make = Callable[..., Any]
@@ -104,6 +104,36 @@ def test_what_does_not_fit_arduplane_is_told_in_words(
 ) -> None:
     warnings = arduplane_warnings(FITTING_ARDUPLANE | changes, NEEDS)
     assert any(words in warning for warning in warnings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "speaks_against"),
+    [
+        ({"FS_GCS_ENABL": 0.0}, True),
+        ({"MAV_GCS_SYSID": 255.0}, True),
+        ({"SCHED_LOOP_RATE": 20.0}, True),
+        ({"AIRSPEED_MAX": 22.0}, True),
+        ({"ROLL_LIMIT_DEG": 30.0}, True),
+        # These fly worse, and are told the pilot.
+        ({"SCHED_LOOP_RATE": 60.0}, False),
+        ({"GUIDED_P": 5000.0}, False),
+        ({"TECS_TIME_CONST": 5.0}, False),
+    ],
+)
+def test_what_is_unsafe_or_not_flown_speaks_against_taking_off(
+    changes: dict[str, float], *, speaks_against: bool
+) -> None:
+    faults = arduplane_faults(FITTING_ARDUPLANE | changes, NEEDS)
+    warnings = arduplane_warnings(FITTING_ARDUPLANE | changes, NEEDS)
+    assert warnings
+    assert bool(faults) is speaks_against
+    assert set(faults) <= set(warnings)
+
+
+def test_of_px4_only_the_course_s_quickness_does_not() -> None:
+    for changes in ({"NAV_DLL_ACT": 0.0}, {"COM_OF_LOSS_T": 30.0}, {"FW_R_LIM": 40.0}):
+        assert px4_faults(FITTING_PX4 | changes, NEEDS, None)
+    assert px4_faults(FITTING_PX4 | {"NPFG_PERIOD": 20.0}, NEEDS, None) == []
 
 
 def test_the_names_before_version_4_5_are_understood() -> None:

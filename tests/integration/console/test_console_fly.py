@@ -1,0 +1,56 @@
+"""`vfguide fly --live --console`, as a user starts it: the address that it prints shows all aircraft."""
+
+import asyncio
+import re
+import signal
+import sys
+from asyncio.subprocess import PIPE, Process
+from pathlib import Path
+
+from tests.integration.console.streamed import aircraft_heard, logged_in
+from vfguide.mission import load_mission
+
+MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+
+PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+/)\?token=\S+")
+
+PATIENCE_S = 120.0
+
+
+async def printed_address(flight: Process) -> re.Match[str]:
+    """What it says of the console, among the rest."""
+    assert flight.stderr is not None
+    said = []
+    while line := (await flight.stderr.readline()).decode():
+        said.append(line)
+        if found := PRINTED.search(line):
+            return found
+    raise AssertionError(said)
+
+
+def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path: Path) -> None:
+    async def fly() -> tuple[set[str], set[str], int | None, str]:
+        flight = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--console"),
+            cwd=tmp_path,
+            stdout=PIPE,
+            stderr=PIPE,
+        )
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                found = await printed_address(flight)
+                visitor = await asyncio.to_thread(logged_in, found[0].removeprefix("console: "))
+                names, heard = await asyncio.to_thread(aircraft_heard, visitor, found[1])
+                flight.send_signal(signal.SIGINT)
+                _, said = await flight.communicate()
+        finally:
+            if flight.returncode is None:
+                flight.kill()
+                await flight.wait()
+        return names, heard, flight.returncode, said.decode()
+
+    names, heard, status, said = asyncio.run(fly())
+    assert heard == names == set(load_mission(MISSION).companions)
+    # Stopped before its end.
+    assert status == 3, said
+    assert "Traceback" not in said
