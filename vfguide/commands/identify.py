@@ -18,10 +18,11 @@ from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event, Outgoing
 from vfguide.errors import InputError, VfguideError
-from vfguide.identification.core import Identification, Stage
+from vfguide.identification.core import Identification
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
-from vfguide.identification.recording import Findings, described, is_good
+from vfguide.identification.recording import Findings, described
+from vfguide.identification.verdict import shortcoming
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
 from vfguide.mavlink.framing import Introduction, Signing
@@ -77,13 +78,19 @@ def identify(
     )
     findings = identification.recording.findings()
     if findings.course is None and findings.speed is None:
-        raise VfguideError("the flight ended before anything could be learned")
+        why = identification.ended or "too few reports of its steps"
+        raise VfguideError(
+            f"the flight ended before anything could be learned ({why}): fly it again, to its end"
+        )
     text = profile_text(vehicle, findings)
     sys.stdout.write(text)
     if out is not None:
         write(findings, text, vehicle, out)
-    done = identification.stage is Stage.DONE
-    return 0 if done and is_sure(findings) else UNSURE
+    lacking = shortcoming(findings, plan.airframe, identification.ended)
+    if lacking is None:
+        return 0
+    say(lacking)
+    return UNSURE
 
 
 def unled(plan: FlightPlan) -> FlightPlan:
@@ -96,13 +103,6 @@ def unled(plan: FlightPlan) -> FlightPlan:
         speed_lag=0.0,
     )
     return replace(plan, airframe=airframe)
-
-
-def is_sure(findings: Findings) -> bool:
-    """Whether both responses are known well enough to be flown by."""
-    return all(
-        response is not None and is_good(response) for response in (findings.course, findings.speed)
-    )
 
 
 def write(findings: Findings, text: str, vehicle: str, out: Path) -> None:

@@ -137,7 +137,7 @@ def identify(
     ] = False,
     repeats: Annotated[
         int, typer.Option(min=1, max=10, help="How often each group of steps is flown.")
-    ] = 2,
+    ] = 1,
     speedup: Annotated[
         float, typer.Option(metavar="X", help="The emulator's time in parts of real time.")
     ] = 1.0,
@@ -150,8 +150,9 @@ def identify(
 ) -> None:
     """Fly small steps of course and speed, and find how the autopilot answers.
 
-    Prints alpha, beta, dead times and lags with their intervals, as lines for the mission file. Exit status:
-    0 they are known well, 1 they are not or the flight ended early, 2 the input is wrong, 3 broken.
+    Prints alpha, beta, dead times, lags and slip with their intervals, as lines for the mission file, from a
+    flight of two minutes. Exit status: 0 they are known well, 1 they are not or the flight ended early, and
+    the last line says what was not learned; 2 the input is wrong, 3 broken.
     """
     from vfguide.commands.identify import identify as identify_vehicle
 

@@ -145,6 +145,10 @@ class KeepClear:
         self._said: set[str] = set()
         self._words: list[str] = []
 
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle."""
+        self._plan = plan
+
     def words(self) -> list[str]:
         """What the pilot should know of it, each once: one sentence each."""
         words, self._words = self._words, []

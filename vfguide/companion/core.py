@@ -31,6 +31,7 @@ from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    AttitudeReport,
     BatteryReport,
     CommandReport,
     EstimatorReport,
@@ -107,6 +108,7 @@ class Companion:
             plan.component_id,
             signing=signing,
             takes_orders=self.ground_orders is not None,
+            hears_attitude=plan.hears_bank,
         )
         self._clock = clock
         self._arrangements = Arrangements(plan, clock)
@@ -393,6 +395,7 @@ class Companion:
                 return self._take_position(report, now, out)
             case (
                 AirspeedReport()
+                | AttitudeReport()
                 | TimeReport()
                 | GpsReport()
                 | EstimatorReport()
@@ -432,6 +435,9 @@ class Companion:
         self, report: PositionReport, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
         """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
+        found = self._vehicle.find_slip(now, out)
+        if found is not None:
+            self._housekeeping.retune(found)
         reboots = self._vehicle.own.reboots
         navigated = self._vehicle.own.take(report, now)
         if self._vehicle.own.reboots > reboots:

@@ -91,6 +91,10 @@ class DelayCompensator:
         self._direction = self._speed = 0.0
         self._asked: tuple[float, float] | None = None
 
+    def retune(self, airframe: Airframe, memory: Memory) -> None:
+        """Go on with another response, and other time constants, of the same vehicle."""
+        self._airframe, self._memory = airframe, memory
+
     def note(self, setpoint: Setpoint[float], time_s: float) -> None:
         """A setpoint has gone out."""
         self._sent.append((time_s, setpoint))

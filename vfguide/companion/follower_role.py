@@ -102,6 +102,21 @@ class FollowerRole(Role):
         self._asked_height = plan.height
         self._breakaway_course: float | None = None
 
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle: what the laws remember is kept."""
+        self._plan = plan
+        self._law = follower_law(plan)
+        self._keeper.retune(self._law)
+        late = late_laws(plan)
+        if len(late) == len(self._late_keepers):
+            for keeper, law in zip(self._late_keepers, late, strict=True):
+                keeper.retune(law)
+        else:
+            self._late_keepers = tuple(
+                SlotKeeper(law, self._task.slot, slot_at=self.slot_at) for law in late
+            )
+        self._keep_clear.retune(plan)
+
     @property
     def counters(self) -> Counter[str]:
         """States that were not used, by reason."""

@@ -12,6 +12,7 @@ from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, RoleStep
 from vfguide.companion.roles import RoleMaker, role_of
+from vfguide.companion.slip_finder import SlipFinder
 from vfguide.companion.state_publisher import TargetSender
 from vfguide.companion.steering import Steering
 from vfguide.companion.supervisor import Mode
@@ -58,6 +59,7 @@ class GuidedVehicle:
         self._clock = clock
         self._arrangements = arrangements
         self._fly_by(plan)
+        self._slip_finder = SlipFinder()
         self._target_sender = TargetSender(plan) if sends_target else None
         self.plotted = PlottedValues()
         """What ground stations draw of the flight."""
@@ -96,6 +98,25 @@ class GuidedVehicle:
             return
         self._arrangements.adopt(plan)
         self._fly_by(plan)
+
+    def find_slip(self, now: float, out: Outgoing) -> FlightPlan | None:
+        """Another plan, where banks and turns have shown another response than the one that is flown by.
+
+        What is known of the formation is kept, and the pilot hears whether the vehicle slips.
+        """
+        own = self.own
+        words, plan = self._slip_finder.step(
+            self.plan, own.turn_efficiency, now, bank_heard=own.bank_heard
+        )
+        if words is not None:
+            out.warn(words, now)
+        if plan is None:
+            return None
+        self.plan = plan
+        self._arrangements.adopt(plan)
+        for part in (self.own, self.role, self.steering):
+            part.retune(plan)
+        return plan
 
     def step(
         self, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing

@@ -77,6 +77,12 @@ class Housekeeping:
         """What of the autopilot's parameters speaks against taking off."""
         return [] if self._parameter_check is None else self._parameter_check.faults()
 
+    def retune(self, plan: FlightPlan) -> None:
+        """Keep another response of the same vehicle."""
+        self._plan = plan
+        if self._parameter_check is not None:
+            self._parameter_check.plan = plan
+
     def hear_parameter(self, report: ParameterReport) -> None:
         """Take a parameter, asked for by whomever."""
         if self._parameter_check is not None:
@@ -118,6 +124,8 @@ class Housekeeping:
         if authority.connected and (silent or slow or not self._asked_for_telemetry):
             self._asked_for_telemetry = True
             messages += self._adapter.request_telemetry(self._plan.rate_hz)
+            if self._plan.hears_bank:
+                messages += self._adapter.request_attitude(self._plan.rate_hz)
         if not silent:
             for text in self.commands.overdue(now):
                 out.warn(text, now)

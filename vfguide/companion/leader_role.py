@@ -52,13 +52,18 @@ class LeaderRole(Role):
         self._mission_task = self._task = task
         self._arrangements = arrangements
         self._report = report or StatePublisher(plan)
-        self._law = task.law(task.gains, plan.settings, plan.airframe)
-        self._late_law = task.law(task.gains, course_settings(plan), plan.airframe)
+        self._law, self._late_law = leader_laws(plan, task)
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._height = HeightKeeper(plan)
         self._planned_height: float | None = None
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle."""
+        self._plan = plan
+        self._law, self._late_law = leader_laws(plan, self._mission_task)
+        self._keep_clear.retune(plan)
 
     @property
     def counters(self) -> Counter[str]:
@@ -214,3 +219,12 @@ class LeaderRole(Role):
         """The leader knows itself."""
         del now
         return 0.0
+
+
+def leader_laws(plan: FlightPlan, task: LeaderTask) -> tuple[LeaderLaw, LeaderLaw]:
+    """(law, the same by how late a course takes effect)."""
+    law: type[LeaderLaw] = task.law
+    return (
+        law(task.gains, plan.settings, plan.airframe),
+        law(task.gains, course_settings(plan), plan.airframe),
+    )

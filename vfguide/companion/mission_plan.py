@@ -84,7 +84,10 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         gains=gains_of(mission.controller),
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.response == "auto",
-        slips=vehicle.slips,
+        slips=may_slip(vehicle),
+        speed_hold=vehicle.speed_hold,
+        finds_slip=finds_slip(vehicle),
+        hears_bank=finds_slip(vehicle),
         timeouts=timeouts_of(mission),
         engage_from=vehicle.engage_from,
         task=task,
@@ -194,11 +197,26 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         speed_dead_time=vehicle.speed_dead_time_s,
         speed_lag=vehicle.speed_lag_s,
         # One that slips is an ArduPlane, whose hold is one of the total energy too.
-        speed_hold="total-energy" if vehicle.slips else vehicle.speed_hold,
+        speed_hold="total-energy" if may_slip(vehicle) else vehicle.speed_hold,
         height_delay=vehicle.height_delay_s,
         climb_max=vehicle.climb_range_m_s[1],
         sink_max=-vehicle.climb_range_m_s[0],
     )
+
+
+def may_slip(vehicle: MissionVehicle) -> bool:
+    """Whether it is taken for one that slips until more is known.
+
+    What holds course and ground speed tells nothing of its turns through the air: `auto` means no there.
+    """
+    if vehicle.slips == "auto":
+        return vehicle.plant == "heading-hold"
+    return vehicle.slips
+
+
+def finds_slip(vehicle: MissionVehicle) -> bool:
+    """Whether that is found out in flight."""
+    return may_slip(vehicle) and vehicle.slips == "auto"
 
 
 def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:

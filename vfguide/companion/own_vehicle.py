@@ -37,9 +37,11 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
+from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    AttitudeReport,
     BatteryReport,
     EstimatorReport,
     GpsReport,
@@ -68,6 +70,9 @@ again: the vehicle would be steered for a moment, not steered, and steered again
 
 AIRSPEED_FRESH_S = 2.0
 """An airspeed older than this is not used."""
+
+AIR_DATA_FRESH_S = 0.5
+"""A bank, or the airspeed beside it, that is older is of another moment."""
 
 SENSORS_S = 10.0
 """After so long the word of the sensors and the battery counts as old."""
@@ -105,6 +110,22 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AirData:
+    """What an autopilot measured of its motion at one moment, as it reports it."""
+
+    heading: float
+    """Where the nose points, rad."""
+    bank: float
+    """rad, positive right."""
+    airspeed: float
+    """As the sensor shows it, m/s."""
+    velocity_north: float
+    """Over ground, m/s."""
+    velocity_east: float
+    """Over ground, m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NavigatedState:
     """A report, navigated."""
 
@@ -124,6 +145,8 @@ class NavigatedState:
     """Whether it is certain enough to steer by; where it is not, it is published all the same."""
     delay_compensator: DelayCompensator | None = None
     """Where the vehicle will be when setpoints take effect; None where they do at once."""
+    air_data: AirData | None = None
+    """None where heading, bank or airspeed is missing or old, or a ground speed is held."""
 
 
 class OwnVehicle:
@@ -156,18 +179,32 @@ class OwnVehicle:
         self._airspeed_time = -math.inf
         # An autopilot that holds a ground speed gets no airspeed.
         self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
-        self._calibration = calibration_of(slips=plan.slips)
-        self._slips = plan.slips
+        # While it is not known whether it slips both are learned, of which one is right.
+        kinds = (False, True) if plan.finds_slip else (plan.slips,)
+        self._calibrations = {slips: calibration_of(slips=slips) for slips in kinds}
+        self.turn_efficiency = TurnEfficiency()
+        """What it turns of what its bank says; nothing is learned where no bank is heard."""
+        self._bank = 0.0
+        self._bank_time = -math.inf
         self._nose: float | None = None
         self._turn_rate = 0.0
         self._state: VehicleState[float] | None = None
         self._velocity_error: VelocityError | None = None
         self._period = self._nominal_period
+        self._delay_compensator: DelayCompensator | None = None
+        self.retune(plan)
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle; what was learned of it is kept."""
+        self._slips = plan.surely_slips
         airframe = plan.airframe
         memory = memory_of(slips=plan.slips, speed_hold=airframe.speed_hold)
-        self._delay_compensator = (
-            None if airframe.is_ideal else DelayCompensator(airframe, memory=memory)
-        )
+        if airframe.is_ideal:
+            self._delay_compensator = None
+        elif self._delay_compensator is None:
+            self._delay_compensator = DelayCompensator(airframe, memory=memory)
+        else:
+            self._delay_compensator.retune(airframe, memory)
 
     @property
     def doubts(self) -> bool:
@@ -175,9 +212,14 @@ class OwnVehicle:
         return self._gate.doubts
 
     @property
+    def bank_heard(self) -> bool:
+        """Whether the autopilot has ever told a bank."""
+        return math.isfinite(self._bank_time)
+
+    @property
     def calibration(self) -> Calibration:
         """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
-        return self._calibration
+        return self._calibrations[self._slips]
 
     @property
     def course_offset(self) -> float:
@@ -217,7 +259,7 @@ class OwnVehicle:
     def note_airspeed(self, airspeed: float, now: float) -> None:
         """Take an airspeed report."""
         state = self._state
-        expected = None if state is None else state.airspeed / self._calibration.scale
+        expected = None if state is None else state.airspeed / self.calibration.scale
         if self._gate.doubts:
             # False velocities lead to a false wind.
             expected = None
@@ -284,6 +326,20 @@ class OwnVehicle:
             moved=moved,
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             delay_compensator=self._delay_compensator,
+            air_data=self._air_data(report, now),
+        )
+
+    def _air_data(self, report: PositionReport, now: float) -> AirData | None:
+        """What a report, and the last bank and airspeed, say of the motion through the air."""
+        fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S
+        if report.heading is None or not (fresh and self._calibrates):
+            return None
+        return AirData(
+            heading=report.heading,
+            bank=self._bank,
+            airspeed=self._airspeed,
+            velocity_north=report.velocity_north,
+            velocity_east=report.velocity_east,
         )
 
     def _with_right_velocity(
@@ -330,6 +386,7 @@ class OwnVehicle:
     def note(
         self,
         report: AirspeedReport
+        | AttitudeReport
         | TimeReport
         | GpsReport
         | EstimatorReport
@@ -341,6 +398,8 @@ class OwnVehicle:
         match report:
             case AirspeedReport():
                 self.note_airspeed(report.airspeed, now)
+            case AttitudeReport():
+                self._bank, self._bank_time = report.bank, now
             case TimeReport():
                 self._clock.answer(report.stamp, report.autopilot_ns, now)
             case BatteryReport():
@@ -461,18 +520,27 @@ class OwnVehicle:
         # In a swing of the yaw the nose does not leave its direction as in a turn: that is averaged out.
         turn_rate = wrap_angle(report.heading - before) / interval
         self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
-        # A nose that leaves the direction of flight looks like a wind that turns with it.
-        wind_rate = 0.0 if self._slips else math.hypot(state.wind_rate_north, state.wind_rate_east)
-        self._calibration = calibrated(
-            self._calibration,
-            reported_airspeed=self._airspeed,
-            heading=report.heading,
-            turn_rate=self._turn_rate,
-            velocity_north=report.velocity_north,
-            velocity_east=report.velocity_east,
-            wind_rate=wind_rate,
-            period=interval,
-        )
+        if now - self._bank_time <= AIR_DATA_FRESH_S:
+            self.turn_efficiency = learned(
+                self.turn_efficiency,
+                bank=self._bank,
+                airspeed=self.calibration.scale * self._airspeed,
+                turn_rate=turn_rate,
+                period=interval,
+            )
+        wind_rate = math.hypot(state.wind_rate_north, state.wind_rate_east)
+        for slips, known in self._calibrations.items():
+            self._calibrations[slips] = calibrated(
+                known,
+                reported_airspeed=self._airspeed,
+                heading=report.heading,
+                turn_rate=self._turn_rate,
+                velocity_north=report.velocity_north,
+                velocity_east=report.velocity_east,
+                # A nose that leaves the direction of flight looks like a wind that turns with it.
+                wind_rate=0.0 if slips else wind_rate,
+                period=interval,
+            )
 
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""
@@ -483,10 +551,11 @@ class OwnVehicle:
         heading = report.heading
         if heading is None:
             heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
-        airspeed = self._calibration.scale * self._airspeed
+        calibration = self.calibration
+        airspeed = calibration.scale * self._airspeed
         blown = now - self._airspeed_time > AIRSPEED_FRESH_S
-        if self._slips and self._calibration.is_settled:
-            _, wind_north, wind_east, _ = self._calibration.estimate
+        if self._slips and calibration.is_settled:
+            _, wind_north, wind_east, _ = calibration.estimate
             blown = True
         if blown:
             # Heading and airspeed both by the wind that is known. With a measured heading an airspeed that

@@ -102,4 +102,5 @@ def flight_needs(plan: FlightPlan) -> FlightNeeds:
         rate_hz=plan.rate_hz,
         system_id=plan.system_id,
         slips=plan.slips,
+        max_acceleration=airframe.max_acceleration,
     )

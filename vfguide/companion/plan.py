@@ -22,7 +22,7 @@ from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.quantity import Section
-from vfguide.state import Airframe
+from vfguide.state import Airframe, SpeedHold
 
 STOPPED_S = 0.7
 """A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
@@ -141,6 +141,10 @@ class FlightPlan:
     """Whether response and limits are the autopilot's to tell."""
     slips: bool
     """Whether the vehicle's nose leaves the direction of flight in turns."""
+    speed_hold: SpeedHold
+    """Of the airframe if it does not slip; one that does has a total-energy hold."""
+    finds_slip: bool
+    """Whether that is found out in flight; until then it is taken for one that does."""
     timeouts: Timeouts
     """How long silences are borne."""
     engage_from: tuple[str, ...]
@@ -167,8 +171,19 @@ class FlightPlan:
     """How far above the leader it loiters once everything was called off, m."""
     loiter_room: float = math.inf
     """How far above the flying height the lowest may loiter then, all within the fence, m."""
+    hears_bank: bool = False
+    """Whether the autopilot is asked for its bank, which tells whether the vehicle slips."""
+    slip_found: bool = False
+    """Whether flight has shown it."""
+    coordinated_alpha: float | None = None
+    """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
     paths: Mapping[str, KnownPath] = field(default_factory=dict)
     """All paths of the mission by name; none behind a leader without a companion."""
+
+    @property
+    def surely_slips(self) -> bool:
+        """Whether its nose is known not to show where it flies, not only taken not to."""
+        return self.slips and (self.slip_found or not self.finds_slip)
 
     @property
     def keeps_time(self) -> bool:
@@ -215,7 +230,20 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         course_lag=airframe.course_lag or response.course_lag or 0.0,
         speed_hold=response.speed_hold or airframe.speed_hold,
     )
-    return replace(plan, airframe=flown, asks_response=False)
+    return replace(
+        plan, airframe=flown, asks_response=False, coordinated_alpha=response.coordinated_alpha
+    )
+
+
+def turning(plan: FlightPlan, efficiency: float, *, slips: bool) -> FlightPlan:
+    """The plan for a vehicle that turns so much of what its bank says."""
+    alpha = plan.coordinated_alpha
+    flown = replace(
+        plan.airframe,
+        alpha=plan.airframe.alpha if alpha is None else efficiency * alpha,
+        speed_hold="total-energy" if slips else plan.speed_hold,
+    )
+    return replace(plan, airframe=flown, slips=slips, slip_found=True)
 
 
 def follower_law(plan: FlightPlan) -> Law:

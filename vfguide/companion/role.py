@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from vfguide.companion.own_vehicle import NavigatedState
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import MAIN_PATH, Point
 from vfguide.mavlink.reports import TrafficReport
@@ -63,6 +64,9 @@ class Role(Protocol):
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """Guidance for a navigated report, in the supervisor's present mode."""
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle; what is known of the formation is kept."""
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""

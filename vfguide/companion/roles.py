@@ -71,6 +71,12 @@ class SuccessionRole(Role):
         self._counters: Counter[str] = Counter()
         self._words: list[str] = []
 
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle, in either part."""
+        if self._leader_role is not None:
+            self._leader_role.retune(plan)
+        self._follower_role.retune(replace(plan, task=self._plan.task))
+
     @property
     def leadership(self) -> tuple[str, int]:
         """Who leads as far as is known, and its term."""

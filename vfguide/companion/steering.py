@@ -133,6 +133,10 @@ class TrackingMonitor:
         self._complained = self._astray = False
         self.reset()
 
+    def retune(self, airframe: Airframe) -> None:
+        """Expect another response from now on."""
+        self._airframe = airframe
+
     def reset(self) -> None:
         """The vehicle is not being steered: nothing can be expected of it."""
         self._before: tuple[VehicleState[float], Setpoint[float]] | None = None
@@ -226,6 +230,11 @@ class Steering:
     def counters(self) -> Counter[str]:
         """What was not passed on, by reason."""
         return self._guard.counters
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with another response of the same vehicle."""
+        self._plan = plan
+        self._tracking.retune(plan.airframe)
 
     def closed(self, now: float) -> bool:
         """Whether nothing could be passed on for so long that the autopilot is better off by itself."""

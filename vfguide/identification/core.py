@@ -8,15 +8,17 @@ import math
 from collections import Counter
 from dataclasses import replace
 from enum import Enum
+from itertools import accumulate
 
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.own_vehicle import NavigatedState
+from vfguide.companion.own_vehicle import AirData, NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event, Outgoing, Role, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import wrap_angle
 from vfguide.identification.recording import Recording, Segment, segments
+from vfguide.identification.slip import Bank
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import TrafficReport
@@ -105,6 +107,8 @@ class StepsRole(Role):
             else:
                 course, speed = wrap_angle(self._base + segment.course), segment.speed
                 self.recording.note(state, segment)
+                if navigated.air_data is not None:
+                    self.recording.banks.note(self._bank(state.time_s, navigated.air_data))
         return RoleStep(
             setpoint=Setpoint(course=course, speed=speed, limited=False),
             # Never in place: the pilot hears that it is steered.
@@ -114,6 +118,19 @@ class StepsRole(Role):
             height=self._height if math.isfinite(self._height) else state.height,
         )
 
+    def _bank(self, time_s: float, data: AirData) -> Bank:
+        """What a report tells of slip, and on which leg of the flight it was."""
+        ends = accumulate(one.duration_s for one in self._segments)
+        return Bank(
+            time_s=time_s,
+            leg=sum(time_s - self._began >= end for end in ends),
+            heading=data.heading,
+            bank=data.bank,
+            airspeed=data.airspeed,
+            velocity_north=data.velocity_north,
+            velocity_east=data.velocity_east,
+        )
+
     def _segment(self, elapsed_s: float) -> Segment | None:
         """What is flown after a time; None at the end."""
         for segment in self._segments:
@@ -121,6 +138,10 @@ class StepsRole(Role):
                 return segment
             elapsed_s -= segment.duration_s
         return None
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Steps are the same by whatever response."""
+        del plan
 
     def receive(self, data: bytes, now: float) -> None:
         """It follows nobody."""
@@ -179,7 +200,7 @@ class Identification:
         self._role = StepsRole(plan, repeats)
         self._companion = Companion(
             # It flies at the height at which it begins, by what the mission declares.
-            replace(plan, asks_response=False, lead=None, lowest=-math.inf),
+            replace(plan, asks_response=False, lead=None, lowest=-math.inf, hears_bank=True),
             adapter,
             engage=engage,
             consent=consent,

@@ -298,6 +298,16 @@ def half_widths(best: Fit, free: tuple[int, ...]) -> tuple[float, float, float]:
     return widths[0], widths[1], widths[2]
 
 
+def smoothed(time_s: FloatArray, values: FloatArray, width_s: float) -> FloatArray:
+    """Running mean over some seconds, as wide to either side as there is room."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    half = 0.5 * width_s
+    low = np.searchsorted(time_s, time_s - half, side="left")
+    high = np.searchsorted(time_s, time_s + half, side="right")
+    mean: FloatArray = (total[high] - total[low]) / (high - low)
+    return mean
+
+
 def correlation_factor(rest: FloatArray) -> float:
     """How many times fewer samples there are than it seems, from the correlation of neighbours."""
     power = float(rest @ rest)

@@ -19,10 +19,10 @@ from vfguide.identification.fit import (
     course_response,
     fit_response,
     mean_setpoint,
+    smoothed,
     speed_response,
 )
 from vfguide.identification.profile import response_lines
-from vfguide.identification.recording import smoothed
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 

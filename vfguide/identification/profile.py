@@ -2,6 +2,7 @@
 
 from vfguide.identification.fit import Estimate, Response
 from vfguide.identification.recording import Findings
+from vfguide.identification.slip import Slip
 
 
 def profile_text(vehicle: str, findings: Findings) -> str:
@@ -16,7 +17,24 @@ def profile_text(vehicle: str, findings: Findings) -> str:
         lines += response_lines(findings.course, "alpha_1_s", "course")
     if findings.speed is not None:
         lines += response_lines(findings.speed, "beta_1_s", "speed")
+    lines.append(slip_line(findings.slip))
     return "\n".join(lines) + "\n"
+
+
+def slip_line(slip: Slip | None) -> str:
+    """Whether it slips, and what that is worth; a remark where it is not known."""
+    if slip is None:
+        return "  # slips is not known, for want of banks or of turns: leave what the mission says"
+    found, lead = slip.efficiency, slip.lead
+    words = (
+        f"it turns {found.value:.3f} +- {found.half_width:.3f} of what its bank says, its nose leads by"
+        f" {lead.value:.2f} +- {lead.half_width:.2f} s times the turn rate"
+    )
+    if slip.slips is None:
+        return (
+            f"  # slips is open: {words}; leave what the mission says, or fly again in calmer air"
+        )
+    return f"  slips: {str(slip.slips).lower()} # {words}"
 
 
 def response_lines(response: Response, bandwidth: str, loop: str) -> list[str]:

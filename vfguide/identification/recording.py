@@ -15,8 +15,10 @@ from vfguide.identification.fit import (
     course_response,
     fit_response,
     mean_setpoint,
+    smoothed,
     speed_response,
 )
+from vfguide.identification.slip import Banks, Slip
 from vfguide.state import Airframe, VehicleState
 
 COURSE_STEP = math.radians(15.0)
@@ -43,6 +45,9 @@ TURN_S = 14.0
 
 LEAST_REPORTS = 100
 """Fewer of them say nothing."""
+
+KNOWN_SHARE = 0.2
+"""A bandwidth is known well within this share of it."""
 
 WIND_S = 20.0
 """The wind that a stretch is flown in is the mean over this long: more than a response takes."""
@@ -144,9 +149,11 @@ class Findings:
     course_samples: Samples | None
     """What it was found from."""
     speed: Response | None
-    """The same of the speed."""
+    """The same of the speed; None, too, where there was no room for steps."""
     speed_samples: Samples | None
     """What it was found from."""
+    slip: Slip | None = None
+    """None where the autopilot told no banks, or has turned too little."""
 
 
 @dataclass(slots=True)
@@ -159,6 +166,8 @@ class Recording:
     """Every navigated state, and what was being flown then."""
     setpoints: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s), course (rad) and speed (m/s) of every setpoint."""
+    banks: Banks = field(default_factory=Banks)
+    """By which it turned."""
 
     def note(self, state: VehicleState[float], segment: Segment) -> None:
         """A navigated report."""
@@ -181,9 +190,10 @@ class Recording:
             ),
             course_samples=course,
             speed=None
-            if speed is None
+            if speed is None or speed_step(airframe) == 0.0
             else fit_response(lambda values: speed_response(speed, values, airframe), speed.speed),
             speed_samples=speed,
+            slip=self.banks.slip(),
         )
 
     def _samples(self, phase: Phase) -> Samples | None:
@@ -223,7 +233,7 @@ class Recording:
             return np.zeros_like(time_s), np.zeros_like(time_s)
         north = np.array([state.wind_north for state in stretch])
         east = np.array([state.wind_east for state in stretch])
-        return smoothed(time_s, north), smoothed(time_s, east)
+        return smoothed(time_s, north, WIND_S), smoothed(time_s, east, WIND_S)
 
 
 def as_seen(samples: Samples) -> Samples:
@@ -235,17 +245,7 @@ def as_seen(samples: Samples) -> Samples:
     return replace(samples, setpoint=samples.setpoint + offset)
 
 
-def smoothed(time_s: FloatArray, values: FloatArray, width_s: float = WIND_S) -> FloatArray:
-    """Running mean over some seconds, as wide to either side as there is room."""
-    total = np.concatenate(([0.0], np.cumsum(values)))
-    half = 0.5 * width_s
-    low = np.searchsorted(time_s, time_s - half, side="left")
-    high = np.searchsorted(time_s, time_s + half, side="right")
-    mean: FloatArray = (total[high] - total[low]) / (high - low)
-    return mean
-
-
 def is_good(response: Response) -> bool:
     """Whether a response is known well enough to be flown by: its bandwidth within a fifth."""
     bandwidth = response.bandwidth
-    return math.isfinite(bandwidth.value) and bandwidth.half_width < 0.2 * bandwidth.value
+    return math.isfinite(bandwidth.value) and bandwidth.half_width < KNOWN_SHARE * bandwidth.value

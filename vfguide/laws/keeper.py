@@ -59,6 +59,10 @@ class SlotKeeper(Generic[Number]):
         self._memory: Any = None
         self._started = False
 
+    def retune(self, law: Law) -> None:
+        """Go on by the same law for another response of the vehicle; what it remembers is kept."""
+        self._law = law
+
     def reset(self) -> None:
         """Forget what was learned: the setpoints are not being followed."""
         self._started = False

@@ -36,6 +36,7 @@ GPS_RAW_INT = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
 BATTERY_STATUS = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
 
 VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 
 HEALTH_US = 500_000
 """Between the autopilot's words of its own health: found bad within two seconds."""
@@ -218,6 +219,10 @@ class AutopilotAdapter(ABC):
         """Ask for position and airspeed at this rate."""
         return telemetry_at(self._vehicle, rate_hz)
 
+    def request_attitude(self, rate_hz: float) -> list[MAVLink_message]:
+        """What asks for ATTITUDE at this rate, where the bank is of interest."""
+        return [message_at(self._vehicle, ATTITUDE, rate_hz)]
+
     @abstractmethod
     def engage(self) -> list[MAVLink_message]:
         """Enter the mode in which setpoints are obeyed."""
@@ -319,6 +324,12 @@ def telemetry_at(
         intervals += [(number, health_us) for number in health]
     command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
     return [command_long(vehicle, command, *wanted) for wanted in intervals]
+
+
+def message_at(vehicle: Vehicle, number: int, rate_hz: float) -> MAVLink_message:
+    """SET_MESSAGE_INTERVAL for one message."""
+    command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    return command_long(vehicle, command, number, round(1e6 / rate_hz))
 
 
 def set_mode(vehicle: Vehicle, main_mode: int, sub_mode: int = 0) -> MAVLink_message:

@@ -33,7 +33,7 @@ from vfguide.mavlink.reports import CommandReport
 
 NAMES = (
     *("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT", "MAV_GCS_SYSID", "SYSID_MYGCS"),
-    *("GUIDED_P", "SCHED_LOOP_RATE", "TECS_TIME_CONST"),
+    *("GUIDED_P", "SCHED_LOOP_RATE", "TECS_TIME_CONST", "TECS_CLMB_MAX"),
     *("AIRSPEED_MIN", "AIRSPEED_MAX", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"),
     *("ROLL_LIMIT_DEG", "LIM_ROLL_CD"),
 )
@@ -49,6 +49,9 @@ LEAST_GUIDED_P = 10_000.0
 
 MOST_TECS_TIME_CONST = 3.0
 """s: with the default of 5 a change of the demanded speed over 12 s hardly moves the aircraft."""
+
+CLIMB_SHARE = 0.5
+"""Of the climb of TECS_CLMB_MAX's energy, what the TECS lets the demanded speed rise with."""
 
 ALPHA_SHARE = 0.3
 """How far the mission's alpha may be from what GUIDED_P gives."""
@@ -115,8 +118,10 @@ def arduplane_response(parameters: Mapping[str, float], needs: FlightNeeds) -> A
     roll = known.get("ROLL_LIMIT_DEG", known.get("LIM_ROLL_CD", math.nan) / 100.0)
     lowest = first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN")
     highest = first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX")
+    coordinated = alpha_of(gain, needs.airspeed) if gain > 0.0 else None
     return AutopilotResponse(
-        alpha=share * alpha_of(gain, needs.airspeed) if gain > 0.0 else None,
+        alpha=None if coordinated is None else share * coordinated,
+        coordinated_alpha=coordinated,
         beta=BETA_TIME_CONST / time_const if time_const > 0.0 else None,
         airspeed_min=None if lowest is None else lowest[1],
         airspeed_max=None if highest is None else highest[1],
@@ -136,6 +141,7 @@ def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> l
         *course_warnings(parameters, needs),
         *uneven_warning(parameters, needs),
         *speed_warning(parameters),
+        *climb_warning(parameters, needs),
     ]
 
 
@@ -260,6 +266,33 @@ def speed_warning(parameters: Mapping[str, float]) -> list[str]:
             f" 12 s; set it to {MOST_TECS_TIME_CONST:g}, or 2 where the aircraft bears it"
         )
     ]
+
+
+def climb_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
+    """TECS_CLMB_MAX says what full throttle gives, and the TECS asks for no more of it in speed.
+
+    A climb of w takes g w of energy a second and kilogram, an acceleration V dV/dt: the demanded speed rises
+    by g w / (2 V) at most, since half is left to the heights.
+    """
+    climb = parameters.get("TECS_CLMB_MAX", 0.0)
+    limit = speed_rise(climb, needs.airspeed)
+    if not 0.0 < limit < needs.max_acceleration - 0.01:
+        return []
+    least = needs.max_acceleration * needs.airspeed / (CLIMB_SHARE * GRAVITY)
+    return [
+        (
+            f"TECS_CLMB_MAX is {climb:g} m/s: at {needs.airspeed:g} m/s the autopilot lets its airspeed rise"
+            f" by {limit:.1f} m/s² at most, however much throttle is left, and the mission counts on"
+            f" {needs.max_acceleration:g}: a follower that has to speed up falls behind its slot and comes"
+            " back late; set it to the climb that full throttle really keeps up, if that is more"
+            f" ({least:.0f} would do), or max_acceleration_m_s2 to {limit:.1f}"
+        )
+    ]
+
+
+def speed_rise(climb: float, airspeed: float) -> float:
+    """How fast a TECS with this TECS_CLMB_MAX (m/s) lets the demanded airspeed (m/s) rise, m/s²."""
+    return CLIMB_SHARE * GRAVITY * climb / airspeed
 
 
 @autopilot("ardupilot")

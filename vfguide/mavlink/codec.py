@@ -15,6 +15,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 from vfguide.mavlink.framing import Frame, Signing, frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    AttitudeReport,
     BatteryReport,
     CommandReport,
     EstimatorReport,
@@ -64,6 +65,9 @@ NO_MILLIVOLTS = 65535
 
 GREATEST_AIRSPEED = 500.0
 """m/s: what is faster is no aircraft that is guided here."""
+
+GREATEST_BANK = math.radians(89.0)
+"""rad: what banks more does not turn by it."""
 
 WHOLE_NUMBERS = {
     mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
@@ -151,6 +155,12 @@ def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
     """VFR_HUD, or None where the airspeed is no speed."""
     airspeed = message.airspeed
     return AirspeedReport(airspeed=airspeed) if 0.0 <= airspeed <= GREATEST_AIRSPEED else None
+
+
+def attitude_report(message: MAVLink_message) -> AttitudeReport | None:
+    """ATTITUDE, or None where the roll is no angle of an aircraft that flies."""
+    bank = message.roll
+    return AttitudeReport(bank=bank) if abs(bank) <= GREATEST_BANK else None
 
 
 def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
@@ -284,6 +294,11 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
 }
 """What is listened to. Everything else is passed over and counted."""
 
+ATTITUDE_REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude_report,
+}
+"""What is listened to beside, where it is asked for."""
+
 
 class Codec:
     """Frames of one companion's connection: datagrams to reports, messages to bytes."""
@@ -295,6 +310,7 @@ class Codec:
         *,
         signing: Signing | None = None,
         takes_orders: bool = False,
+        hears_attitude: bool = False,
     ) -> None:
         """Listen to one autopilot and speak as the onboard computer of the same system.
 
@@ -303,12 +319,14 @@ class Codec:
             component_id: of its autopilot.
             signing: signs what is said, and lets nothing else be heard; without it signatures are ignored.
             takes_orders: whether requests for orders are heard, of whoever addresses them to this companion.
+            hears_attitude: whether ATTITUDE is heard, which autopilots send often and few flights need.
         """
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
         self._source = (system_id, component_id)
         self._signing = signing
         self._takes_orders = takes_orders
+        self._readers = REPORTS | (ATTITUDE_REPORTS if hears_attitude else {})
         self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
 
     def decode(self, datagram: bytes) -> list[Report]:
@@ -319,7 +337,7 @@ class Codec:
                 self.counters["not MAVLink"] += 1
             elif (frame.system_id, frame.component_id) != self._source:
                 reports += self._others(frame)
-            elif (reader := REPORTS.get(frame.message_id)) is None:
+            elif (reader := self._readers.get(frame.message_id)) is None:
                 self.counters["not used"] += 1
             elif (message := self._message(frame.content)) is None:
                 self.counters["not MAVLink"] += 1

@@ -30,6 +30,8 @@ class FlightNeeds:
     """MAVLink system of vehicle and companion."""
     slips: bool = False
     """Whether it turns less than its bank says."""
+    max_acceleration: float = 0.0
+    """Fastest change of speed that the laws count on, m/s²; 0 where nothing of it is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +54,8 @@ class AutopilotResponse:
     """Time constant of the roll, s."""
     speed_hold: SpeedHold | None = None
     """What kind of hold beta is of."""
+    coordinated_alpha: float | None = None
+    """Course response if it turned as its bank says, 1/s."""
 
 
 def request_parameters(

@@ -56,6 +56,14 @@ class AirspeedReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AttitudeReport:
+    """ATTITUDE."""
+
+    bank: float
+    """phi, rad, positive right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatReport:
     """HEARTBEAT of the autopilot."""
 
@@ -192,6 +200,7 @@ class BatteryReport:
 Report = (
     PositionReport
     | AirspeedReport
+    | AttitudeReport
     | HeartbeatReport
     | LandedReport
     | OrderRequest

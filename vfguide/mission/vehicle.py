@@ -101,9 +101,10 @@ class Vehicle(Section):
     which swings where setpoints answer the measured speed at once; they follow the slot's speed instead, at
     most as fast as beta lets them."""
 
-    slips: Switch = False
+    slips: Switch | Literal["auto"] = False
     """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
-    does: wind and direction through the air are then found from the ground velocity, slowly."""
+    does: wind and direction through the air are then found from the ground velocity, slowly. `auto`: flown as
+    one that does, until its banks and turns have shown in flight that it does not."""
 
     may_stop: Switch = True
     """Whether it may come to a standstill in the air, as under a parachute or in a simulator that hangs.

@@ -87,6 +87,19 @@ def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: Fli
     assert (airframe.course_dead_time, airframe.course_lag) == (0.3, 0.6)
 
 
+def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(
+    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
+) -> None:
+    flown = flight()
+    adapter = adapter_of(mission("line-calm").vehicles["f1"])
+    flown.companion = Companion(asking, adapter, engage=True)
+    flown.run(15.0)
+    words = " ".join(text for _, text in flown.texts())
+    # The emulated autopilot's 3 m/s are 0.5 * 9.80665 * 3 / 20 = 0.74 m/s² at 20 m/s.
+    assert "TECS_CLMB_MAX is 3 m/s" in words
+    assert "0.7 m/s" in words
+
+
 def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:
     told = AutopilotResponse(
         alpha=0.5, beta=0.4, airspeed_min=14.0, airspeed_max=40.0, max_bank=0.5

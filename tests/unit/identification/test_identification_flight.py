@@ -14,7 +14,14 @@ from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
-from vfguide.identification.recording import Phase, course_step, described, segments, speed_step
+from vfguide.identification.recording import (
+    Findings,
+    Phase,
+    course_step,
+    described,
+    segments,
+    speed_step,
+)
 from vfguide.mavlink.framing import Signing
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
@@ -115,6 +122,24 @@ def test_arduplanes_bank_and_roll_are_found() -> None:
     # 12000 cdeg/rad are 2.094 rad/rad; times 9.80665 / 20.
     assert course.bandwidth.value == pytest.approx(1.027, rel=0.05)
     assert course.lag.value == pytest.approx(0.4, rel=0.05)
+
+
+@pytest.mark.parametrize(("efficiency", "slips"), [(0.745, True), (1.0, False)])
+def test_what_is_turned_of_the_bank_is_found_in_two_minutes(
+    efficiency: float, *, slips: bool
+) -> None:
+    plant = PlantParameters(kind="bank", turn_efficiency=efficiency, roll_time_s=0.35)
+    flight = identification("ardupilot")
+    fly(flight, autopilot("ardupilot", plant), seconds=120.0)
+    assert flight.stage is Stage.DONE
+    slip = flight.recording.banks.slip()
+    assert slip is not None
+    assert slip.efficiency.value == pytest.approx(efficiency, abs=0.02)
+    assert slip.efficiency.half_width < 0.04
+    # The emulated nose points where it flies.
+    assert abs(slip.lead.value) < 0.1
+    findings = Findings(course=None, course_samples=None, speed=None, speed_samples=None, slip=slip)
+    assert yaml.safe_load(profile_text("leader", findings))["leader"] == {"slips": slips}
 
 
 def test_without_leave_it_waits_for_the_pilot() -> None:

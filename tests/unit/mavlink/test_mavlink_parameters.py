@@ -114,7 +114,7 @@ def test_what_does_not_fit_arduplane_is_told_in_words(
         ({"SCHED_LOOP_RATE": 20.0}, True),
         ({"AIRSPEED_MAX": 22.0}, True),
         ({"ROLL_LIMIT_DEG": 30.0}, True),
-        # These fly worse, and are told the pilot.
+        # These fly worse, and the pilot hears it.
         ({"SCHED_LOOP_RATE": 60.0}, False),
         ({"GUIDED_P": 5000.0}, False),
         ({"TECS_TIME_CONST": 5.0}, False),
@@ -134,6 +134,27 @@ def test_of_px4_only_the_course_s_quickness_does_not() -> None:
     for changes in ({"NAV_DLL_ACT": 0.0}, {"COM_OF_LOSS_T": 30.0}, {"FW_R_LIM": 40.0}):
         assert px4_faults(FITTING_PX4 | changes, NEEDS, None)
     assert px4_faults(FITTING_PX4 | {"NPFG_PERIOD": 20.0}, NEEDS, None) == []
+
+
+@pytest.mark.parametrize(
+    ("climb", "counted_on", "words"),
+    [
+        # Half of g w / V: 0.5 * 9.80665 * 5 / 20 = 1.226 m/s²; 3 * 20 / 4.9033 = 12.24 m/s would give 3.
+        (5.0, 3.0, "rise by 1.2 m/s² at most"),
+        (5.0, 3.0, "(12 would do), or max_acceleration_m_s2 to 1.2"),
+        (12.3, 3.0, None),
+        (5.0, 1.2, None),
+        (0.0, 3.0, None),
+        (math.nan, 3.0, None),
+    ],
+)
+def test_what_a_tecs_lets_the_speed_rise_by_is_told_where_the_mission_counts_on_more(
+    climb: float, counted_on: float, words: str | None
+) -> None:
+    needs = replace(NEEDS, max_acceleration=counted_on)
+    warnings = arduplane_warnings(FITTING_ARDUPLANE | {"TECS_CLMB_MAX": climb}, needs)
+    assert [words in warning for warning in warnings if words is not None] == [True] * bool(words)
+    assert bool(warnings) is bool(words)
 
 
 def test_the_names_before_version_4_5_are_understood() -> None:

@@ -1,0 +1,130 @@
+"""Whether a vehicle slips, where its mission says `auto`: words, plans, and how they are flown by."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.own_vehicle import OwnVehicle
+from vfguide.companion.plan import FlightPlan, flown_by, turning
+from vfguide.companion.slip_finder import SlipFinder
+from vfguide.guidance.turn_efficiency import TurnEfficiency
+from vfguide.mavlink.parameters import AutopilotResponse
+from vfguide.mavlink.reports import PositionReport
+from vfguide.mission import Mission
+
+MakePlan = Callable[..., FlightPlan]
+
+
+@pytest.fixture
+def finding(mission: Callable[[str], Mission]) -> FlightPlan:
+    """The part of f1 in a mission that leaves it to be found out."""
+    said = mission("line-calm")
+    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto"})
+    vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
+    return flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
+
+
+def known(value: float) -> TurnEfficiency:
+    return TurnEfficiency(value=value, variance=0.02**2)
+
+
+def test_until_it_is_known_it_is_flown_as_one_that_slips(finding: FlightPlan) -> None:
+    assert finding.slips
+    assert finding.airframe.speed_hold == "total-energy"
+    finder = SlipFinder()
+    assert finder.step(finding, TurnEfficiency(), 0.0, bank_heard=True) == (None, None)
+
+
+def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(
+    finding: FlightPlan, plan: MakePlan
+) -> None:
+    words, found = SlipFinder().step(finding, known(1.0), 0.0, bank_heard=True)
+    assert (
+        words
+        == "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
+    )
+    assert found is not None
+    assert not found.slips
+    assert found.airframe == plan().airframe
+
+
+def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding: FlightPlan) -> None:
+    told = AutopilotResponse(alpha=0.745, beta=0.5, coordinated_alpha=1.0)
+    flown = flown_by(replace(finding, asks_response=True), told)
+    assert flown.airframe.alpha == 0.745
+    finder = SlipFinder()
+    words, found = finder.step(flown, known(0.8), 0.0, bank_heard=True)
+    assert (
+        words == "it turns 0.80 of what its bank says: flown as a vehicle that slips; nothing to do"
+    )
+    assert found is not None
+    assert found.airframe.alpha == pytest.approx(0.8)
+    # 0.01 more changes nothing, 0.03 more the alpha and no word.
+    assert finder.step(found, known(0.81), 1.0, bank_heard=True) == (None, None)
+    words, later = finder.step(found, known(0.83), 2.0, bank_heard=True)
+    assert words is None
+    assert later is not None
+    assert later.airframe.alpha == pytest.approx(0.83)
+
+
+def test_an_alpha_that_is_declared_stays(finding: FlightPlan) -> None:
+    assert turning(finding, 0.8, slips=True) == replace(finding, slip_found=True)
+
+
+def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding: FlightPlan) -> None:
+    asking = replace(finding, asks_response=True)
+    assert SlipFinder().step(asking, known(1.0), 0.0, bank_heard=True) == (None, None)
+
+
+def test_a_mission_that_says_it_is_believed(plan: MakePlan) -> None:
+    assert SlipFinder().step(plan(), known(0.7), 0.0, bank_heard=True) == (None, None)
+
+
+def test_without_a_bank_the_pilot_hears_so_once(finding: FlightPlan) -> None:
+    finder = SlipFinder()
+    told = [
+        finder.step(finding, TurnEfficiency(), float(now), bank_heard=False)[0] for now in range(60)
+    ]
+    assert [now for now, words in enumerate(told) if words is not None] == [20]
+    assert "no ATTITUDE is heard" in str(told[20])
+
+
+def test_what_holds_course_and_ground_speed_is_not_asked(mission: Callable[[str], Mission]) -> None:
+    said = mission("line-calm")
+    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto", "plant": "course-hold"})
+    vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
+    plan = flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
+    assert (plan.slips, plan.finds_slip, plan.airframe.speed_hold) == (False, False, "first-order")
+
+
+def test_what_was_learned_outlasts_another_response(finding: FlightPlan) -> None:
+    own = OwnVehicle(finding)
+    own.turn_efficiency = known(1.0)
+    calibration = own.calibration
+    first = own.take(report(finding, 0.0), 0.0)
+    assert first is not None
+    assert first.delay_compensator is not None
+    own.retune(turning(finding, 1.0, slips=False))
+    assert own.turn_efficiency == known(1.0)
+    assert own.calibration is calibration
+    # The mission's holds are ideal: setpoints take effect at once.
+    second = own.take(report(finding, 0.1), 0.1)
+    assert second is not None
+    assert second.delay_compensator is None
+    assert second.interval == pytest.approx(0.1)
+
+
+def report(plan: FlightPlan, time_s: float) -> PositionReport:
+    """North at 20 m/s."""
+    latitude, longitude = plan.frame.to_geodetic(20.0 * time_s, 0.0)
+    return PositionReport(
+        boot_time_s=time_s,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=588.0,
+        velocity_north=20.0,
+        velocity_east=0.0,
+        heading=0.0,
+    )

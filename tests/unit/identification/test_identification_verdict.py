@@ -1,0 +1,92 @@
+"""The line that says what a flight did not tell, why, and what to do about it."""
+
+import numpy as np
+import pytest
+
+from vfguide.commands import identify as command
+from vfguide.identification.core import Identification
+from vfguide.identification.fit import Estimate, Response
+from vfguide.identification.recording import Findings, Recording
+from vfguide.identification.verdict import shortcoming
+from vfguide.mission import load_mission
+from vfguide.state import Airframe
+
+AIRFRAME = Airframe()
+
+
+def response(value: float, half_width: float) -> Response:
+    late = Estimate(value=0.2, half_width=0.05)
+    return Response(
+        bandwidth=Estimate(value=value, half_width=half_width),
+        dead_time=late,
+        lag=late,
+        residual=0.01,
+        modelled=np.zeros(2),
+    )
+
+
+def findings(course: Response | None, speed: Response | None) -> Findings:
+    return Findings(course=course, course_samples=None, speed=speed, speed_samples=None)
+
+
+GOOD, WIDE = response(0.8, 0.1), response(0.6, 0.25)
+
+
+def test_nothing_is_said_where_all_is_known_well() -> None:
+    assert shortcoming(findings(GOOD, GOOD), AIRFRAME, None) is None
+
+
+@pytest.mark.parametrize(
+    ("found", "airframe", "ended", "words"),
+    [
+        (findings(GOOD, WIDE), AIRFRAME, None, ("beta_1_s (0.60 +- 0.25 1/s", "response: auto")),
+        (findings(WIDE, GOOD), AIRFRAME, None, ("alpha_1_s (0.60 +- 0.25 1/s", "more --repeats")),
+        (findings(None, GOOD), AIRFRAME, None, ("alpha_1_s (too few reports", "rate_hz")),
+        (
+            findings(GOOD, None),
+            Airframe(airspeed_min=19.8, airspeed_max=20.2),
+            None,
+            ("airspeed_range_m_s leaves no room", "widen it"),
+        ),
+        (
+            findings(GOOD, None),
+            AIRFRAME,
+            "the telemetry is silent",
+            ("ended before its time (the telemetry is silent)", "beta_1_s", "fly it again"),
+        ),
+        (findings(GOOD, GOOD), AIRFRAME, "stopped", ("(stopped)", "fewer steps than planned")),
+    ],
+)
+def test_one_line_says_what_was_not_learned_why_and_the_remedy(
+    found: Findings, airframe: Airframe, ended: str | None, words: tuple[str, ...]
+) -> None:
+    line = shortcoming(found, airframe, ended)
+    assert line is not None
+    assert "\n" not in line
+    for one in words:
+        assert one in line
+
+
+def test_the_command_ends_with_1_and_the_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def flown(identification: Identification, *_: object, **__: object) -> None:
+        identification.stop(0.0)
+
+    monkeypatch.setattr(command, "flown", flown)
+    monkeypatch.setattr(Recording, "findings", lambda _self: findings(GOOD, None))
+    status = command.identify(
+        load_mission("missions/line-calm.yaml"),
+        "leader",
+        mavlink="udpin://127.0.0.1:14999",
+        engage=True,
+        repeats=1,
+        speedup=1.0,
+        out=None,
+    )
+    out, err = capsys.readouterr()
+    assert status == 1
+    assert "alpha_1_s: 0.800" in out
+    assert err.splitlines()[-1].startswith(
+        "the flight ended before its time (stopped), not learned: beta_1_s"
+    )
