@@ -8,6 +8,9 @@ the square of its time constant times it: a leader whose course is wrong by mill
 slot centimetres beside its place. Without a measured ground velocity the same filter finds wind and speed
 from the positions alone.
 
+That holds in a wind that swings. In gusts the wind walks at random and its rate foretells nothing; how gusty
+the air is shows in the innovations of the filter, and its memory follows that.
+
 Fading-memory filters: Morrison, Introduction to Sequential Smoothing and Prediction, 1969.
 
 What positions say of the velocities that come with them.
