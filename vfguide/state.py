@@ -15,6 +15,22 @@ SpeedHold = Literal["first-order", "total-energy"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Gusts(Generic[Number]):
+    """How far the wind changes as gusts do, which no rate foretells, by the innovations of its filter."""
+
+    share: Number
+    """0: the wind changes smoothly, or what looks like gusts is noise; 1: all of it is gusts."""
+    surprise_north: Number
+    """Last innovation of the wind, m/s."""
+    surprise_east: Number
+    """m/s."""
+    power: Number
+    """Mean square of the innovations, (m/s)²."""
+    correlation: Number
+    """Mean product of each innovation with the one before, (m/s)²: above 0 where the filter lags behind."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState(Generic[Number]):
     """Navigated state of a vehicle, in the formation's local frame."""
 
@@ -48,6 +64,13 @@ class VehicleState(Generic[Number]):
     """m above the mission's origin."""
     climb_rate: Number | float = 0.0
     """m/s, positive up."""
+    gusts: Gusts[Number] | None = None
+    """What the wind filter has learned of them; None before two reports with a measured ground velocity."""
+
+    @property
+    def gust_share(self) -> Number | float:
+        """0 in smooth air, 1 where the wind changes by gusts alone."""
+        return 0.0 if self.gusts is None else self.gusts.share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

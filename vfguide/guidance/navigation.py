@@ -8,6 +8,9 @@ the square of its time constant times it: a leader whose course is wrong by mill
 slot centimetres beside its place. Without a measured ground velocity the same filter finds wind and speed
 from the positions alone.
 
+That holds in a wind that swings. In gusts the wind walks at random and its rate foretells nothing; how gusty
+the air is shows in the innovations of the filter, and its memory follows that.
+
 Fading-memory filters: Morrison, Introduction to Sequential Smoothing and Prediction, 1969.
 
 What positions say of the velocities that come with them.
@@ -21,9 +24,21 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from vfguide.elementwise import Number, atan2, hypot, isfinite, where
+from vfguide.elementwise import Number, atan2, clip, hypot, isfinite, low_pass, where
 from vfguide.guidance.wind_triangle import polar
-from vfguide.state import VehicleState
+from vfguide.state import Gusts, VehicleState
+
+GUSTS_WATCH_S = 4.0
+"""Memory of how alike neighbouring innovations of the wind are."""
+
+GUSTS_LEARN_S = 1.0
+"""In this time the share of gusts would grow to 1, were all innovations alike."""
+
+GUSTS_LEAK = 0.1
+"""Likeness of innovations that still counts as smooth air."""
+
+GUSTS_CALM_M_S = 0.15
+"""Innovations of this size count by half: as in light turbulence, and more than rounding or a swing leave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,12 +134,16 @@ def navigate(
     north, east, wind_north, wind_east = _predict(previous, air, period)
     surprise_north = sample.velocity_north - air_north - wind_north
     surprise_east = sample.velocity_east - air_east - wind_east
+    gusts = gusts_after(previous.gusts, surprise_north, surprise_east, period)
+    # A gust is there at once and stays: what is new of it is taken whole.
+    wind_gain = gain + (1.0 - gain) * gusts.share
     return _state(
         sample,
         air,
+        gusts=gusts,
         height=carried_height(previous, sample, times.height_s),
         position=(north + lean * (sample.north - north), east + lean * (sample.east - east)),
-        wind=(wind_north + gain * surprise_north, wind_east + gain * surprise_east),
+        wind=(wind_north + wind_gain * surprise_north, wind_east + wind_gain * surprise_east),
         wind_rate=(
             previous.wind_rate_north
             + previous.wind_jerk_north * period
@@ -137,6 +156,46 @@ def navigate(
             previous.wind_jerk_north + jerk_gain * surprise_north,
             previous.wind_jerk_east + jerk_gain * surprise_east,
         ),
+    )
+
+
+def gusts_after(
+    before: Gusts[Number] | None, surprise_north: Number, surprise_east: Number, period: float
+) -> Gusts[Number]:
+    """How gusty the air is after another innovation of the wind.
+
+    The innovations of an optimal filter are white. Where each resembles the one before, the filter lags
+    behind a wind that walks at random, as in turbulence: it is to remember less. Where neighbours have
+    opposite signs it is noise that it follows, and it is to remember more (Mehra, IEEE Transactions on
+    Automatic Control 15(2), 1970).
+
+    Args:
+        before: until now; None at first.
+        surprise_north: measured wind minus the expected one, m/s.
+        surprise_east: m/s.
+        period: since the report before, s.
+    """
+    none = surprise_north * 0.0
+    if before is None:
+        return Gusts(
+            share=none,
+            surprise_north=surprise_north,
+            surprise_east=surprise_east,
+            power=none,
+            correlation=none,
+        )
+    squared = surprise_north * surprise_north + surprise_east * surprise_east
+    product = surprise_north * before.surprise_north + surprise_east * before.surprise_east
+    power = low_pass(before.power, squared, period, GUSTS_WATCH_S)
+    correlation = low_pass(before.correlation, product, period, GUSTS_WATCH_S)
+    likeness = correlation / (power + GUSTS_CALM_M_S**2)
+    growth = (likeness - GUSTS_LEAK) * period / GUSTS_LEARN_S
+    return Gusts(
+        share=clip(before.share + growth, 0.0, 1.0),
+        surprise_north=surprise_north,
+        surprise_east=surprise_east,
+        power=power,
+        correlation=correlation,
     )
 
 
@@ -213,6 +272,7 @@ def _state(
     wind_rate: tuple[Number, Number],
     wind_jerk: tuple[Number, Number],
     course: Number | None = None,
+    gusts: Gusts[Number] | None = None,
 ) -> VehicleState[Number]:
     """The state that position and wind make of a sample: ground velocity = air velocity + wind."""
     velocity_north, velocity_east = air[0] + wind[0], air[1] + wind[1]
@@ -232,6 +292,7 @@ def _state(
         wind_jerk_east=wind_jerk[1],
         height=height,
         climb_rate=sample.climb_rate,
+        gusts=gusts,
     )
 
 

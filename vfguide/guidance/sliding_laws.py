@@ -107,6 +107,11 @@ LEAST_GROUND_SPEED = 1.0
 """m/s: an aircraft that stands still turns at no rate that can be worked out."""
 
 
+def foretold_share(state: VehicleState[Number], *, wind_feedforward: bool) -> Number | float:
+    """Share of the wind's rate that is fed forward: none of it in gusts, whose rate foretells nothing."""
+    return 1.0 - state.gust_share if wind_feedforward else 0.0
+
+
 def setpoint_for(
     state: VehicleState[Number],
     acceleration: Number,
@@ -128,7 +133,7 @@ def setpoint_for(
     """
     if airframe.hold == "course-hold":
         return _course_hold(state, acceleration, course_rate, airframe, hold)
-    share = 1.0 if wind_feedforward else 0.0
+    share = foretold_share(state, wind_feedforward=wind_feedforward)
     airspeed_rate, heading_rate = air_relative_rates(
         acceleration,
         course_rate,
@@ -168,7 +173,7 @@ def cruise_setpoint(
         return setpoint_for(
             state, acceleration, course_rate, airframe, wind_feedforward=False, hold=hold
         )
-    share = 1.0 if wind_feedforward else 0.0
+    share = foretold_share(state, wind_feedforward=wind_feedforward)
     heading_rate = heading_rate_at_constant_airspeed(
         course_rate,
         ground_speed=state.ground_speed,

@@ -26,6 +26,9 @@ GREATEST_M = 5.0
 """m: of the offset on each axis."""
 
 
+IN_GUSTS = 0.9
+"""In gusts so much less is learned of an error: it is gone before it is known."""
+
 HARMONICS = (1.0, 2.0)
 """Multiples of the slot's course that an offset is learned for: in a steady wind a slot's ground speed has
 hardly any more."""
@@ -71,11 +74,19 @@ def nearness(error: FormationError[Number]) -> Number:
     return 1.0 / (1.0 + squared * squared)
 
 
-def learning_rate(error: FormationError[Number], integral_s: float) -> tuple[Number, Number]:
-    """(ahead, right) db/dt of the mean offset, m/s, with the time T (s) of the integral; 0 learns nothing."""
+def learning_rate(
+    error: FormationError[Number], integral_s: float, gust_share: Number | float = 0.0
+) -> tuple[Number, Number]:
+    """(ahead, right) db/dt of the mean offset, m/s.
+
+    Args:
+        error: from the slot.
+        integral_s: T, s; 0 learns nothing.
+        gust_share: 0 to 1: how far errors are those of gusts, which do not last.
+    """
     if integral_s <= 0.0:
         return error.along_track * 0.0, error.along_track * 0.0
-    share = nearness(error) / integral_s
+    share = nearness(error) * (1.0 - IN_GUSTS * gust_share) / integral_s
     return share * error.along_track, share * error.cross_track
 
 
@@ -108,6 +119,7 @@ def aimed_error(
     offset: Offset[Number],
     integral_s: float,
     motion: SlotMotion[Number],
+    gust_share: Number | float = 0.0,
 ) -> FormationError[Number]:
     """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt.
 
@@ -116,12 +128,13 @@ def aimed_error(
         offset: b.
         integral_s: T, s; 0 learns nothing.
         motion: of the slot.
+        gust_share: see `learning_rate`.
     """
     if integral_s <= 0.0:
         return error
     growth = learning_growth(motion.turn_rate, integral_s)
     ahead, right, ahead_rate, right_rate = sum_of(offset, motion)
-    ahead_growth, right_growth = learning_rate(error, integral_s)
+    ahead_growth, right_growth = learning_rate(error, integral_s, gust_share)
     return replace(
         error,
         along_track=error.along_track + clip(ahead, -GREATEST_M, GREATEST_M),
@@ -156,6 +169,7 @@ def update_offset(
     *,
     period: float,
     held: bool | BoolArray,
+    gust_share: Number | float = 0.0,
 ) -> Offset[Number]:
     """The offset a step later.
 
@@ -166,8 +180,9 @@ def update_offset(
         motion: of the slot.
         period: since the step before, s.
         held: where something else than the field decides, or a limit: learning would only wind up.
+        gust_share: see `learning_rate`.
     """
-    ahead_rate, right_rate = learning_rate(error, integral_s)
+    ahead_rate, right_rate = learning_rate(error, integral_s, gust_share)
     share = harmonic_share(motion.turn_rate, integral_s)
     ahead, right, _, _ = sum_of(offset, motion)
     # Beyond the bound of all parts together each of them would only wind up.

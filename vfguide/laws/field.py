@@ -38,6 +38,7 @@ from vfguide.guidance.settings import (
 )
 from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
+from vfguide.guidance.wind_triangle import resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.conditions import Conditions
@@ -111,6 +112,10 @@ class SlotField(Law):
     answers_course_error = True
     """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
 
+    follows_drift = True
+    """Whether the speed follows what gusts make of the leader's at once; an autopilot that answers late would
+    follow a gust when it is over."""
+
     @property
     def integral_s(self) -> float:
         """T: time in which a lasting error is update_offset, s; 0 learns nothing."""
@@ -128,8 +133,15 @@ class SlotField(Law):
         if not self.gains.rate_feedforward:
             still = like(0.0, motion.speed)
             motion = replace(motion, turn_rate=still, acceleration=still)
-        aimed = aimed_error(view.error, memory, self.integral_s, view.motion)
+        aimed = aimed_error(view.error, memory, self.integral_s, view.motion, view.state.gust_share)
         field = field_motion(motion, aimed, self.gains)
+        if self.follows_drift:
+            drift, _ = resolve(
+                motion.drift_north + 0.0 * field.speed,
+                motion.drift_east + 0.0 * field.speed,
+                motion.course,
+            )
+            field = replace(field, speed=field.speed + drift)
         layer = sliding.layer(view.period)
         course_rate = motion.turn_rate
         if self.answers_course_error:
@@ -151,7 +163,13 @@ class SlotField(Law):
         """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
         held = view.held | limited
         return update_offset(
-            memory, view.error, self.integral_s, view.motion, period=view.period, held=held
+            memory,
+            view.error,
+            self.integral_s,
+            view.motion,
+            period=view.period,
+            held=held,
+            gust_share=view.state.gust_share,
         )
 
     def expected_motion(
@@ -197,7 +215,9 @@ class SlotField(Law):
         fastest = sliding.kappa / sliding.layer(period) / NESTING
         k_x = min(gains.k_x, fastest / field_slope(1.0, gains.v_inf_m_s))
         k_y = min(gains.k_y, fastest / (field_slope(1.0, gains.chi_inf) * self.airframe.cruise))
-        return with_gains(self, slower_field(gains, k_x=k_x, k_y=k_y), sliding)
+        slowed = with_gains(self, slower_field(gains, k_x=k_x, k_y=k_y), sliding)
+        slowed.follows_drift = False
+        return slowed
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:

@@ -60,7 +60,9 @@ def same(batch: object, index: int, single: object) -> None:
     """Every number of a batch's member is the single one's."""
     for field in fields(single):
         many, one = getattr(batch, field.name), getattr(single, field.name)
-        if hasattr(one, "__dataclass_fields__"):
+        if one is None:
+            assert many is None
+        elif hasattr(one, "__dataclass_fields__"):
             same(many, index, one)
         elif isinstance(one, bool):
             assert bool(many[index]) is one

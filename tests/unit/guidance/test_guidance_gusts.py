@@ -1,0 +1,107 @@
+"""Gusts: the wind filter learns how gusty the air is, and what its rate is then good for."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vfguide.elementwise import FloatArray
+from vfguide.guidance.navigation import FilterTimes, Sample, first_state, gusts_after, navigate
+from vfguide.guidance.sliding_laws import foretold_share
+from vfguide.state import VehicleState
+
+TIMES = FilterTimes(position_s=2.0, wind_s=0.35)
+PERIOD, AIRSPEED = 0.05, 20.0
+
+
+def navigated(winds: FloatArray, noise: FloatArray | None = None) -> list[VehicleState[float]]:
+    """North at 20 m/s through winds (n, 2), each for one report; noise (n, 2) is on the reported velocity."""
+    states: list[VehicleState[float]] = []
+    north = east = 0.0
+    for step, (wind_north, wind_east) in enumerate(winds):
+        off = (0.0, 0.0) if noise is None else noise[step]
+        sample = Sample(
+            time_s=step * PERIOD,
+            north=north,
+            east=east,
+            velocity_north=AIRSPEED + float(wind_north + off[0]),
+            velocity_east=float(wind_east + off[1]),
+            heading=0.0,
+            airspeed=AIRSPEED,
+        )
+        states.append(navigate(states[-1], sample, TIMES) if states else first_state(sample))
+        north += (AIRSPEED + float(wind_north)) * PERIOD
+        east += float(wind_east) * PERIOD
+    return states
+
+
+def article_wind(seconds: float) -> FloatArray:
+    """5 + 3 cos(0.1 t) m/s toward 135 + 180 sin(0.1 t) degrees."""
+    time_s = np.arange(round(seconds / PERIOD)) * PERIOD
+    speed = 5.0 + 3.0 * np.cos(0.1 * time_s)
+    toward = np.radians(135.0 + 180.0 * np.sin(0.1 * time_s))
+    return np.column_stack((speed * np.cos(toward), speed * np.sin(toward)))
+
+
+def random_walk(seconds: float, step_m_s: float = 0.18) -> FloatArray:
+    """Moderate turbulence at 20 m/s: 2.1 m/s with 262 m, so 2.1 sqrt(2 * 20 / 262 * 0.05) = 0.18 a step."""
+    steps = np.random.default_rng(3).normal(0.0, step_m_s, (round(seconds / PERIOD), 2))
+    return np.cumsum(steps, axis=0)
+
+
+def test_a_wind_that_swings_smoothly_is_no_gust() -> None:
+    rounding = np.random.default_rng(5).uniform(-0.005, 0.005, (1200, 2))
+    states = navigated(article_wind(60.0), rounding)
+    # At first the swing is unknown: its 2 m/s² look like a gust, until the filter has found the rate.
+    assert max(state.gust_share for state in states) < 0.4
+    assert max(state.gust_share for state in states[240:]) < 0.05
+
+
+def test_turbulence_is_found_within_seconds_and_then_nothing_lags_behind_it() -> None:
+    winds = random_walk(30.0)
+    states = navigated(winds)
+    assert states[120].gust_share > 0.7
+    late = slice(300, None)
+    off = [
+        math.hypot(state.wind_north - wind[0], state.wind_east - wind[1])
+        for state, wind in zip(states[late], winds[late], strict=True)
+    ]
+    # The filter of smooth air takes 1 - exp(-3 * 0.05 / 0.35) = 0.35 of each surprise, and leaves 0.65 of it.
+    assert float(np.mean(off)) < 0.5 * 0.65 * 0.18
+
+
+def test_noise_of_the_velocities_is_no_gust() -> None:
+    noise = np.random.default_rng(7).normal(0.0, 0.3, (1200, 2))
+    states = navigated(np.zeros((1200, 2)), noise)
+    assert max(state.gust_share for state in states[100:]) < 0.05
+
+
+def test_after_gusts_the_air_is_smooth_again() -> None:
+    gusty = random_walk(30.0)
+    winds = np.concatenate((gusty, np.broadcast_to(gusty[-1], (1200, 2))))
+    states = navigated(winds)
+    assert states[599].gust_share > 0.5
+    assert states[-1].gust_share < 0.05
+
+
+def test_innovations_that_are_all_alike_count_as_gusts_after_about_a_second() -> None:
+    gusts = None
+    for _ in range(30):
+        gusts = gusts_after(gusts, 1.0, 0.0, PERIOD)
+    assert gusts is not None
+    # Of 1 m/s, once 0.15 m/s squared counts little: a likeness of 1, less 0.1, for 29 steps of 0.05 s.
+    assert gusts.share == pytest.approx(1.0, abs=0.01)
+    opposite = gusts
+    for step in range(200):
+        opposite = gusts_after(opposite, (-1.0) ** step, 0.0, PERIOD)
+    assert opposite.share == 0.0
+
+
+def test_in_gusts_the_rate_of_the_wind_is_not_fed_forward() -> None:
+    calm = navigated(np.zeros((10, 2)))[-1]
+    assert calm.gusts is not None
+    gusty = replace(calm, gusts=replace(calm.gusts, share=0.8))
+    assert foretold_share(calm, wind_feedforward=True) == 1.0
+    assert foretold_share(gusty, wind_feedforward=True) == pytest.approx(0.2)
+    assert foretold_share(gusty, wind_feedforward=False) == 0.0
