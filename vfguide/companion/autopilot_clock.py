@@ -20,11 +20,17 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from vfguide.companion.lost_time import LostTime
+
 RATE_WINDOW_S = 10.0
 """Of the answers that are looked at: their ways there and back of some milliseconds leave 0.02 %."""
 
 APART_S = 2.0
 """Answers nearer to each other say little."""
+
+CONFIRMED_S = 20.0
+"""Over this the least differences of two windows have to show a rate, too, before the pilot hears of it: a
+clock that stutters and catches up looks now and then like one that runs slow or fast."""
 
 GREATEST_SKEW = 0.2
 """Of a clock that runs evenly; one that is slower stands still now and then."""
@@ -54,15 +60,6 @@ UNANSWERED_S = 3.0
 
 REPORTED_SKEW = 0.005
 """By which a clock may be slow or fast before the pilot is told: crystals are a hundred times better."""
-
-REPORTED_S = 0.2
-"""Lost time that is worth a text to the pilot."""
-
-QUIET_S = 60.0
-"""Between two such texts, unless much more is lost than before."""
-
-MUCH_MORE_S = 10.0
-"""Between two texts however much is lost: a clock that loses time for a while is worth one."""
 
 WINDOW_S = 30.0
 """How long a fast report is remembered: two clocks drift apart by some milliseconds in this time."""
@@ -104,24 +101,40 @@ class ClockRate:
 
     def __init__(self) -> None:
         self._brackets: deque[Bracket] = deque()
+        self._least: deque[tuple[float, float]] = deque()
         self.skew = 0.0
         """Seconds of the companion beyond one, for each second of the autopilot; above 0 where it is slow."""
 
     def forget(self) -> None:
         """The autopilot has started anew."""
         self._brackets.clear()
+        self._least.clear()
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the least differences show the rate as well, within half of it."""
+        if not self._least:
+            return False
+        (began, before), (ended, after) = self._least[0], self._least[-1]
+        passed = ended - began
+        if passed < CONFIRMED_S - APART_S:
+            return False
+        return abs((after - before) / passed - self.skew) <= 0.5 * abs(self.skew)
 
     def note(self, newest: Bracket) -> bool:
         """Take the newest answer; returns whether the rate is another one now."""
         brackets = self._brackets
         if brackets and newest.autopilot_s <= brackets[-1].autopilot_s:
-            brackets.clear()
+            self.forget()
         brackets.append(newest)
         while newest.autopilot_s - brackets[0].autopilot_s > RATE_WINDOW_S:
             brackets.popleft()
         oldest = brackets[0]
         if newest.autopilot_s - oldest.autopilot_s < RATE_WINDOW_S - APART_S:
             return False
+        self._least.append((newest.autopilot_s, min(one.most for one in brackets)))
+        while newest.autopilot_s - self._least[0][0] > CONFIRMED_S:
+            self._least.popleft()
         pairs = [(oldest, one) for one in brackets] + [(one, newest) for one in brackets]
         bounds = [bounds_of(*pair) for pair in pairs]
         lowest, highest = max(low for low, _ in bounds), min(high for _, high in bounds)
@@ -179,8 +192,8 @@ class AutopilotClock:
         self._rate = ClockRate()
         self._anchor = (0.0, 0.0)
         self._reported_skew = 0.0
-        self._reported_time = -math.inf
-        self._lost_s = 0.0
+        self._explained_skew = self._sooner_s = 0.0
+        self._lost = LostTime()
         self._word: str | None = None
         self._elsewhere: Elsewhere | None = None
         self._least = self._least_before = self._recent = math.inf
@@ -195,7 +208,7 @@ class AutopilotClock:
     def word(self) -> str | None:
         """What a pilot should know of the clock, once."""
         word, self._word = self._word, None
-        return word
+        return word or self._lost.word
 
     def read(self, boot_time_s: float, now: float) -> Reading | None:
         """When a report that is read now was true; None where its boot time cannot be believed.
@@ -250,14 +263,14 @@ class AutopilotClock:
             return
         self._answered = now
         if self._difference < least - ROUNDING_S:
-            self._slipped(most, now)
+            self._slipped(most, least, now)
         self._least = min(self._least, most)
         bracket = Bracket(autopilot_s=time_s, least=asked - time_s, most=now - time_s)
         # With the new rate everything goes on from the newest report.
         anchor = self._newest, self._even(self._newest)
         if self._rate.note(bracket):
             self._anchor = anchor
-            self._tell_of_rate()
+        self._tell_of_rate(now)
 
     def greatest_age(self, now: float) -> float:
         """How old at most (s) is what is heard now; infinite while not known, 0 without any answer ever."""
@@ -275,9 +288,14 @@ class AutopilotClock:
         boot_s, even_s = self._anchor
         return even_s + (boot_time_s - boot_s) * (1.0 + self._rate.skew)
 
-    def _tell_of_rate(self) -> None:
+    def _tell_of_rate(self, now: float) -> None:
         """Tell the pilot of a clock that does not keep time, once."""
         skew = self._rate.skew
+        if abs(skew - self._explained_skew) >= REPORTED_SKEW:
+            self._explained_skew = skew
+            self._lost.explained(now)
+        if abs(skew) >= REPORTED_SKEW and not self._rate.is_confirmed:
+            return
         if abs(skew - self._reported_skew) < max(REPORTED_SKEW, 0.5 * abs(self._reported_skew)):
             return
         self._reported_skew = skew
@@ -291,6 +309,7 @@ class AutopilotClock:
     def _forget(self) -> None:
         """Nothing is known of the autopilot any more."""
         self._rate.forget()
+        self._lost.forget()
         self._least = self._least_before = self._recent = math.inf
         self._window_ends = self._look_ends = -math.inf
         self._looked = 0
@@ -328,32 +347,31 @@ class AutopilotClock:
     def _note(self, boot_time_s: float, now: float) -> None:
         """Learn from a report."""
         if boot_time_s > self._newest:
+            if math.isfinite(self._newest):
+                # One that is taken for fast, and is not, would seem to lose what its times are shortened by.
+                self._sooner_s += max(-self._rate.skew, 0.0) * (boot_time_s - self._newest)
             self._newest, self._read = boot_time_s, now
-        if now >= self._window_ends:
-            self._least_before, self._least = self._least, math.inf
-            self._window_ends = now + WINDOW_S
         difference = now - self._even(boot_time_s)
+        if now >= self._window_ends:
+            before = self._difference
+            self._least_before, self._least = self._least, difference
+            self._window_ends = now + WINDOW_S
+            self._lost.forgotten(max(self._difference - before, 0.0))
         self._least = min(self._least, difference)
         if now >= self._look_ends:
             late = self._recent - self._difference
             unanswered = now - self._answered > UNANSWERED_S
             if unanswered and self._looked >= 2 and SLIP_S < late < math.inf:
-                self._slipped(min(self._recent, difference), now)
+                lowest = min(self._recent, difference)
+                self._slipped(lowest, lowest, now)
             self._recent, self._looked = math.inf, 0
             self._look_ends = now + LOOK_S
         self._recent = min(self._recent, difference)
         self._looked += 1
+        self._lost.note(self._difference - self._sooner_s, now)
 
-    def _slipped(self, difference: float, now: float) -> None:
+    def _slipped(self, difference: float, at_least: float, now: float) -> None:
         """The autopilot's clock has lost time: what was learned before is not so any more."""
-        self._lost_s += difference - self._difference
+        self._lost.slipped(self._difference - self._sooner_s, at_least - self._sooner_s, now)
         self._least, self._least_before = difference, math.inf
         self._window_ends = now + WINDOW_S
-        since_s = now - self._reported_time
-        quiet = since_s < MUCH_MORE_S or (since_s < QUIET_S and self._lost_s < 1.0)
-        if self._lost_s >= REPORTED_S and not quiet:
-            self._word = (
-                f"the autopilot's clock has lost {self._lost_s:.1f} s: its times are put right;"
-                " see whether it is overloaded"
-            )
-            self._reported_time, self._lost_s = now, 0.0
