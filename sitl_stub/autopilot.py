@@ -132,6 +132,7 @@ def state_in_the_air(
         math.radians(config.latitude_deg),
         math.radians(config.longitude_deg),
         config.altitude_amsl_m,
+        climb_m_s=config.climb_m_s,
     )
 
 

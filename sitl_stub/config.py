@@ -46,6 +46,9 @@ class AutopilotConfig:
     airspeed_m_s: float
     """Start airspeed; also what it flies whenever no speed is commanded."""
 
+    climb_m_s: float = 0.0
+    """Climb rate at a start in the air, positive up."""
+
     position_noise_m: float = 0.0
     """Standard deviation, per horizontal axis, of white noise on reported positions."""
 

@@ -79,19 +79,21 @@ class Rates(NamedTuple):
 
 
 def body_of(state: PlantState, wind_m_s: tuple[float, float]) -> Body:
-    """The body of a state, or one in level trimmed flight where it has none yet."""
+    """The body of a state, or one in level or climbing trimmed flight where it has none yet."""
     if state.body is not None:
         return state.body
     airspeed = state.speed_m_s
     wanted_lift = WEIGHT_N / (0.5 * craft.AIR_KG_M3 * airspeed**2 * craft.WING_M2)
     alpha = min((wanted_lift - craft.LIFT_0) / craft.LIFT_ALPHA, 0.3)
+    # Gravity along the path takes thrust, and the body is pitched up with it.
+    climb = math.asin(min(max(state.climb_m_s / airspeed, -0.5), 0.5))
     level = Body(
         *(0.0, 0.0, 0.0),
         *(0.0, 0.0, 0.0),
         bank_rad=0.0,
-        pitch_rad=alpha,
+        pitch_rad=alpha + climb,
         heading_rad=state.direction_rad,
-        thrust_n=CRUISE_DRAG * WEIGHT_N,
+        thrust_n=max(CRUISE_DRAG + math.sin(climb), 0.0) * WEIGHT_N,
         slow_airspeed_m_s=airspeed,
         energy_integral=0.0,
         balance_integral_rad=alpha - CRUISE_PITCH_RAD,

@@ -12,10 +12,12 @@ fly by. It steers by no slot until one of them has repeated the order, as the op
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 from vfguide.companion.order_limits import (
     age_objection,
+    ceiling_objection,
     circle_objection,
     joining_objection,
     lead_objection,
@@ -79,6 +81,9 @@ CALLED_OFF = "everything was called off: no order brings the formation back, res
 class Arrangements:
     """What one companion knows of the orders of its formation."""
 
+    leader_height: Callable[[float], float] | None
+    """Height of the leader in so many seconds, m above the origin; None while it is not known."""
+
     def __init__(self, plan: FlightPlan, clock: SharedClock) -> None:
         """Begin with the slots of the mission.
 
@@ -99,6 +104,7 @@ class Arrangements:
         """
         self.joining_m = 0.0
         """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
+        self.leader_height = None
         self._next: Order | None = None
         self._appointed_s = -math.inf
         self._returned = self._moving = False
@@ -480,14 +486,19 @@ class Arrangements:
             if objection is not None:
                 return objection
         place = order.place_of(self._plan.name)
-        if place is None:
-            return None
+        ahead_s = order.time_s - self._clock.from_own(now)
+        height = self._plan.height - self._plan.up
+        if self.leader_height is not None:
+            height = self.leader_height(ahead_s)
+        objection = ceiling_objection(order, place, self._plan, height, self.flight.ceiling)
+        if objection is not None or place is None:
+            return objection
         objection = joining_objection(order, place, self.joining_m, self._leader)
         if objection is not None:
             return objection
         # Slots may still be on their way now, and at rest at its time.
-        begin = self.flight.own_slot(now + order.time_s - self._clock.from_own(now))
-        return slot_objection(order, place, self._plan, begin)
+        begin = self.flight.own_slot(now + ahead_s)
+        return slot_objection(order, place, self._plan, begin, height)
 
     def _steered(self, vehicle: str, now: float) -> bool | None:
         """Whether a vehicle's companion steers it, by what it said last; None where it is not heard."""

@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections import Counter
+from functools import partial
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
@@ -139,6 +140,10 @@ class FollowerRole(Role):
             ahead=target.ahead + up_ahead,
         )
 
+    def _leader_height(self, leader: LeaderState[float], now: float, ahead_s: float) -> float:
+        """Height of the leader in so many seconds, m above the origin."""
+        return self.followed.height(leader, now, ahead_s).ahead
+
     def _slot_height(self, time_s: float) -> tuple[float, float]:
         """(height of the slot above the leader in m, its rate in m/s) at a time of the own clock, s."""
         return self._arrangements.flight.height(self._plan.name, time_s) or (self._plan.up, 0.0)
@@ -222,6 +227,9 @@ class FollowerRole(Role):
                 publish=self._own_state(navigated, motion, mode, math.nan),
             )
         self.followed.watch_route(leader)
+        self._arrangements.leader_height = partial(
+            self._leader_height, leader, navigated.state.time_s
+        )
         breaks_away = mode is Mode.BREAKAWAY
         if navigated.moved or not mode.steers or breaks_away:
             for keeper in (self._keeper, *self._late_keepers):

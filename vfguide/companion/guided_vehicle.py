@@ -155,7 +155,8 @@ class GuidedVehicle:
     def _flown(
         self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
-        setpoint = self.steering.check(step, now)
+        ceiling = self._arrangements.flight.ceiling
+        setpoint = self.steering.check(step, now, ceiling=ceiling)
         self.own.note_setpoint(setpoint if mode.steers else None, now)
         if setpoint is None:
             return []

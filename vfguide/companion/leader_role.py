@@ -4,6 +4,7 @@ import cmath
 import math
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from vfguide.companion.arrangements import Arrangements
@@ -17,12 +18,12 @@ from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
 from vfguide.guidance.height import HeightTarget, held_height, path_height
-from vfguide.guidance.path import desired_course
+from vfguide.guidance.path import PathPoint, desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.mavlink.reports import TrafficReport
-from vfguide.state import VehicleState
+from vfguide.state import LeaderState, VehicleState
 
 ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
@@ -102,6 +103,9 @@ class LeaderRole(Role):
             if self._planned_height is None:
                 self._planned_height = navigated.state.height
             target = held_height(self._planned_height)
+        self._arrangements.leader_height = partial(
+            self._height_in, guidance.point, motion, target.height
+        )
         avoidance = self._keep_clear.step(
             navigated,
             motion.turn_rate,
@@ -126,6 +130,19 @@ class LeaderRole(Role):
             cross_track=-guidance.cross_track_error,
             motion=motion,
         )
+
+    def _height_in(
+        self,
+        point: PathPoint[float],
+        motion: LeaderState[float],
+        present: float,
+        ahead_s: float,
+    ) -> float:
+        """Height in so many seconds, m above the origin; on the circle of a hold the present one."""
+        if self._arrangements.flight.circle is not None:
+            return present
+        flying = self._task.height
+        return path_height(self._task.path, point, motion, flying=flying, ahead_s=ahead_s).ahead
 
     def _ordered_task(self, now: float) -> LeaderTask:
         """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""

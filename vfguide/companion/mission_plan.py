@@ -33,6 +33,7 @@ from vfguide.guidance.settings import (
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mission.controller import gains_of
+from vfguide.mission.fence_check import top_of
 from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import Slot as SlotOffset
@@ -102,6 +103,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         loiter_up=loiter_step(mission) * formation_of(mission).index(name),
         loiter_room=fence_room(mission) - loiter_step(mission) * len(mission.followers),
         paths=paths,
+        ceiling=top_of((mission.fence, mission.path.fence)),
     )
 
 
@@ -114,8 +116,7 @@ def loiter_step(mission: Mission) -> float:
 def fence_room(mission: Mission) -> float:
     """From the flying height to the top of the lowest fence, m; infinite without one."""
     fences = [mission.fence, *(one.fence for one in mission.paths_by_name.values())]
-    limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
-    return min(limits, default=math.inf) - mission.height_above_origin_m
+    return top_of(fences) - mission.height_above_origin_m
 
 
 def known_paths(mission: Mission) -> dict[str, KnownPath]:
@@ -123,15 +124,18 @@ def known_paths(mission: Mission) -> dict[str, KnownPath]:
     if mission.leader.is_foreign:
         return {}
     checks = mission.path_checks
-    return {name: known_path(shape, checks[name]) for name, shape in mission.paths_by_name.items()}
+    return {
+        name: replace(
+            known_path(shape), check=checks[name], ceiling=top_of((mission.fence, shape.fence))
+        )
+        for name, shape in mission.paths_by_name.items()
+    }
 
 
-def known_path(shape: PathShape, check: int = 0) -> KnownPath:
+def known_path(shape: PathShape) -> KnownPath:
     """A path of a mission, and the field around it."""
     return KnownPath(
-        path_of(shape),
-        PathGains(gain=shape.gain, approach_angle=shape.approach_angle),
-        check=check,
+        path_of(shape), PathGains(gain=shape.gain, approach_angle=shape.approach_angle)
     )
 
 

@@ -29,6 +29,9 @@ SAME_M = 1.0
 KEEP_M = 5.0
 """Slots come no nearer than this, whatever an operator's program thinks of it."""
 
+HELD_M = 1.0
+"""Heights are held to this: a vehicle at the top of its fence may be found so much above it."""
+
 LOWEST_M = 20.0
 """Nobody is sent lower than this above the mission's origin."""
 
@@ -115,8 +118,42 @@ def nearness_objection(order: Arrangement, leader: str) -> str | None:
     return None
 
 
+def ceiling_objection(
+    order: Arrangement,
+    place: Place | None,
+    plan: FlightPlan,
+    leader_height: float,
+    ceiling: float,
+) -> str | None:
+    """Why an order would take a vehicle above the fence, in words; None if it would not.
+
+    One that is above it already may be ordered down.
+
+    Args:
+        order: that is to be flown.
+        place: the vehicle's part of it; None for the leader, and for one that leaves.
+        plan: of the vehicle.
+        leader_height: of the leader when it begins, m above the origin.
+        ceiling: that the fence allows on the path that is flown now, m above the origin.
+    """
+    allowed = plan.ceiling_along(order.path)
+    up = highest = 0.0
+    if place is not None:
+        up = place.begin.up
+        highest = max(place.end.up, up if place.layer is None else place.layer)
+    elif not plan.leads:
+        return None
+    rises = highest > up or allowed < ceiling
+    if not rises or leader_height + highest <= allowed + HELD_M:
+        return None
+    return (
+        f"{plan.name} would fly {leader_height + highest:.0f} m above the origin, and the fence ends at"
+        f" {allowed:g} m"
+    )
+
+
 def slot_objection(
-    order: Arrangement, place: Place, plan: FlightPlan, begin: Point | None
+    order: Arrangement, place: Place, plan: FlightPlan, begin: Point | None, leader_height: float
 ) -> str | None:
     """Why a vehicle cannot fly its own part of an order, in words; None if it can.
 
@@ -125,6 +162,7 @@ def slot_objection(
         place: its part.
         plan: of the vehicle.
         begin: where its slot is at the order's time; None for a vehicle that has left.
+        leader_height: of the leader then, m above the origin.
     """
     name = plan.name
     if begin is not None and place.begin.minus(begin).size > SAME_M:
@@ -136,7 +174,7 @@ def slot_objection(
     if objection is not None:
         return objection
     lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
-    height = plan.height - plan.up + lowest
+    height = leader_height + lowest
     if height < LOWEST_M and lowest < plan.up:
         return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"
     return None

@@ -214,6 +214,11 @@ class OrderedFlight:
             return None
         return MAIN_PATH if self.flown is None else self.flown.path
 
+    @property
+    def ceiling(self) -> float:
+        """Greatest height that the fence allows now, m above the origin; infinite without one."""
+        return self._plan.ceiling_along(MAIN_PATH if self.flown is None else self.flown.path)
+
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
         """Take where the leader is on its path, and say whether the flight has ended there just now.
 
@@ -337,4 +342,4 @@ class OrderedFlight:
         if known is None or radius <= 0.0:
             return None
         gains = replace(known.gains, gain=min(known.gains.gain, 1.0 / radius))
-        return KnownPath(known.path, gains, least_radius=radius)
+        return replace(known, gains=gains, least_radius=radius)

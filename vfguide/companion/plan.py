@@ -61,6 +61,8 @@ class KnownPath:
     """The leader turns no tighter onto it, m; 0 where that is left to the field."""
     check: int = 0
     """What tells it from any other of its name (`Mission.path_checks`); 0 if none can be ordered."""
+    ceiling: float = math.inf
+    """Greatest height that the fence allows along it, m above the origin; infinite without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,6 +181,12 @@ class FlightPlan:
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
     paths: Mapping[str, KnownPath] = field(default_factory=dict)
     """All paths of the mission by name; none behind a leader without a companion."""
+    ceiling: float = math.inf
+    """Greatest height that the fence allows along the mission's first path, m above the origin."""
+
+    def ceiling_along(self, path: str) -> float:
+        """The same along a path of this name, m above the origin; infinite without a fence."""
+        return self.paths[path].ceiling if path in self.paths else self.ceiling
 
     @property
     def surely_slips(self) -> bool:

@@ -1,7 +1,8 @@
 """From a guidance step to what the autopilot is sent: within limits, nothing twice, and whether it is obeyed.
 
 The guard: setpoints are finite and inside the vehicle's limits, whatever the laws say. It does not depend
-on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor.
+on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor or
+above its fence.
 
 The monitor: the course has to follow the setpoints, the altitude to stay. An autopilot may acknowledge
 every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, ArduPlane does not turn where
@@ -110,10 +111,14 @@ class SetpointGuard:
             f" {GUARD_PATIENCE_S:g} s; take over, and report the log"
         )
 
-    def height(self, asked: float) -> tuple[float, str | None]:
+    def height(self, asked: float, ceiling: float = math.inf) -> tuple[float, str | None]:
         """(a height that may be asked for, m above the origin; a complaint once guidance has none).
 
         In its place the last one is held.
+
+        Args:
+            asked: by guidance, m above the origin.
+            ceiling: where the fence ends, m above the origin. Where it is below the floor, that counts.
         """
         if not math.isfinite(asked):
             self.counters["height not finite"] += 1
@@ -121,7 +126,9 @@ class SetpointGuard:
             return self._height, NO_HEIGHT if complaint else None
         if asked < self._floor:
             self.counters["height below the floor"] += 1
-        self._has_height, self._height = True, max(asked, self._floor)
+        if asked > ceiling:
+            self.counters["height above the fence"] += 1
+        self._has_height, self._height = True, max(min(asked, ceiling), self._floor)
         return self._height, None
 
 
@@ -221,6 +228,7 @@ class Steering:
         self._stream = SetpointStream(adapter)
         self._tracking = TrackingMonitor(plan.airframe)
         self._height = plan.height
+        self._ceiling = math.inf
         self._altitude, self._altitude_time = plan.altitude_amsl, -math.inf
         self._words: list[str | None] = []
         self.setpoint: Setpoint[float] | None = None
@@ -254,8 +262,11 @@ class Steering:
         self._stream.reset()
         self._tracking.reset()
 
-    def check(self, step: RoleStep, now: float) -> Setpoint[float] | None:
-        """What a step asks for, if it can be flown."""
+    def check(
+        self, step: RoleStep, now: float, *, ceiling: float = math.inf
+    ) -> Setpoint[float] | None:
+        """What a step asks for, if it can be flown; no height above the ceiling (m above the origin)."""
+        self._ceiling = ceiling
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
         self._words.append(complaint)
         if setpoint is not None:
@@ -289,7 +300,7 @@ class Steering:
 
     def _safe(self, height: float) -> float:
         """A height that may be asked for, m above the origin."""
-        height, complaint = self._guard.height(height)
+        height, complaint = self._guard.height(height, self._ceiling)
         self._words.append(complaint)
         return height
 

@@ -23,6 +23,9 @@ from vfguide.elementwise import low_pass
 from vfguide.guidance.path import Path, PathPoint, tangent_rate_per_speed
 from vfguide.state import LeaderState
 
+FASTER_S = 10.0
+"""What is looked at farther ahead takes a leader to go on accelerating for no longer than this."""
+
 PLANNED_S = 5.0
 """Memory of what a leader flies beside its plan: bends of the profile, to which all answer alike, are over by
 then."""
@@ -103,7 +106,7 @@ def path_height(
     """
     speed = path_speed(point, motion)
     growth = motion.acceleration / max(motion.ground_speed, 1.0)
-    run = speed * ahead_s * (1.0 + 0.5 * growth * ahead_s)
+    run = speed * ahead_s * (1.0 + 0.5 * growth * min(ahead_s, FASTER_S))
     return HeightTarget(
         height=flying + point.height,
         climb_rate=point.slope * speed,

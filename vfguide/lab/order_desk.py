@@ -204,7 +204,7 @@ class OrderDesk:
         return replace(first.after(flown), holder=self.leads)
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
-        """Where the leader is at a time of the formation's clock (s), if it flies straight on."""
+        """Where the leader is at a time of the formation's clock (s), if it flies and climbs straight on."""
         state = self.leader
         if state is None:
             return None
@@ -213,12 +213,20 @@ class OrderDesk:
             state.north + run * math.cos(state.course),
             state.east + run * math.sin(state.course),
             state.course,
+            height=state.height + state.climb_rate * (time_s - state.time_s),
+            climb_rate=state.climb_rate,
         )
 
     def places(self) -> dict[str, LeaderPlace]:
         """Where each vehicle was that was heard."""
         return {
-            name: LeaderPlace(state.north, state.east, state.course)
+            name: LeaderPlace(
+                state.north,
+                state.east,
+                state.course,
+                height=state.height,
+                climb_rate=state.climb_rate,
+            )
             for name, state in self.states.items()
         }
 

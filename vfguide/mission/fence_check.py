@@ -66,14 +66,17 @@ def tracks(mission: Mission) -> Iterator[Track]:
         )
 
 
-def hold_tracks(mission: Mission, north: float, east: float, radius: float) -> Iterator[Track]:
-    """The leader's once round a circle to the right, and that of each slot, at the mission's own height.
+def hold_tracks(
+    mission: Mission, north: float, east: float, radius: float, height: float
+) -> Iterator[Track]:
+    """The leader's once round a circle to the right, and that of each slot.
 
     Args:
         mission: with the slots of the hold.
         north: of the centre, m.
         east: of the centre, m.
         radius: m.
+        height: of the leader above the mission's origin, m.
     """
     count = max(8, math.ceil(math.tau * radius / STEP_M))
     angle = np.linspace(0.0, math.tau, count, endpoint=False)
@@ -85,8 +88,7 @@ def hold_tracks(mission: Mission, north: float, east: float, radius: float) -> I
     for name, forward, right, up in slots:
         ahead, inward = np.full(count, forward), np.full(count, right - radius)
         along, across = compose(ahead, inward, angle)
-        height = np.full(count, mission.height_above_origin_m + up)
-        yield Track(name, ("followers",), north + along, east + across, height)
+        yield Track(name, ("followers",), north + along, east + across, np.full(count, height + up))
 
 
 def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
@@ -101,6 +103,12 @@ def fences_of(mission: Mission) -> list[Fence]:
     return [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
 
 
+def top_of(fences: Iterable[Fence | None]) -> float:
+    """Greatest height that all of these fences allow, m above the origin; infinite where none limits it."""
+    limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
+    return min(limits, default=math.inf)
+
+
 def tracks_beyond_the_fence(
     mission: Mission, found: Callable[[Mission], Iterable[Track]]
 ) -> Iterator[Finding]:
@@ -109,7 +117,7 @@ def tracks_beyond_the_fence(
     if not fences:
         return
     frame = frame_of(mission.model_dump())
-    highest = min((one.max_height_m or math.inf for one in fences), default=math.inf)
+    highest = top_of(fences)
     for track in found(mission):
         rooms = [one.room(track.north, track.east, frame) for one in fences]
         room = np.min(rooms, axis=0)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Point
@@ -11,6 +11,7 @@ from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transi
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
+from vfguide.guidance.path import PathPoint
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
@@ -79,6 +80,10 @@ class LeaderPlace:
     """m from the mission's origin."""
     course: float
     """rad."""
+    height: float = math.nan
+    """m above the mission's origin; NaN where it is not known."""
+    climb_rate: float = 0.0
+    """m/s, positive up."""
 
 
 def formation_of_mission(mission: Mission) -> Formation:
@@ -119,7 +124,7 @@ def resolve(
         formation: as it is.
         number: of the arrangement.
         time_s: when it begins, s on the formation's clock.
-        leader: where it will be then, for an order to hold; as planned at that time if absent.
+        leader: where it will be then; as planned at that time if absent.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
@@ -130,10 +135,11 @@ def resolve(
         raise RefusedOrderError(
             "the leader has no companion: it flies no circle or path that is ordered, and nobody succeeds it"
         )
+    leader = leader or planned_place(on_path(mission, formation.path), time_s)
     mission = on_path(mission, order.path or formation.path)
     circle = None
     if order.action == "hold":
-        circle = circle_at(mission, formation, leader or planned_place(mission, time_s))
+        circle = circle_at(mission, formation, leader)
     conditions = conditions_of(mission.path, mission.wind)
     radius = 0.0
 
@@ -155,7 +161,10 @@ def resolve(
     after = {place.vehicle: place.end for place in found.places}
     ordered = with_slots(mission, after)
     checks = OF_SLOTS if order.path is None else OF_PATHS
-    for finding in (*_misfits(ordered, conditions, checks), *_outside(ordered, found.circle)):
+    for finding in (
+        *_misfits(ordered, conditions, checks),
+        *_outside(ordered, found.circle, height_of(mission, leader)),
+    ):
         raise RefusedOrderError(f"{_whose(finding, ordered)}{finding.message}; {finding.remedy}")
     if order.path is not None:
         radius = max(least_radius(ordered.model_dump()), LEAST_TURN_M)
@@ -208,8 +217,28 @@ def planned_place(mission: Mission, time_s: float, *, progress: float = 0.0) -> 
         time_s: since it was at a place of its path, s.
         progress: of that place, m.
     """
-    place = path_of(mission.path).at(progress + mission.leader.airspeed_m_s * max(time_s, 0.0))
-    return LeaderPlace(float(place.north), float(place.east), float(place.course))
+    airspeed = mission.leader.airspeed_m_s
+    place = path_of(mission.path).at(progress + airspeed * max(time_s, 0.0))
+    return LeaderPlace(
+        float(place.north),
+        float(place.east),
+        float(place.course),
+        height=mission.height_above_origin_m + float(place.height),
+        climb_rate=airspeed * float(place.slope),
+    )
+
+
+def point_beside(mission: Mission, leader: LeaderPlace) -> PathPoint[float]:
+    """The mission's path beside a leader; its height tells which turn or branch it is on."""
+    above = leader.height - mission.height_above_origin_m
+    return path_of(mission.path).nearest_in_space(leader.north, leader.east, leader.course, above)
+
+
+def height_of(mission: Mission, leader: LeaderPlace) -> float:
+    """Height of a leader above the origin, m; that of the path beside it where its own is not known."""
+    if math.isfinite(leader.height):
+        return leader.height
+    return mission.height_above_origin_m + float(point_beside(mission, leader).height)
 
 
 def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
@@ -251,9 +280,10 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
     found = []
     # On its path the leader is at this progress (m) at this time (s).
     progress = since_s = 0.0
+    held: LeaderPlace | None = None
     for number, timed in enumerate(mission.orders, 1):
         flown = on_path(mission, formation.path)
-        leader = planned_place(flown, timed.at_s - since_s, progress=progress)
+        leader = held or planned_place(flown, timed.at_s - since_s, progress=progress)
         try:
             arrangement, way = resolve(
                 mission, timed.order, formation, number=number, time_s=timed.at_s, leader=leader
@@ -261,11 +291,12 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
         except RefusedOrderError as error:
             raise RefusedOrderError(f"orders[{number - 1}], at {timed.at_s:g} s: {error}") from None
         found.append((arrangement, way))
-        if timed.path is not None:
-            path = path_of(on_path(mission, timed.path).path)
-            point = path.nearest(leader.north, leader.east, leader.course)
+        if timed.path is not None or timed.action == "resume":
+            point = point_beside(on_path(mission, arrangement.path), leader)
             progress = float(point.progress)
             since_s = timed.at_s + abs(point.cross_track_error) / mission.leader.airspeed_m_s
+        # A hold ends about where it has begun.
+        held = replace(leader, climb_rate=0.0) if arrangement.flown is Manoeuvre.HOLD else None
         formation = formation.after(arrangement)
     for (before, _), (after, _) in pairwise(found):
         late_s = before.time_s + before.duration_s - after.time_s
@@ -287,8 +318,8 @@ def _whose(finding: Finding, mission: Mission) -> str:
             return ""
 
 
-def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
-    """Vehicles that would leave the fence: along the path, or on the circle of a hold."""
+def _outside(mission: Mission, circle: Circle | None, height: float) -> Iterator[Finding]:
+    """Vehicles that would leave the fence: along the path, or on the circle of a hold at a height (m)."""
 
     def flown(ordered: Mission) -> Iterable[Track]:
         if circle is None:
@@ -296,7 +327,7 @@ def _outside(mission: Mission, circle: Circle | None) -> Iterator[Finding]:
         origin = ordered.origin
         frame = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
         north, east = frame.to_local(circle.latitude_deg, circle.longitude_deg)
-        return hold_tracks(ordered, north, east, circle.radius_m)
+        return hold_tracks(ordered, north, east, circle.radius_m, height)
 
     for finding in tracks_beyond_the_fence(mission, flown):
         if finding.severity == "error":

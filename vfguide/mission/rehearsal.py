@@ -91,6 +91,12 @@ class LeaderStart(Section):
     course_deg: Course | None = None
     """Course at the start, degrees; along the beginning of the path if absent."""
 
+    up_m: Annotated[Number, Field(ge=-9000.0, le=9000.0)] = 0.0
+    """Above the mission's flying height, m; negative is below."""
+
+    climb_m_s: Annotated[Number, Field(ge=-30.0, le=30.0)] = 0.0
+    """Climb rate at which all begin in virtual time, m/s; emulators of `--live` begin level."""
+
 
 class FollowerStart(Section):
     """How far from its slot a follower is when the rehearsal begins."""
@@ -103,6 +109,9 @@ class FollowerStart(Section):
 
     course_deg: Course | None = None
     """Course at the start, degrees; the leader's if absent."""
+
+    up_m: Annotated[Number, Field(ge=-9000.0, le=9000.0)] = 0.0
+    """Above its slot, m; negative is below."""
 
 
 class Start(Section):

@@ -4,7 +4,7 @@ Local frame: x north, y east (m). Courses are degrees clockwise from north.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Follower, Mission
@@ -29,6 +29,8 @@ class StartState:
     """Metres above the leader's flying height."""
     course_deg: float
     """Course, degrees clockwise from north."""
+    climb_m_s: float = 0.0
+    """Climb rate, m/s, positive up."""
 
     def shifted(self, *, forward_m: float, right_m: float, up_m: float = 0.0) -> "StartState":
         """The same direction from a place ahead of, right of and above this one."""
@@ -38,11 +40,12 @@ class StartState:
             self.east_m + forward_m * math.sin(course) + right_m * math.cos(course),
             self.up_m + up_m,
             self.course_deg,
+            self.climb_m_s,
         )
 
 
 def path_beginning(shape: PathShape) -> StartState:
-    """The first point of the path and the course of the path there."""
+    """The first point of the path and the course of the path there, at the mission's flying height."""
     place = path_of(shape).at(0.0)
     return StartState(place.north, place.east, 0.0, math.degrees(place.course) % 360.0)
 
@@ -54,7 +57,7 @@ def leader_start(mission: Mission) -> StartState:
     if given is None:
         return beginning.shifted(forward_m=0.0, right_m=LEADER_OFFSET_M)
     course = beginning.course_deg if given.course_deg is None else given.course_deg
-    return StartState(given.north_m, given.east_m, 0.0, course)
+    return StartState(given.north_m, given.east_m, given.up_m, course, given.climb_m_s)
 
 
 def follower_start(mission: Mission, vehicle: str) -> StartState:
@@ -70,11 +73,11 @@ def follower_start(mission: Mission, vehicle: str) -> StartState:
     start = leader_start(mission).shifted(
         forward_m=slot.forward_m + displacement.forward_m,
         right_m=slot.right_m + displacement.right_m,
-        up_m=slot.up_m,
+        up_m=slot.up_m + displacement.up_m,
     )
     if displacement.course_deg is None:
         return start
-    return StartState(start.north_m, start.east_m, start.up_m, displacement.course_deg)
+    return replace(start, course_deg=displacement.course_deg)
 
 
 def default_displacement(followers: tuple[Follower, ...], vehicle: str) -> FollowerStart:

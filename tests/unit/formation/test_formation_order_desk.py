@@ -35,7 +35,12 @@ def mission() -> Mission:
 
 
 def state(
-    latitude_deg: float, *, term: int = 0, arrangement: int = 0, leads: bool = False
+    latitude_deg: float,
+    *,
+    term: int = 0,
+    arrangement: int = 0,
+    leads: bool = False,
+    climb_rate: float = 0.0,
 ) -> bytes:
     """A state from the link."""
     return encode(
@@ -50,7 +55,7 @@ def state(
             acceleration=0.0,
             turn_rate=0.0,
             turn_acceleration=0.0,
-            climb_rate=0.0,
+            climb_rate=climb_rate,
             term=term,
             arrangement=arrangement,
             steered=True,
@@ -198,3 +203,13 @@ def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy() -> N
         "44 messages arrived that are not believed, most for 'another"
     )
     assert "the keys that the companions use" in unanswered(other)
+
+
+def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission: Mission) -> None:
+    desk = OrderDesk(mission, clock=lambda: 0.0)
+    desk.heard_state("leader", state(47.4, climb_rate=2.5))
+    place = desk.leader_place(106.0)
+    assert place is not None
+    # 588 m above mean sea level is 100 m above the origin; 6 s later it is 15 m higher.
+    assert (place.height, place.climb_rate) == pytest.approx((115.0, 2.5))
+    assert desk.places()["leader"].height == pytest.approx(100.0)

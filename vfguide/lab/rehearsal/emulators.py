@@ -118,6 +118,7 @@ def emulator_of(
         altitude_amsl_m=ground + mission.height_above_origin_m + start.up_m,
         home_altitude_amsl_m=ground,
         course_rad=math.radians(start.course_deg),
+        climb_m_s=start.climb_m_s,
         airspeed_m_s=min(max(mission.leader.airspeed_m_s, lowest), highest),
         sensors=mission.rehearsal.sensors,
         position_noise_m=mission.rehearsal.position_noise_m,

@@ -1,7 +1,7 @@
 """An order flown in virtual time before it is given: how near anybody comes, and how long it takes."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +23,11 @@ from vfguide.lab.rehearsal.aircraft import (
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.studies.flown_fence import beyond_when_flown
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
-from vfguide.mission.fence_check import Track, tracks_beyond_the_fence
-from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Follower, Mission
-from vfguide.mission.order_plan import LeaderPlace, on_path
+from vfguide.mission.order_plan import LeaderPlace, height_of, on_path, point_beside
 from vfguide.mission.orders import Slot
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.record.flight import FlightRecord
@@ -185,10 +184,12 @@ def starts_of_joining(
             raise RefusedOrderError(
                 f"{name} is {away_km:.0f} km from the leader: bring it nearer first"
             )
+        above = place.height - leader.height - slot.begin.up
         starts[name] = FollowerStart(
             forward_m=forward - slot.begin.forward,
             right_m=right - slot.begin.right,
             course_deg=math.degrees(place.course) % 360.0,
+            up_m=above if math.isfinite(above) else 0.0,
         )
     return starts
 
@@ -205,8 +206,7 @@ def _way_onto_path_s(
     """How long the leader is on its way onto another path, about, s; 0 where the path stays."""
     if order.path == formation.path or leader is None:
         return 0.0
-    path = path_of(on_path(mission, order.path).path)
-    away = abs(path.nearest(leader.north, leader.east, leader.course).cross_track_error)
+    away = abs(point_beside(on_path(mission, order.path), leader).cross_track_error)
     turns = math.pi * order.turn_radius_m
     return min((away + turns) / mission.leader.airspeed_m_s, LONGEST_WAY_S)
 
@@ -217,15 +217,8 @@ def _check_fence(mission: Mission, record: FlightRecord, moved: BoolArray) -> No
     Raises:
         RefusedOrderError: a vehicle leaves it.
     """
-
-    def flown(_: Mission) -> Iterator[Track]:
-        for one in (record.leader, *record.followers):
-            height = one.altitude_amsl_m - mission.origin.altitude_amsl_m
-            yield Track(one.name, (), one.north_m[moved], one.east_m[moved], height[moved])
-
-    for finding in tracks_beyond_the_fence(mission, flown):
-        if finding.severity == "error":
-            raise RefusedOrderError(f"on the way there {finding.message}; {finding.remedy}")
+    for finding in beyond_when_flown(mission, record, moved):
+        raise RefusedOrderError(f"on the way there {finding.message}; {finding.remedy}")
 
 
 def _check_flown(aircraft: Aircraft, order: Arrangement) -> None:
@@ -278,6 +271,8 @@ def _at_present(
             north_m=leader.north,
             east_m=leader.east,
             course_deg=math.degrees(leader.course) % 360.0,
+            up_m=height_of(mission, leader) - mission.height_above_origin_m,
+            climb_m_s=leader.climb_rate,
         )
     )
     start = Start.model_validate({"leader": begin, **begins})

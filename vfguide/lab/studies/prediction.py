@@ -3,6 +3,7 @@
 A mission with a time table is flown until its last order has settled.
 """
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -11,14 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from vfguide.formation.arrangement import Arrangement
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
+from vfguide.lab.studies.flown_fence import beyond_when_flown
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.order_plan import timetable
+from vfguide.mission.order_plan import on_path, timetable
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.mission.starts import path_beginning
 from vfguide.record.flight import FlightRecord
@@ -53,7 +56,11 @@ def expected_precision(
     flight = fly_rehearsal(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
     if flight.interrupted:
         return None
-    return (precision_of(mission, first_minute(flight.record)), *orders_amiss(mission, flight))
+    return (
+        precision_of(mission, first_minute(flight.record)),
+        *orders_amiss(mission, flight),
+        *fence_left(mission, flight.record),
+    )
 
 
 def first_minute(record: FlightRecord) -> FlightRecord:
@@ -97,6 +104,22 @@ def orders_amiss(mission: Mission, flight: Flight) -> Iterator[Finding]:
         yield Finding("note", ("orders",), message)
 
 
+def fence_left(mission: Mission, record: FlightRecord) -> Iterator[Finding]:
+    """Vehicles that leave the fence of the path that they are on, one finding for each."""
+    begins = [(0.0, MAIN_PATH), *((found.time_s, found.path) for found, _ in timetable(mission))]
+    ends = [*(time_s for time_s, _ in begins[1:]), math.inf]
+    left = set[str]()
+    for (from_s, path), until_s in zip(begins, ends, strict=True):
+        during = (from_s <= record.time_s) & (record.time_s < until_s)
+        for finding in beyond_when_flown(on_path(mission, path), record, during):
+            vehicle = finding.location[-1]
+            if vehicle not in left:
+                left.add(str(vehicle))
+                message = f"in the rehearsal, from {from_s:.0f} s on, {finding.message}"
+                place = "orders" if from_s > 0.0 else "fence"
+                yield Finding("error", (place,), message, finding.remedy)
+
+
 def orders_not_flown(mission: Mission, flight: Flight) -> Iterator[Finding]:
     """Orders that are refused or void in the rehearsal, one finding for each, with the first reason given."""
     found: dict[int, str] = {}
@@ -137,9 +160,10 @@ def precision_of(mission: Mission, record: FlightRecord) -> Finding:
 def from_the_slots(mission: Mission) -> Mission:
     """A mission of a minute, or of all orders that it has, in which everybody begins in place."""
     begin = path_beginning(mission.path)
+    up_m = float(path_of(mission.path).at(0.0).height)
     places: dict[str, object] = {name: FollowerStart() for name in mission.followers_by_name}
     places["leader"] = LeaderStart(
-        north_m=begin.north_m, east_m=begin.east_m, course_deg=begin.course_deg
+        north_m=begin.north_m, east_m=begin.east_m, course_deg=begin.course_deg, up_m=up_m
     )
     start = Start.model_validate(places)
     rehearsal = mission.rehearsal.model_copy(

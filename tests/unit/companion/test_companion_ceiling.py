@@ -1,0 +1,133 @@
+"""No companion flies, or agrees to fly, above the fence of its path."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.unit.companion.ordered_companions import NAMES, Formation, MakePlan
+from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.order_limits import ceiling_objection
+from vfguide.companion.steering import SetpointGuard
+from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.link.memory import Mail
+from vfguide.link.order_codec import Verdict
+from vfguide.mission import Mission, load_mission
+
+CIRCLE = Circle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
+
+
+def fenced(plan: MakePlan, ceiling: float) -> MakePlan:
+    """Plans of a mission with a fence of this height, m above the origin."""
+    return lambda **options: replace(plan(**options), ceiling=ceiling, paths={})
+
+
+def held(slots: dict[str, Point]) -> Arrangement:
+    """A hold in which f1, f2 and f3 are stacked by 15 m each."""
+    places = tuple(
+        Place(vehicle=name, begin=slot, end=replace(slot, up=15.0 * rank))
+        for rank, (name, slot) in enumerate(slots.items(), 1)
+    )
+    return Arrangement(
+        number=1,
+        time_s=10.0,
+        across_s=40.0,
+        places=places,
+        flown=Manoeuvre.HOLD,
+        circle=CIRCLE,
+    )
+
+
+@pytest.mark.parametrize(("leader_height", "flown"), [(100.0, True), (130.0, False)])
+def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
+    plan: MakePlan, slots: dict[str, Point], leader_height: float, flown: bool
+) -> None:
+    formation = Formation(fenced(plan, 150.0))
+    for member in formation.members.values():
+        # It climbs at 0.5 m/s, and has 5 s for it until the hold.
+        member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
+    formation.run(5.0)
+    formation.give(held(slots))
+    formation.run(40.0)
+    assert formation.flown == dict.fromkeys(NAMES, int(flown))
+    refused = {
+        name: reply.text for name, reply in formation.said if reply.verdict is Verdict.REFUSED
+    }
+    # The leader itself stays where it is; 130 m and 15 m are below the fence, 30 and 45 m more are not.
+    assert set(refused) == (set() if flown else {"f2", "f3"})
+    if not flown:
+        assert refused["f2"] == "f2 would fly 160 m above the origin, and the fence ends at 150 m"
+
+
+def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not(plan: MakePlan) -> None:
+    one = replace(plan(vehicle="f1"), ceiling=150.0, paths={})
+    here = Point(-20.0, -20.0, 5.0)
+    crosses = Place(vehicle="f1", begin=here, end=here, layer=24.0)
+    order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(crosses,))
+    text = ceiling_objection(order, crosses, one, 140.0, 150.0)
+    assert text == "f1 would fly 164 m above the origin, and the fence ends at 150 m"
+    # One that is above it already is not kept from going down.
+    lower = Place(vehicle="f1", begin=here, end=replace(here, up=-5.0))
+    assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
+
+
+def test_a_path_whose_fence_the_leader_is_above_is_refused(plan: MakePlan) -> None:
+    one = plan(vehicle="leader")
+    survey = replace(one.paths["main"], ceiling=120.0)
+    leader = replace(one, paths={**one.paths, "survey": survey})
+    order = Arrangement(number=1, time_s=10.0, across_s=10.0, places=(), path="survey")
+    text = ceiling_objection(order, None, leader, 200.0, one.ceiling)
+    assert text == "leader would fly 200 m above the origin, and the fence ends at 120 m"
+    assert ceiling_objection(order, None, leader, 110.0, one.ceiling) is None
+
+
+def test_the_guard_asks_for_no_height_above_the_fence(plan: MakePlan) -> None:
+    guard = SetpointGuard(plan(vehicle="f1"))
+    assert guard.height(180.0, 150.0) == (150.0, None)
+    assert guard.counters["height above the fence"] == 1
+    assert guard.height(140.0, 150.0) == (140.0, None)
+    # Ground counts more than a fence that leaves no room above it.
+    assert guard.height(180.0, 10.0) == (20.0, None)
+
+
+@pytest.fixture
+def climbing() -> Callable[..., Mission]:
+    """A helix on which four aircraft climb from 100 m to 435 m."""
+
+    def make(**fields: object) -> Mission:
+        content: dict[str, Any] = load_mission(Path("climb-and-turn")).model_dump(
+            exclude_unset=True
+        )
+        content["path"] = {**content["path"], "end_height_m": 335.0}
+        return Mission.model_validate({**content, **fields})
+
+    return make
+
+
+def test_plans_know_the_fence_of_each_path(climbing: Callable[..., Mission]) -> None:
+    wait = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
+    mission = climbing(fence={"max_height_m": 450}, paths={"wait": wait})
+    one = flight_plan(mission, "f1")
+    assert (one.ceiling, one.ceiling_along("wait")) == (450.0, 450.0)
+    assert flight_plan(climbing(), "f1").ceiling == float("inf")
+
+
+def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it(
+    climbing: Callable[..., Mission],
+) -> None:
+    # The slot of f1 is 5 m above a leader at 100 m and climbing; the fence ends at 110 m.
+    mission = climbing(fence={"max_height_m": 110})
+    content = mission.model_dump(exclude_unset=True)
+    content["rehearsal"] = {"rate_hz": 10.0, "start": {"leader": {"north_m": 0, "east_m": 0}}}
+    mission = Mission.model_validate(content)
+    aircraft = [Aircraft(mission, name) for name in ("leader", "f1")]
+    mail = list[Mail]()
+    for step in range(250):
+        mail = step_all(aircraft, step / 10.0, mail)
+    heights = [one.recorder.record().altitude_amsl_m - 488.0 for one in aircraft]
+    # Climbing at 3 m/s until then, the height loop goes beyond by less than half a metre.
+    assert max(height.max() for height in heights) < 110.5
+    assert heights[1][-1] == pytest.approx(110.0, abs=0.3)

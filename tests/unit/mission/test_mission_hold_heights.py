@@ -1,0 +1,101 @@
+"""A hold is stacked above the height that the leader has then, and stays within the fence or is refused."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
+from vfguide.lab.studies.order import rehearsed
+from vfguide.mission import check_mission, load_mission
+from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import (
+    LeaderPlace,
+    formation_of_mission,
+    planned_place,
+    resolve,
+    timetable,
+)
+
+SLOPE = math.tan(math.radians(8.5))
+
+
+def climbing(*orders: dict[str, Any], end_height_m: float = 335.0, **fields: object) -> Mission:
+    """Four aircraft on a helix of 200 m that climbs by 335 m, from a flying height of 100 m."""
+    content = load_mission(Path("climb-and-turn")).model_dump(exclude_unset=True)
+    content["path"] = {**content["path"], "end_height_m": end_height_m}
+    return Mission.model_validate({**content, "orders": list(orders), **fields})
+
+
+def test_the_planned_leader_is_as_high_as_its_path_and_climbs_with_it() -> None:
+    place = planned_place(climbing(), 60.0)
+    # 1200 m along, of which the first 100 m bend into the slope: as if it had begun after 50 m.
+    assert place.height == pytest.approx(100.0 + 1150.0 * SLOPE)
+    assert place.climb_rate == pytest.approx(20.0 * SLOPE)
+
+
+@pytest.mark.parametrize(("max_height_m", "refused"), [(481, False), (479, True), (450, True)])
+def test_check_refuses_a_hold_whose_highest_would_leave_the_fence(
+    max_height_m: float, refused: bool
+) -> None:
+    # At 125 s the leader is at its end, 435 m; f1, f2 and f3 would hold at 450, 465 and 480 m.
+    mission = climbing({"at_s": 125, "action": "hold"}, fence={"max_height_m": max_height_m})
+    errors = [one.message for one in check_mission(mission) if one.severity == "error"]
+    assert bool(errors) is refused
+    if refused:
+        (message,) = errors
+        assert message.startswith("orders[0], at 125 s: ")
+        assert f"the fence ends at {max_height_m} m" in message
+
+
+def test_a_second_hold_is_where_the_first_was_left() -> None:
+    orders = [
+        {"at_s": 40, "action": "hold"},
+        {"at_s": 100, "action": "resume"},
+        {"at_s": 140, "action": "hold"},
+    ]
+    # Of 140 s it has flown along its path for 80: 331.6 m and 45 m above that are within the fence. Without
+    # the first hold it would be at its end, 435 m, and f3 at 480 m.
+    assert len(timetable(climbing(*orders, fence={"max_height_m": 450}))) == 3
+
+
+@pytest.mark.parametrize(
+    ("leader", "sentence"),
+    [
+        (LeaderPlace(0.0, 0.0, 0.0, height=400.0), None),
+        (LeaderPlace(0.0, 0.0, 0.0, height=420.0), "'f3' flies 465 m above the origin"),
+        # Of one whose height is not known the first turn of its helix counts.
+        (LeaderPlace(0.0, 0.0, 0.0), None),
+    ],
+)
+def test_an_order_to_hold_counts_from_the_height_at_which_the_leader_is(
+    leader: LeaderPlace, sentence: str | None
+) -> None:
+    mission = climbing(fence={"max_height_m": 450})
+    order, formation = Order(action="hold"), formation_of_mission(mission)
+    if sentence is None:
+        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
+        return
+    with pytest.raises(RefusedOrderError, match=sentence):
+        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
+
+
+@pytest.mark.parametrize(("max_height_m", "flown"), [(344, True), (337, False)])
+def test_an_order_is_rehearsed_from_the_height_and_the_turn_of_the_helix_at_which_the_leader_is(
+    max_height_m: float, flown: bool
+) -> None:
+    # The leader is at 272 m after a minute, on its third turn. The hold begins 8 s later, at 296 m; f3 holds
+    # at 341 m.
+    fenced = climbing(fence={"max_height_m": max_height_m})
+    formation, leader = formation_of_mission(fenced), planned_place(fenced, 60.0)
+    # As a program resolves it that knows no fence.
+    order, _ = resolve(
+        climbing(), Order(action="hold"), formation, number=1, time_s=68.0, leader=leader
+    )
+    if flown:
+        assert rehearsed(fenced, formation, order, leader=leader).least_m > 15.0
+        return
+    with pytest.raises(RefusedOrderError, match=f"the fence ends at {max_height_m} m"):
+        rehearsed(fenced, formation, order, leader=leader)
