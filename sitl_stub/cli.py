@@ -16,7 +16,6 @@ from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.bad_link import Emulated
 from sitl_stub.fleet import (
     Aircraft,
-    AutopilotName,
     Errors,
     LinkQuality,
     Start,
@@ -95,7 +94,9 @@ def fly(
     count: Annotated[
         int, option("Aircraft in this process: system ids and ports count up.", LINK, "N")
     ] = 1,
-    autopilot: Annotated[AutopilotName, option("Whose manners it has.", FLIES)] = "ardupilot",
+    autopilot: Annotated[
+        str, option("ardupilot, px4, or one of --plugin: as which it behaves.", FLIES, "NAME")
+    ] = "ardupilot",
     autopilot_version: Annotated[
         str | None, option("Of px4, 1.14 to 1.18; default: the newest.", FLIES, "X.Y")
     ] = None,
@@ -113,7 +114,8 @@ def fly(
         list[str] | None, option("A number of a plant of one's own.", FLIES, "NAME=VALUE")
     ] = None,
     plugin: Annotated[
-        list[Path] | None, option("A file of Python with a plant of one's own.", FLIES, "FILE")
+        list[Path] | None,
+        option("A file of Python with a plant or an autopilot of your own.", FLIES, "FILE"),
     ] = None,
     alpha: Annotated[
         float | None,

@@ -2,13 +2,11 @@
 
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from sitl_stub.air import LEAST_HEIGHT_M, Air, Turbulence, air_of
-from sitl_stub.aircraft import PLANTS, PlantParameters, SpeedResponse
+from sitl_stub.aircraft import PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
 from sitl_stub.codec import Signing, key_of
@@ -24,60 +22,27 @@ from sitl_stub.options import (
     parse_stream,
     parse_wind,
 )
-from sitl_stub.plants import load_installed, load_plugins, options_of
+from sitl_stub.personality import Loops
+from sitl_stub.plants import options_of
+from sitl_stub.registry import autopilots, load_plugins, plants
 from sitl_stub.sensor_errors import Fault, SensorGrade
-
-AutopilotName = Literal["ardupilot", "px4"]
 
 DEFAULT_HEIGHT_M = 100.0
 """Start above home, where home's altitude is not given."""
 
 MAX_COUNT = 100
 
-MAX_BANK_DEG: Mapping[AutopilotName, float] = {"ardupilot": 45.0, "px4": 50.0}
-"""Where it is not given: as each autopilot comes."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loops:
-    """How an aircraft flies where options do not say."""
-
-    plant: str = "heading-hold"
-    """Which model flies."""
-    alpha_1_s: float = 1.2
-    """Gain of the course or heading hold."""
-    speed_response: SpeedResponse = "first-order"
-    """Shape of the speed hold."""
-    course_dead_time_s: float = 0.0
-    """Of the lateral loop."""
-    roll_delay_s: float = 0.0
-    """Of the bank on its way to the roll."""
-
-
-OWN_LOOPS: Mapping[AutopilotName, Loops] = {
-    "ardupilot": Loops(),
-    "px4": Loops(
-        plant="npfg",
-        alpha_1_s=4.0 * math.pi * 0.7 / 10.0,
-        speed_response="px4-untrimmed",
-        course_dead_time_s=0.06,
-        roll_delay_s=0.2,
-    ),
-}
-"""Where no plant is named. PX4's are its defaults, and fitted to 1.18.0-beta1: with the roll's 0.4 s they
-meet its courses in steps of 10 to 60 degrees to 4 % of a step."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aircraft:
     """How they fly, all of them alike."""
 
-    autopilot: AutopilotName
+    autopilot: str
     """Whose manners they have."""
     autopilot_version: str | None
     """MAJOR.MINOR of them; None: the newest that is known."""
     plant: str | None
-    """Which model flies; None: the autopilot's own, with its `OWN_LOOPS` where nothing else is said."""
+    """Which model flies; None: the autopilot's own, with its `loops` where nothing else is said."""
     alpha_1_s: float | None
     """Gain of the course or heading hold."""
     beta_1_s: float
@@ -119,19 +84,22 @@ class Aircraft:
         """
         try:
             load_plugins(self.plugins)
-            load_installed()
         except ValueError as error:
             raise OptionError(f"--plugin {error}") from error
-        loops = OWN_LOOPS[self.autopilot] if self.plant is None else Loops(plant=self.plant)
-        if loops.plant not in PLANTS:
-            raise OptionError(f"--plant: {loops.plant} is not one of {', '.join(PLANTS)}")
+        if self.autopilot not in autopilots:
+            known = ", ".join(autopilots.names())
+            raise OptionError(f"--autopilot: {self.autopilot} is not one of {known}")
+        own = autopilots.find(self.autopilot)
+        loops = own.loops if self.plant is None else Loops(plant=self.plant)
+        if loops.plant not in plants:
+            raise OptionError(f"--plant: {loops.plant} is not one of {', '.join(plants.names())}")
         slowest, fastest = parse_numbers("--airspeed-range", self.airspeed_range, "LO,HI")
         sink, climb = parse_numbers("--climb-range", self.climb_range, "LO,HI")
         if not sink < 0.0 < climb:
             raise OptionError(
                 f"--climb-range: {self.climb_range} does not reach from below to above 0"
             )
-        max_bank_deg = given(self.max_bank_deg, MAX_BANK_DEG[self.autopilot])
+        max_bank_deg = given(self.max_bank_deg, own.max_bank_deg)
         if not 0.0 < max_bank_deg < 90.0:
             raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
         return PlantParameters(
@@ -316,6 +284,7 @@ def fleet_of(
     key = None if signing_key is None else key_of(signing_key)
     route = None if start.route is None else parse_route(start.route)
     streams = tuple(map(parse_stream, telemetry.streams)) or None
+    plant, version = aircraft.parameters(), version_of(aircraft)
     fleet: list[tuple[Emulated, Address]] = []
     for index in range(count):
         latitude_deg, longitude_deg, altitude_m, course_deg = place_of(start, index)
@@ -324,8 +293,8 @@ def fleet_of(
         config = AutopilotConfig(
             system_id=system_id + index,
             autopilot=aircraft.autopilot,
-            autopilot_version=version_of(aircraft),
-            plant=aircraft.parameters(),
+            autopilot_version=version,
+            plant=plant,
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_amsl_m=altitude_m,
@@ -377,9 +346,9 @@ def version_of(aircraft: Aircraft) -> tuple[int, int] | None:
     text = aircraft.autopilot_version
     if text is None:
         return None
-    if aircraft.autopilot != "px4":
+    if not autopilots.find(aircraft.autopilot).versions:
         raise OptionError(
-            "--autopilot-version: only px4 has versions; add --autopilot px4, or leave it out"
+            f"--autopilot-version: {aircraft.autopilot} has no versions; add --autopilot px4, or leave it out"
         )
     major, dot, minor = text.partition(".")
     if not (dot and major.isdecimal() and minor.isdecimal()):

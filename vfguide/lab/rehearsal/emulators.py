@@ -70,7 +70,6 @@ def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
         InputError: the plant has no such options, or cannot be as the mission says.
     """
     load_plugins_of_the_environment()
-    sitl_stub.load_installed()
     vehicle, emulator = mission.vehicles[name], mission.rehearsal.emulator
     lowest, highest = vehicle.airspeed_range_m_s
     try:
@@ -111,7 +110,7 @@ def emulator_of(
     lowest, highest = vehicle.airspeed_range_m_s
     config = sitl_stub.AutopilotConfig(
         system_id=vehicle.system_id,
-        autopilot=vehicle.emulated_autopilot,
+        autopilot=mission.rehearsal.emulator.autopilot or vehicle.emulated_autopilot,
         plant=plant_of(mission, name),
         latitude_deg=latitude,
         longitude_deg=longitude,

@@ -92,7 +92,7 @@ def emulator_command(
     options = {
         "system-id": vehicle.system_id,
         "mavlink": mavlink,
-        "autopilot": vehicle.emulated_autopilot,
+        "autopilot": emulator.autopilot or vehicle.emulated_autopilot,
         "plant": emulator.plant or vehicle.plant,
         "guided-p": emulator.guided_p,
         "roll-time": emulator.roll_time_s,
