@@ -31,6 +31,7 @@ from sitl_stub.plants import (
 from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
+from sitl_stub.settings import Settings
 from sitl_stub.truth import Truth
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "Plant",
     "PlantParameters",
     "Route",
+    "Settings",
     "Shear",
     "Signing",
     "SteadyWind",
