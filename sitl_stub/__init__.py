@@ -17,18 +17,21 @@ from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
+from sitl_stub.modes import Mode
+from sitl_stub.personality import Loops, Personality, personality
 from sitl_stub.plants import (
     AirPlant,
     AirRates,
     AirState,
     Plant,
-    load_installed,
     options_of,
     plant,
     plant_of,
 )
+from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
+from sitl_stub.settings import Settings
 from sitl_stub.truth import Truth
 
 __all__ = [
@@ -43,9 +46,13 @@ __all__ = [
     "CalmWind",
     "DiscreteGust",
     "Fault",
+    "Loops",
+    "Mode",
+    "Personality",
     "Plant",
     "PlantParameters",
     "Route",
+    "Settings",
     "Shear",
     "Signing",
     "SteadyWind",
@@ -53,9 +60,10 @@ __all__ = [
     "TurbulenceField",
     "Wind",
     "air_of",
-    "load_installed",
+    "load_plugins",
     "low_altitude_intensity",
     "options_of",
+    "personality",
     "plant",
     "plant_of",
 ]

@@ -2,12 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
+
+from sitl_stub.registry import plants
 
 SpeedResponse = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
-
-PLANTS: dict[str, type[Any]] = {}
-"""Subclasses of `plants.Plant` by name; `plants` and files of one's own fill it."""
 
 TECS_DEAD_TIME_S = 0.5
 """From a new airspeed to the first change of speed, as measured on ArduPlane."""
@@ -144,7 +143,7 @@ class PlantParameters:
             raise ValueError(f"max_bank_rad must be in (0, pi/2), not {self.max_bank_rad!r}")
 
     def _check_models(self) -> None:
-        choices = {"kind": tuple(PLANTS), "speed_response": get_args(SpeedResponse)}
+        choices = {"kind": plants.names(), "speed_response": get_args(SpeedResponse)}
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 wanted = ", ".join(known)

@@ -1,8 +1,7 @@
-"""ArduPlane: its modes, parameters and fail-safe; what it obeys in GUIDED is in `guided`.
+"""ArduPlane: its modes, parameters and fail-safe, and the commands of its GUIDED mode.
 
-ArduPlane's parameters, as far as they matter to who flies it from outside; names and types of 4.7.
-
-ArduPlane's GUIDED mode: course, airspeed and altitude by commands that are held for ever.
+Parameters have the names and types of 4.7, as far as they matter from outside. In GUIDED course, airspeed and
+altitude are held until the next command.
 """
 
 import math
@@ -12,11 +11,9 @@ from dataclasses import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import (
-    CUSTOM_MODE_FLAG,
     DO_CHANGE_ALTITUDE,
     DO_CHANGE_SPEED,
     DO_REPOSITION,
-    DO_SET_MODE,
     GUIDED_CHANGE_ALTITUDE,
     GUIDED_CHANGE_HEADING,
     GUIDED_CHANGE_SPEED,
@@ -36,7 +33,7 @@ from sitl_stub.commands import (
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
 from sitl_stub.loops import GRAVITY_M_S2
-from sitl_stub.modes import ARDUPLANE_MODES, GUIDED, LOITER, MANUAL, RTL
+from sitl_stub.modes import Mode, by_number
 from sitl_stub.parameters import (
     Parameter,
     Parameters,
@@ -46,6 +43,7 @@ from sitl_stub.parameters import (
     real,
     whole_if_possible,
 )
+from sitl_stub.personality import Personality, personality
 from sitl_stub.targets import SpeedTarget, TurnTarget
 from sitl_stub.telemetry import (
     ALTITUDE,
@@ -57,6 +55,32 @@ from sitl_stub.telemetry import (
     SYS_STATUS,
     VFR_HUD,
 )
+
+GUIDED = Mode("GUIDED", 15, "commanded")
+LOITER = Mode("LOITER", 12, "loiter")
+MANUAL = Mode("MANUAL", 0)
+RTL = Mode("RTL", 11, "home")
+TAKEOFF = Mode("TAKEOFF", 13, "take-off")
+
+ARDUPLANE_MODES = by_number(
+    [
+        MANUAL,
+        Mode("CIRCLE", 1, "circle"),
+        Mode("STABILIZE", 2),
+        Mode("TRAINING", 3),
+        Mode("ACRO", 4),
+        Mode("FBWA", 5),
+        Mode("FBWB", 6),
+        Mode("CRUISE", 7),
+        Mode("AUTOTUNE", 8),
+        Mode("AUTO", 10),
+        RTL,
+        LOITER,
+        TAKEOFF,
+        GUIDED,
+    ]
+)
+"""ArduPlane's modes for a fixed wing, by number."""
 
 OLD_NAMES: Mapping[str, tuple[str, float]] = {
     "AIRSPEED_MIN": ("ARSPD_FBW_MIN", 1.0),
@@ -288,7 +312,8 @@ def change_any_altitude(flight: Flight, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-class ArduPlane:
+@personality("ardupilot")
+class ArduPlane(Personality):
     """ArduPlane, as measured on the real one (4.7)."""
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -299,20 +324,21 @@ class ArduPlane:
         (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), ONCE_A_SECOND_US
     )
     announces_modes = True
-    refuses_unknown_parameters = False
+    answers_data_streams = True
     modes = tuple(ARDUPLANE_MODES.values())
     initial_mode = LOITER
     ground_mode = MANUAL
+    mission_mode = ARDUPLANE_MODES[AUTO]
+    deadline_us: int | None = None
 
     def __init__(self, config: AutopilotConfig) -> None:
+        super().__init__(config)
         self.parameters = arduplane_parameters(config)
         self.arming = Arming(self._arming_fault, refused=Result.FAILED)
-        self.setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]] = {}
-        self.deadline_us: int | None = None
         self._failed_safe = False
         self._guided = Guided()
-        self.commands: Handlers = {
-            DO_SET_MODE: self._set_mode,
+        self.commands = {
+            **self.commands,
             NAV_LOITER_UNLIM: self._mode_command(LOITER.custom_mode),
             NAV_RETURN_TO_LAUNCH: self._mode_command(RTL.custom_mode),
             DO_REPOSITION: self._reposition,
@@ -348,13 +374,9 @@ class ArduPlane:
 
     def request_mode(self, flight: Flight, custom_mode: int) -> Result:
         """Enter a mode. GUIDED again changes nothing; GUIDED anew starts without commands."""
-        mode = ARDUPLANE_MODES.get(custom_mode)
-        if mode is None:
-            return Result.DENIED
-        if mode is not flight.mode:
+        if custom_mode != flight.mode.custom_mode:
             self._guided.forget()
-            flight.enter(mode)
-        return Result.ACCEPTED
+        return super().request_mode(flight, custom_mode)
 
     def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
         """A heartbeat of the ground station holds the fail-safe off, if there is one."""
@@ -413,12 +435,6 @@ class ArduPlane:
         if limit_deg < LEAST_ROLL_LIMIT_DEG:
             return f"ROLL_LIMIT_DEG too small ({limit_deg:.1f})"
         return None
-
-    def _set_mode(self, flight: Flight, command: Command) -> Result:
-        flags, custom_mode = command.used(1, 2)
-        if not int(flags) & CUSTOM_MODE_FLAG or custom_mode != int(custom_mode):
-            return Result.DENIED
-        return self.request_mode(flight, int(custom_mode))
 
     def _mode_command(self, custom_mode: int) -> Callable[[Flight, Command], Result]:
         def enter(flight: Flight, _command: Command) -> Result:

@@ -8,7 +8,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.air import Air, AirData, Place, Wind
-from sitl_stub.arduplane import ArduPlane
 from sitl_stub.codec import Codec, Signing
 from sitl_stub.commands import (
     COMPONENT_ARM_DISARM,
@@ -32,16 +31,13 @@ from sitl_stub.messages import Report
 from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality
 from sitl_stub.plant import PlantState
-from sitl_stub.px4 import Px4
+from sitl_stub.registry import autopilots
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
 from sitl_stub.targets import TurnTarget
 from sitl_stub.telemetry import HEARTBEAT, POSITION_MESSAGES, TELEMETRY
 from sitl_stub.truth import Truth, truth_of
-
-MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
-"""In which the two autopilots fly a mission."""
 
 IGNORED = frozenset(
     {
@@ -56,12 +52,6 @@ IGNORED = frozenset(
     }
 )
 """Ordinary traffic that changes nothing here."""
-
-PERSONALITIES: dict[str, Callable[[AutopilotConfig], Personality]] = {
-    "ardupilot": ArduPlane,
-    "px4": Px4,
-}
-"""The autopilots by the name in the configuration."""
 
 
 def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:
@@ -93,7 +83,7 @@ def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Perso
     )
     personality.begin(flight)
     if config.route is not None:
-        flight.enter(next(mode for mode in personality.modes if mode.name in MISSION_MODES))
+        flight.enter(personality.mission_mode or personality.initial_mode)
         flight.follow(config.route)
     return flight
 
@@ -180,7 +170,7 @@ class Autopilot:
         """What it started with."""
         self.system_id = config.system_id
         """MAVLink system id."""
-        self._personality = PERSONALITIES[config.autopilot](config)
+        self._personality: Personality = autopilots.find(config.autopilot)(config)
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
         self._flight = flight_at_start(config, air, self._personality)
         self._reported_mode = self._flight.mode
@@ -349,7 +339,7 @@ class Autopilot:
         return replies
 
     def _on_data_stream(self, message: MAVLink_message) -> Replies:
-        if isinstance(self._personality, ArduPlane):
+        if self._personality.answers_data_streams:
             self._streams.request_data_stream(message)
         return []
 

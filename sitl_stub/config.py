@@ -2,14 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 from sitl_stub.aircraft import PlantParameters
+from sitl_stub.registry import autopilots
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
-
-PX4_VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
-"""Those whose manners are told apart, oldest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,8 +17,8 @@ class AutopilotConfig:
     system_id: int
     """MAVLink system id, 1 to 255."""
 
-    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Whose manners it has."""
+    autopilot: str = "ardupilot"
+    """Name of the autopilot that it behaves as."""
 
     autopilot_version: tuple[int, int] | None = None
     """Major and minor of the version whose manners it has; None: the newest that is known here."""
@@ -113,13 +111,15 @@ class AutopilotConfig:
         self._check_numbers()
         if not 1 <= self.system_id <= 255:
             raise ValueError(f"system_id must be 1 to 255, not {self.system_id!r}")
-        if self.autopilot not in {"ardupilot", "px4"}:
-            raise ValueError(f"autopilot must be ardupilot or px4, not {self.autopilot!r}")
-        if self.autopilot_version is not None and (
-            self.autopilot != "px4" or self.autopilot_version not in PX4_VERSIONS
-        ):
-            known = ", ".join(f"{major}.{minor}" for major, minor in PX4_VERSIONS)
-            raise ValueError(f"autopilot_version must be one of px4's {known}")
+        if self.autopilot not in autopilots:
+            known = ", ".join(autopilots.names())
+            raise ValueError(f"autopilot must be one of {known}, not {self.autopilot!r}")
+        versions = autopilots.find(self.autopilot).versions
+        if self.autopilot_version is not None and self.autopilot_version not in versions:
+            known = ", ".join(f"{major}.{minor}" for major, minor in versions) or "none"
+            raise ValueError(
+                f"autopilot_version must be one of those of {self.autopilot}, which has {known}"
+            )
         if abs(self.latitude_deg) > 89.0:
             raise ValueError("latitude_deg must be within 89 degrees: poles are not flown")
         if self.sensors not in get_args(SensorGrade):

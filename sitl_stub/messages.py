@@ -4,7 +4,7 @@ Nothing else knows these units. Height above the ellipsoid and above mean sea le
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -13,7 +13,9 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub.flight import Flight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.motion import Motion
-from sitl_stub.personality import Personality
+
+if TYPE_CHECKING:
+    from sitl_stub.personality import Personality
 
 SATELLITES = 14
 """Of a good fix."""
@@ -62,7 +64,7 @@ class Report(NamedTuple):
     longitude_rad: float
     """As measured."""
 
-    personality: Personality
+    personality: "Personality"
     """Which autopilot speaks."""
 
     altitude_error_m: float = 0.0

@@ -1,4 +1,4 @@
-"""Flight modes of the two autopilots and what the emulator flies in each."""
+"""A flight mode of an autopilot and what the emulator flies in it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -24,62 +24,6 @@ class Mode:
     """
 
 
-def px4_custom_mode(main: int, sub: int = 0) -> int:
-    """PX4's custom_mode: main mode in the third byte, sub mode in the fourth."""
-    return main << 16 | sub << 24
-
-
 def by_number(modes: Iterable[Mode]) -> dict[int, Mode]:
     """The modes by the number on the wire."""
     return {mode.custom_mode: mode for mode in modes}
-
-
-GUIDED = Mode("GUIDED", 15, "commanded")
-LOITER = Mode("LOITER", 12, "loiter")
-MANUAL = Mode("MANUAL", 0)
-RTL = Mode("RTL", 11, "home")
-TAKEOFF = Mode("TAKEOFF", 13, "take-off")
-
-ARDUPLANE_MODES = by_number(
-    [
-        MANUAL,
-        Mode("CIRCLE", 1, "circle"),
-        Mode("STABILIZE", 2),
-        Mode("TRAINING", 3),
-        Mode("ACRO", 4),
-        Mode("FBWA", 5),
-        Mode("FBWB", 6),
-        Mode("CRUISE", 7),
-        Mode("AUTOTUNE", 8),
-        Mode("AUTO", 10),
-        RTL,
-        LOITER,
-        TAKEOFF,
-        GUIDED,
-    ]
-)
-"""ArduPlane's modes for a fixed wing, by number."""
-
-OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "straight")
-GUIDED_COURSE = Mode("AUTO.COURSE", px4_custom_mode(4, 19), "straight")
-AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
-AUTO_TAKEOFF = Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
-AUTO_RTL = Mode("AUTO.RTL", px4_custom_mode(4, 5), "home")
-
-PX4_MODES = by_number(
-    [
-        Mode("MANUAL", px4_custom_mode(1)),
-        Mode("ALTCTL", px4_custom_mode(2)),
-        Mode("POSCTL", px4_custom_mode(3)),
-        AUTO_TAKEOFF,
-        AUTO_LOITER,
-        Mode("AUTO.MISSION", px4_custom_mode(4, 4)),
-        AUTO_RTL,
-        Mode("AUTO.LAND", px4_custom_mode(4, 6)),
-        Mode("ACRO", px4_custom_mode(5)),
-        OFFBOARD,
-        Mode("STABILIZED", px4_custom_mode(7)),
-        GUIDED_COURSE,
-    ]
-)
-"""PX4's modes for a fixed wing, by number; Guided Course came with 1.18."""

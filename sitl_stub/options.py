@@ -1,7 +1,9 @@
-"""What the command line's words mean: one text in, one checked value out."""
+"""What the values of options mean: a text or a value of a file in, one checked value out."""
 
 import math
 import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -24,56 +26,70 @@ class OptionError(ValueError):
     """An option's value cannot be used; the message is one line."""
 
 
-def parse_wind(text: str) -> Wind:
-    """`calm`, `article`, or `steady:SPEED,TOWARD_DEG` (m/s, degrees clockwise from north, toward).
+def parse_wind(value: object) -> Wind:
+    """`calm`, `article`, `steady:SPEED,TOWARD_DEG`, or a mission's `wind`.
+
+    m/s, and degrees clockwise from north in the direction in which the air moves.
 
     Raises:
         OptionError: it is none of these.
     """
-    if text == "calm":
+    if isinstance(value, Mapping):
+        numbers = f":{value.get('speed_m_s')},{value.get('toward_deg')}"
+        value = f"{value.get('type')}{numbers if value.get('type') == 'steady' else ''}"
+    if value == "calm":
         return CalmWind()
-    if text == "article":
+    if value == "article":
         return ArticleWind()
-    kind, _, numbers = text.partition(":")
+    kind, _, numbers = str(value).partition(":")
     if kind != "steady":
-        raise OptionError(f"--wind: {text!r} is not calm, article or steady:SPEED,TOWARD_DEG")
+        raise OptionError(f"--wind: {value!r} is not calm, article or steady:SPEED,TOWARD_DEG")
     speed_m_s, toward_deg = parse_numbers("--wind", numbers, "SPEED,TOWARD_DEG")
     if not 0.0 <= speed_m_s <= MAX_WIND_M_S:
         raise OptionError(f"--wind: {speed_m_s:g} m/s is not within 0 and {MAX_WIND_M_S:g}")
     return SteadyWind(speed_m_s, math.radians(toward_deg))
 
 
-def parse_gust(text: str) -> DiscreteGust:
-    """AT,FOR,N,E: seconds and metres per second.
+def parse_gust(value: object) -> DiscreteGust:
+    """AT,FOR,N,E (seconds and metres per second), or a gust of a mission's `wind.gusts`.
 
     Raises:
         ValueError: it is no gust; the message is one line.
     """
-    return DiscreteGust(
-        **dict(
-            zip(
-                ("start_s", "length_s", "north_m_s", "east_m_s"),
-                parse_numbers("--gust", text, "AT,FOR,N,E"),
-                strict=True,
-            )
-        )
-    )
+    if isinstance(value, Mapping):
+        names = ("at_s", "for_s", "north_m_s", "east_m_s")
+        value = [value.get(name, 0.0) for name in names]
+    start_s, length_s, north_m_s, east_m_s = parse_numbers("--gust", value, "AT,FOR,N,E")
+    return DiscreteGust(start_s=start_s, length_s=length_s, north_m_s=north_m_s, east_m_s=east_m_s)
 
 
-def parse_numbers(option: str, text: str, names: str) -> list[float]:
-    """As many finite numbers, between commas, as there are names.
+def parse_numbers(option: str, value: object, names: str) -> list[float]:
+    """As many finite numbers, in a list or a text with commas, as there are names.
 
     Raises:
         OptionError: they are fewer, more, or not finite numbers.
     """
-    parts = text.split(",")
+    parts = value if isinstance(value, Sequence) and not isinstance(value, str) else None
     try:
-        numbers = [float(part) for part in parts]
-    except ValueError:
+        numbers = [float(part) for part in (str(value).split(",") if parts is None else parts)]
+    except (TypeError, ValueError):
         numbers = []
     if len(numbers) != len(names.split(",")) or not all(map(math.isfinite, numbers)):
-        raise OptionError(f"{option}: {text!r} is not {names}, all of them numbers")
+        raise OptionError(f"{option}: {value!r} is not {names}, all of them numbers")
     return numbers
+
+
+def parse_plant_option(text: str) -> tuple[str, float]:
+    """NAME=VALUE as a name and a number.
+
+    Raises:
+        OptionError: it is no such thing.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
 
 
 def checked(option: str, value: float, low: float, high: float) -> float:
@@ -101,16 +117,19 @@ def checked_epoch(epoch_s: float, speedup: float) -> float:
     return epoch_s
 
 
-def parse_route(text: str) -> Route:
-    """LAT,LON;LAT,LON;… in degrees.
+def parse_route(value: object) -> Route:
+    """LAT,LON;LAT,LON;… in degrees, or a list of such pairs.
 
     Raises:
         OptionError: it is no route; the message is one line.
     """
     try:
-        points = [part.partition(",") for part in text.split(";")]
-        return Route(tuple((float(north), float(east)) for north, _, east in points))
-    except ValueError as error:
+        parts = (
+            value.split(";") if isinstance(value, str) else list(cast("Iterable[object]", value))
+        )
+        pairs = [parse_numbers("--route", part, "LAT,LON") for part in parts]
+        return Route(tuple((north, east) for north, east in pairs))
+    except (TypeError, ValueError) as error:
         raise OptionError(f"--route: not LAT,LON;LAT,LON;… ({error})") from error
 
 

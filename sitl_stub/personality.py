@@ -1,114 +1,166 @@
-"""What differs between the autopilots, behind one interface."""
+"""What differs between the autopilots: a subclass in a file of its own holds all that one of them is.
+
+`arduplane.py` and `px4.py` are two; a user's file and an installed package (entry point
+`sitl_stub.autopilots`) add others.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import ClassVar
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.commands import Arming, Handlers, Result, SystemStatus
+from sitl_stub.aircraft import SpeedResponse
+from sitl_stub.commands import (
+    CUSTOM_MODE_FLAG,
+    DO_SET_MODE,
+    Arming,
+    Command,
+    Handlers,
+    Result,
+    SystemStatus,
+)
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import Flight
-from sitl_stub.modes import Mode
+from sitl_stub.modes import Mode, by_number
 from sitl_stub.parameters import Parameters
+from sitl_stub.registry import autopilots
+from sitl_stub.telemetry import (
+    ATTITUDE,
+    GLOBAL_POSITION_INT,
+    HEARTBEAT,
+    ONCE_A_SECOND_US,
+    SYS_STATUS,
+    VFR_HUD,
+)
+
+personality = autopilots.register
+"""`@personality("name")` makes a class known as `--autopilot name`."""
 
 
-class Personality(Protocol):
-    """One autopilot's modes, commands, setpoints and parameters."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loops:
+    """How an aircraft with this autopilot flies where its options name no plant."""
 
-    @property
-    def firmware(self) -> int:
-        """MAV_AUTOPILOT in the heartbeat."""
-        ...
+    plant: str = "heading-hold"
+    """Name of the model that flies."""
+    alpha_1_s: float = 1.2
+    """Gain of the course or heading hold, 1/s."""
+    speed_response: SpeedResponse = "first-order"
+    """Shape of the speed hold."""
+    course_dead_time_s: float = 0.0
+    """Dead time of the lateral loop, s."""
+    roll_delay_s: float = 0.0
+    """Time constant with which the bank that is wanted reaches the roll, s."""
 
-    @property
-    def version(self) -> int:
-        """Version of the firmware whose manners it has, as AUTOPILOT_VERSION says it."""
-        ...
 
-    @property
-    def capabilities(self) -> int:
-        """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION."""
-        ...
+class Personality:
+    """One autopilot's modes, commands, setpoints, parameters, versions and loops."""
 
-    @property
-    def unsent(self) -> frozenset[int]:
-        """Messages that only the other autopilot sends."""
-        ...
+    firmware: ClassVar[int]
+    """MAV_AUTOPILOT in the heartbeat."""
 
-    @property
-    def unrequested(self) -> Mapping[int, int]:
-        """Messages that come without having been asked for, with their intervals in microseconds."""
-        ...
+    versions: ClassVar[Sequence[tuple[int, int]]] = ()
+    """Major and minor of the versions that behave differently, oldest first."""
 
-    @property
-    def announces_modes(self) -> bool:
-        """Whether a status text tells of each change of mode."""
-        ...
+    loops: ClassVar[Loops] = Loops()
+    """How its aircraft flies where no plant is named."""
 
-    @property
-    def refuses_unknown_parameters(self) -> bool:
-        """Whether PARAM_ERROR answers for a parameter that does not exist, and not silence."""
-        ...
+    max_bank_deg: ClassVar[float] = 45.0
+    """Bank limit where none is given, degrees."""
 
-    @property
-    def modes(self) -> Sequence[Mode]:
-        """The flight modes it has."""
-        ...
+    version: int = 0
+    """Version of the firmware in AUTOPILOT_VERSION, one byte each for major, minor, patch and type."""
 
-    @property
-    def initial_mode(self) -> Mode:
-        """The mode of an aircraft that is already in the air: it circles."""
-        ...
+    capabilities: int = 2 | 4 | 8 | 8192
+    """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION: PARAM_FLOAT, MISSION_INT, COMMAND_INT, MAVLINK2."""
 
-    @property
-    def ground_mode(self) -> Mode:
-        """The mode of an aircraft that stands on the ground."""
-        ...
+    unsent: frozenset[int] = frozenset()
+    """Numbers of messages of the emulator that this autopilot never sends."""
 
-    @property
-    def parameters(self) -> Parameters:
-        """What a ground station reads and sets."""
-        ...
+    unrequested: Mapping[int, int] = dict.fromkeys(
+        (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), ONCE_A_SECOND_US
+    )
+    """Messages that it sends without a request, with their intervals in microseconds."""
 
-    @property
-    def arming(self) -> Arming:
-        """Its checks before arming."""
-        ...
+    announces_modes: bool = False
+    """Whether a status text reports each change of mode."""
 
-    @property
-    def commands(self) -> Handlers:
-        """Handlers of the commands that only this autopilot knows, or knows in its own way."""
-        ...
+    refuses_unknown_parameters: bool = False
+    """Whether PARAM_ERROR answers for a parameter that does not exist; if not, nothing answers."""
 
-    @property
-    def setpoints(self) -> Mapping[str, Callable[[Flight, MAVLink_message], str | None]]:
-        """Handlers of the setpoint messages it obeys; they tell what was wrong, or None."""
-        ...
+    answers_data_streams: bool = False
+    """Whether it obeys REQUEST_DATA_STREAM."""
+
+    modes: Sequence[Mode]
+    """Its flight modes."""
+
+    initial_mode: Mode
+    """Mode of an aircraft that is in the air at the start; it circles."""
+
+    ground_mode: Mode
+    """Mode of an aircraft that stands on the ground."""
+
+    mission_mode: Mode | None = None
+    """Mode in which it flies a route; None: the initial mode."""
+
+    parameters: Parameters
+    """What a ground station reads and sets."""
+
+    arming: Arming
+    """Its checks before arming."""
+
+    commands: Handlers
+    """Handlers of the commands that only this autopilot knows, or knows in its own way."""
+
+    setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]]
+    """Handlers of the setpoint messages it obeys, by name; they return what was wrong, or None."""
+
+    def __init__(self, config: AutopilotConfig) -> None:
+        """Make one with its modes alone: no setpoints, parameters or checks before arming."""
+        del config
+        self.parameters = Parameters([], "cast")
+        self.arming = Arming(lambda _flight: None, refused=Result.FAILED)
+        self.commands = {DO_SET_MODE: self.set_mode}
+        self.setpoints = {}
 
     @property
     def deadline_us(self) -> int | None:
-        """When `watch` has to look next, in simulation time; None for never."""
-        ...
+        """Simulation time at which `watch` has to look next, in microseconds; None for never."""
+        return None
+
+    def request_mode(self, flight: Flight, custom_mode: int) -> Result:
+        """Change the mode, by the number that HEARTBEAT and SET_MODE carry."""
+        mode = by_number(self.modes).get(custom_mode)
+        if mode is None:
+            return Result.DENIED
+        if mode is not flight.mode:
+            flight.enter(mode)
+        return Result.ACCEPTED
+
+    def set_mode(self, flight: Flight, command: Command) -> Result:
+        """176: param2 is the number of the mode."""
+        flags, custom_mode = command.used(1, 2)
+        if not int(flags) & CUSTOM_MODE_FLAG or custom_mode != int(custom_mode):
+            return Result.DENIED
+        return self.request_mode(flight, int(custom_mode))
 
     def begin(self, flight: Flight) -> None:
         """Give the flight the distances of the parameters, at its start."""
-        ...
+        del flight
 
     def changed(self, flight: Flight, name: str) -> None:
         """Let a parameter that was set take effect."""
-        ...
-
-    def request_mode(self, flight: Flight, custom_mode: int) -> Result:
-        """A mode change by the number that HEARTBEAT and SET_MODE carry."""
-        ...
+        del flight, name
 
     def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
-        """Take notice of another's heartbeat: fail-safes count those of the ground station."""
-        ...
+        """Take another system's heartbeat: fail-safes count those of the ground station."""
+        del flight, heartbeat
 
     def system_status(self, flight: Flight) -> SystemStatus:
         """MAV_STATE in the heartbeat."""
-        ...
+        return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
 
     def watch(self, flight: Flight) -> None:
-        """Look for what the passing of time alone changes."""
-        ...
+        """Apply what the passing of time alone changes."""
+        del flight

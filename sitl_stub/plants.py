@@ -4,32 +4,25 @@ A plant is the aircraft together with the loops that hold its targets. It is a p
 from one state, what is held and the air, to the state a step later.
 """
 
-import importlib.util
 import math
-import sys
-import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from importlib.metadata import entry_points
-from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from sitl_stub.air import Wind
-from sitl_stub.aircraft import PLANTS, PlantParameters
+from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import MAX_LAGGING_STEP_S, lagging_stepped
 from sitl_stub.loops import bank_of_rad, climb_acceleration_m_s2
 from sitl_stub.motion import Motion, body_motion, ideal_motion, lagging_motion
 from sitl_stub.plant import MAX_STEP_S, PlantState, stepped
+from sitl_stub.registry import plants
 from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, six_dof_stepped
 from sitl_stub.targets import Targets
 
 Kind = TypeVar("Kind", bound="type[Plant]")
-
-GROUP = "sitl_stub.plants"
-"""Entry points of installed packages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,21 +82,7 @@ def plant(name: str) -> Callable[[Kind], Kind]:
     """
 
     def add(found: Kind) -> Kind:
-        known = PLANTS.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (
-            found.__module__,
-            found.__qualname__,
-        ):
-            raise ValueError(f"{name}: there is a plant of this name already; choose another")
-        if not issubclass(found, Plant) or not found.longest_step_s > 0.0:
-            raise ValueError(
-                f"{name}: this is no Plant with a longest step; derive it from AirPlant"
-            )
-        missing = sorted(getattr(found, "__abstractmethods__", ()))
-        if missing:
-            raise ValueError(f"the plant {name} has no {', '.join(missing)}; write it")
-        PLANTS[name] = found
-        # In a notebook a class may be written anew.
+        plants.register(name)(found)
         plant_of.cache_clear()
         return found
 
@@ -117,46 +96,12 @@ def plant_of(parameters: PlantParameters) -> Plant:
     Raises:
         ValueError: it has no such options.
     """
-    kind = PLANTS[parameters.kind]
+    kind = plants.find(parameters.kind)
     # A slow hold of the speed makes of the first-order one another aircraft.
     if kind is Ideal and parameters.lags:
         kind = Lagging
     made: Plant = kind(parameters)
     return made
-
-
-def load_plugins(files: Sequence[str | Path]) -> None:
-    """Load files of Python with plants of one's own, each once.
-
-    Raises:
-        ValueError: a file cannot be loaded; the message is one line.
-    """
-    for file in map(Path, files):
-        name = f"sitl_stub_plugin_{file.stem}_{zlib.crc32(str(file.resolve()).encode()):08x}"
-        if name in sys.modules:
-            continue
-        spec = importlib.util.spec_from_file_location(name, file)
-        if spec is None or spec.loader is None or not file.is_file():
-            raise ValueError(f"{file}: there is no such file of Python")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        try:
-            spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:
-            del sys.modules[name]
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
-            raise ValueError(f"{file}: {reason}; mend the file") from error
-
-
-def load_installed() -> None:
-    """Load the plants that installed packages offer by the entry point `sitl_stub.plants`.
-
-    Raises:
-        Exception: whatever loading them does.
-    """
-    for one in entry_points(group=GROUP):
-        if one.name not in PLANTS:
-            plant(one.name)(one.load())
 
 
 @plant("course-hold")

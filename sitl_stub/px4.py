@@ -5,9 +5,8 @@ what a velocity without a position does in offboard, and by their number.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -25,26 +24,17 @@ from sitl_stub.commands import (
     NAV_TAKEOFF,
     Arming,
     Command,
-    Handlers,
     Result,
     SystemStatus,
     finite,
     height_target,
     place,
 )
-from sitl_stub.config import PX4_VERSIONS, AutopilotConfig
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
-from sitl_stub.modes import (
-    AUTO_LOITER,
-    AUTO_RTL,
-    AUTO_TAKEOFF,
-    GUIDED_COURSE,
-    OFFBOARD,
-    PX4_MODES,
-    Mode,
-    px4_custom_mode,
-)
+from sitl_stub.modes import Mode, by_number
 from sitl_stub.parameters import px4_parameters
+from sitl_stub.personality import Loops, Personality, personality
 from sitl_stub.px4_setpoints import KEEPS_COURSE, STEERS_BY_VELOCITY, Setpoint, setpoint_of
 from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
 from sitl_stub.telemetry import (
@@ -65,8 +55,39 @@ from sitl_stub.telemetry import (
     WIND,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
+"""Those that are distinguished, oldest first."""
+
+
+def px4_custom_mode(main: int, sub: int = 0) -> int:
+    """PX4's custom_mode: main mode in the third byte, sub mode in the fourth."""
+    return main << 16 | sub << 24
+
+
+OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "straight")
+GUIDED_COURSE = Mode("AUTO.COURSE", px4_custom_mode(4, 19), "straight")
+AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
+AUTO_TAKEOFF = Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
+AUTO_MISSION = Mode("AUTO.MISSION", px4_custom_mode(4, 4))
+AUTO_RTL = Mode("AUTO.RTL", px4_custom_mode(4, 5), "home")
+
+PX4_MODES = by_number(
+    [
+        Mode("MANUAL", px4_custom_mode(1)),
+        Mode("ALTCTL", px4_custom_mode(2)),
+        Mode("POSCTL", px4_custom_mode(3)),
+        AUTO_TAKEOFF,
+        AUTO_LOITER,
+        AUTO_MISSION,
+        AUTO_RTL,
+        Mode("AUTO.LAND", px4_custom_mode(4, 6)),
+        Mode("ACRO", px4_custom_mode(5)),
+        OFFBOARD,
+        Mode("STABILIZED", px4_custom_mode(7)),
+        GUIDED_COURSE,
+    ]
+)
+"""PX4's modes for a fixed wing, by number; Guided Course came with 1.18."""
 
 STREAM_FRESH_US = 500_000
 """A setpoint this recent lets OFFBOARD be entered: the stream must run at 2 Hz or faster."""
@@ -130,21 +151,36 @@ THROTTLES = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
 """Of level flight at the least airspeed, the trimmed and the greatest."""
 
 
-class Px4:
+@personality("px4")
+class Px4(Personality):
     """PX4 for a fixed wing."""
+
+    versions = VERSIONS
+    max_bank_deg = 50.0
+    loops = Loops(
+        plant="npfg",
+        alpha_1_s=4.0 * math.pi * 0.7 / 10.0,
+        speed_response="px4-untrimmed",
+        course_dead_time_s=0.06,
+        roll_delay_s=0.2,
+    )
+    """PX4's defaults, and fitted to 1.18.0-beta1: with the roll's 0.4 s they meet its courses in steps of 10
+    to 60 degrees to 4 % of a step."""
 
     firmware = 12  # MAV_AUTOPILOT_PX4
     capabilities = 59_647
     unsent = frozenset({WIND, EKF_STATUS_REPORT})
     unrequested = ONBOARD_LINK_US
-    announces_modes = False
+    modes: Sequence[Mode] = tuple(PX4_MODES.values())
     initial_mode = AUTO_LOITER
     ground_mode = AUTO_LOITER
+    mission_mode = AUTO_MISSION
 
     def __init__(self, config: AutopilotConfig) -> None:
-        number = config.autopilot_version or PX4_VERSIONS[-1]
+        super().__init__(config)
+        number = config.autopilot_version or VERSIONS[-1]
         major, minor = self._number = number
-        kind = BETA if number == PX4_VERSIONS[-1] else RELEASE
+        kind = BETA if number == VERSIONS[-1] else RELEASE
         self.version = major << 24 | minor << 16 | kind
         has_course = number >= GUIDED_COURSE_SINCE
         self.refuses_unknown_parameters = has_course
@@ -156,7 +192,7 @@ class Px4:
         self.modes = tuple(self._modes.values())
         self.parameters = px4_parameters(config)
         self.arming = Arming(self._arming_fault, refused=Result.TEMPORARILY_REJECTED)
-        self.commands: Handlers = {
+        self.commands = {
             DO_SET_MODE: self._set_mode,
             DO_CHANGE_SPEED: self._change_speed,
             DO_CHANGE_ALTITUDE: change_altitude,
@@ -166,7 +202,7 @@ class Px4:
             NAV_RETURN_TO_LAUNCH: self._return,
             DO_REPOSITION: self._reposition,
         }
-        self.setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]] = {
+        self.setpoints = {
             "SET_POSITION_TARGET_LOCAL_NED": self._take,
             "SET_POSITION_TARGET_GLOBAL_INT": self._take,
         }

@@ -194,29 +194,39 @@ autopilots = Registry(
 """How autopilots are spoken to."""
 
 
-class PlantNames:
-    """Names of the emulator's plants: a mission says one, and a companion imports no emulator.
+class EmulatorNames:
+    """Names of what the emulator has: missions say them, and a companion imports no emulator."""
 
-    What a file or a package has added is found where it was added.
-    """
+    def __init__(self, kind: str, own: Sequence[str]) -> None:
+        """Take the names of one kind.
 
-    own = ("course-hold", "heading-hold", "bank", "npfg", "six-dof")
-    """Those that the emulator has by itself."""
+        Args:
+            kind: of the emulator's registries, such as "plants".
+            own: names of those that are part of the emulator.
+        """
+        self._kind = kind
+        self.own = own
+        """Names of those that are part of the emulator."""
 
     def names(self) -> tuple[str, ...]:
-        """All known names."""
+        """All known names: the emulator's own in their order, then the others by name."""
         load_plugins_of_the_environment()
-        emulator = sys.modules.get("sitl_stub.aircraft")
-        added = {*installed("sitl_stub.plants"), *getattr(emulator, "PLANTS", ())}
+        # What a file adds is in the emulator's registry, which that file has imported.
+        emulator = sys.modules.get("sitl_stub.registry")
+        known = getattr(emulator, self._kind).names() if emulator else ()
+        added = {*installed(f"sitl_stub.{self._kind}"), *known}
         return (*self.own, *sorted(added - set(self.own)))
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is a plant of this name."""
+        """Whether there is one of this name."""
         return name in self.own or name in self.names()
 
 
-plants = PlantNames()
+plants = EmulatorNames("plants", ("course-hold", "heading-hold", "bank", "npfg", "six-dof"))
 """Aircraft that emulators fly."""
+
+emulated_autopilots = EmulatorNames("autopilots", ("ardupilot", "px4"))
+"""Autopilots that emulators behave as."""
 
 
 def plugin_files() -> list[str]:

@@ -11,7 +11,7 @@ from vfguide.commands.credentials import KeyFiles, check_flies, watched_formatio
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
-from vfguide.lab.rehearsal.live import emulator_command
+from vfguide.lab.rehearsal.emulators import emulator_command
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.watched import WatchedFlight, await_start, watched_flight
 from vfguide.link.opening import WatchedFormation
@@ -149,8 +149,16 @@ def emulate(
     """
     check_flies(mission, vehicle)
     epoch_s = await_start(start, patience_s=PATIENCE_S)
+    # In memory: a container's file system may be read-only. The emulator inherits what is open.
+    file = os.memfd_create("emulator", 0)
     command = emulator_command(
-        mission, vehicle, mavlink=mavlink, truth=truth, epoch_s=epoch_s, speedup=speedup
+        mission,
+        vehicle,
+        file=f"/proc/self/fd/{file}",
+        mavlink=mavlink,
+        truth=truth,
+        epoch_s=epoch_s,
+        speedup=speedup,
     )
     # The emulator takes this process over: it knows nothing of missions, and needs none of their memory.
     os.execv(command[0], command)  # noqa: S606

@@ -100,8 +100,8 @@ class AutopilotAdapter(ABC):
     by_mavsdk: ClassVar[bool] = False
     """Whether MAVSDK keeps the connection."""
 
-    rehearsed_as: ClassVar[Literal["ardupilot", "px4"]] = "ardupilot"
-    """What flies the vehicle in a rehearsal."""
+    rehearsed_as: ClassVar[str] = "ardupilot"
+    """Name of the emulated autopilot that flies the vehicle in a rehearsal."""
 
     def __init__(self, vehicle: "Vehicle") -> None:
         """Make one that has heard nothing of its autopilot.

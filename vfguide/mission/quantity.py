@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import PydanticKnownError
 
-from vfguide.registry import PlantNames, Registry
+from vfguide.registry import EmulatorNames, Registry
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """Any finite number."""
@@ -63,7 +63,7 @@ PathName = Annotated[str, Field(pattern=PATH_NAME)]
 """What one of a mission's other paths is called."""
 
 
-def known_in(registry: Registry | PlantNames) -> Callable[[str], str]:
+def known_in(registry: Registry | EmulatorNames) -> Callable[[str], str]:
     """Validates a name: it is one of a registry's, or an error that lists those."""
 
     def known(name: str) -> str:

@@ -17,7 +17,7 @@ from vfguide.mission.quantity import (
     WholeNumber,
     known_in,
 )
-from vfguide.registry import plants
+from vfguide.registry import emulated_autopilots, plants
 
 
 class Gust(Section):
@@ -132,6 +132,10 @@ class Start(Section):
 
 class Emulator(Section):
     """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
+
+    autopilot: Annotated[str, AfterValidator(known_in(emulated_autopilots))] | None = None
+    """What really answers; if absent, the autopilot that each vehicle's own `autopilot` is for. Another one
+    than `ardupilot` and `px4` is one of your own (`--plugin`)."""
 
     plant: Annotated[str, AfterValidator(known_in(plants))] | None = None
     """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,

@@ -4,7 +4,7 @@ import json
 
 from vfguide.mission.flight_path import shape_model
 from vfguide.mission.model import Mission
-from vfguide.registry import autopilots, laws, paths, plants
+from vfguide.registry import autopilots, emulated_autopilots, laws, paths, plants
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
@@ -40,8 +40,9 @@ def mission_schema() -> dict[str, object]:
             "description": "What every vehicle has that does not say otherwise.",
         }
     }
-    plant = schema["$defs"]["Emulator"]["properties"]["plant"]["anyOf"]
-    plant[0]["enum"] = list(plants.own)
+    emulator = schema["$defs"]["Emulator"]["properties"]
+    emulator["plant"]["anyOf"][0]["enum"] = list(plants.own)
+    emulator["autopilot"]["anyOf"][0]["enum"] = list(emulated_autopilots.own)
     del schema["$defs"]["PathShape"]
     mapping = {}
     for name in paths.own:

@@ -131,10 +131,9 @@ class Vehicle(Section):
     """Fastest change of speed along the flight path, either way, m/s²."""
 
     @property
-    def emulated_autopilot(self) -> Literal["ardupilot", "px4"]:
-        """What flies it in a rehearsal."""
-        flown: Literal["ardupilot", "px4"] = autopilots.find(self.autopilot).rehearsed_as
-        return flown
+    def emulated_autopilot(self) -> str:
+        """Name of the emulated autopilot that flies it in a rehearsal."""
+        return str(autopilots.find(self.autopilot).rehearsed_as)
 
     @property
     def by_mavsdk(self) -> bool:

@@ -18,7 +18,8 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 @pytest.fixture
 def run(tmp_path: Path, elsewhere: Run) -> Run:
     """Runs vfguide in a directory that holds nothing but the autopilot."""
-    shutil.copy(ROOT / "examples" / "own_autopilot.py", tmp_path)
+    for name in ("own_autopilot.py", "own_emulated_autopilot.py"):
+        shutil.copy(ROOT / "examples" / name, tmp_path)
 
     def start(
         *arguments: str, plugin: str | None = "own_autopilot.py"
@@ -56,3 +57,28 @@ def test_an_adapter_that_leaves_something_out_is_one_line(run: Run, tmp_path: Pa
     assert refused.returncode == 2, refused.stdout
     (line,) = refused.stderr.splitlines()
     assert re.search(r"partly\.py:\d+: the autopilot brief has no hand_back; write it$", line)
+
+
+def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run: Run) -> None:
+    chosen = ("--set", "rehearsal.emulator.autopilot=brief", "--duration", "60", "--json")
+    flown = run("fly", "circle-calm", *chosen, plugin="own_emulated_autopilot.py")
+    assert flown.returncode in (0, 1), flown.stderr
+    # its aircraft is the mission's, of first order
+    assert json.loads(flown.stdout)["formation"]["mean_error_m"] < 0.1
+    refused = run("fly", "circle-calm", *chosen, plugin=None)
+    assert refused.returncode == 2
+    assert "'brief' is not known; use one of: ardupilot, px4" in refused.stderr
+
+
+def test_the_emulator_is_started_with_it_by_its_name(elsewhere: Run, run: Run) -> None:
+    del run  # it has put the file there
+    options = ("--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "brief")
+    ended = elsewhere(
+        *("sitl_stub", *options, "--plugin", "own_emulated_autopilot.py", "--airborne"),
+        *("--duration", "1", "--speedup", "100"),
+    )
+    assert ended.returncode == 0, ended.stderr
+    refused = elsewhere("sitl_stub", *options)
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert line == "sitl-stub: --autopilot: brief is not one of ardupilot, px4"

@@ -1,13 +1,13 @@
-"""The emulator of a live flight is started by options: it must be the aircraft that lockstep flies."""
+"""The emulator of a live flight is started by a file: it must be the aircraft that lockstep flies."""
 
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sitl_stub import Autopilot, cli
-from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.live import emulator_command
+from vfguide.lab.rehearsal.emulators import emulator_command, emulator_of
 from vfguide.lab.studies.flown import article_mission
 from vfguide.mission import Mission
 
@@ -56,14 +56,17 @@ def unusual_mission() -> Mission:
     return Mission.model_validate(content)
 
 
-def emulator_by_command(mission: Mission, name: str, monkeypatch: pytest.MonkeyPatch) -> Autopilot:
-    """What the emulator program makes of the options that a live flight starts it with."""
+def emulator_by_command(
+    mission: Mission, name: str, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> Autopilot:
+    """What the emulator program makes of the file that a live flight starts it with."""
     served: list[Any] = []
     monkeypatch.setattr(cli, "serve_all", lambda fleet, *_arguments, **_named: served.extend(fleet))
     monkeypatch.setattr(cli, "run", lambda _service, _on_hangup: None)
     command = emulator_command(
         mission,
         name,
+        file=file,
         mavlink="udpout://127.0.0.1:14540",
         truth="udpout://127.0.0.1:14541",
         epoch_s=time.time(),
@@ -77,10 +80,11 @@ def emulator_by_command(mission: Mission, name: str, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("name", ["leader", "f1"])
 def test_a_live_flight_flies_the_aircraft_that_lockstep_flies(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mission = unusual_mission()
-    live, lockstep = emulator_by_command(mission, name, monkeypatch), emulator_of(mission, name)
+    live = emulator_by_command(mission, name, tmp_path / "emulator.yaml", monkeypatch)
+    lockstep = emulator_of(mission, name)
     assert live.config == lockstep.config
     # The air, too: wind, turbulence, gusts and shear show in what it reports.
     assert live.advance(6.0) == lockstep.advance(6.0)

@@ -13,7 +13,6 @@ from sitl_stub import (
     SteadyWind,
     Wind,
 )
-from sitl_stub.fleet import OWN_LOOPS
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
     lagging_stepped,
@@ -22,10 +21,11 @@ from sitl_stub.lagging_plant import (
     wanted_bank_rad,
 )
 from sitl_stub.plant import PlantState
+from sitl_stub.px4 import Px4
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 BANK = PlantParameters(kind="bank")
-LOOPS = OWN_LOOPS["px4"]
+LOOPS = Px4.loops
 OWN = PlantParameters(
     kind=LOOPS.plant,
     alpha_1_s=LOOPS.alpha_1_s,

@@ -18,7 +18,8 @@ from sitl_stub import (
     plant_of,
 )
 from sitl_stub.plant import PlantState
-from sitl_stub.plants import Plant, load_plugins
+from sitl_stub.plants import Plant
+from sitl_stub.registry import load_plugins
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_plant.py"
@@ -94,7 +95,9 @@ def test_what_leaves_something_out_or_takes_a_name_is_refused(tmp_path: Path) ->
     file.write_text(
         "from sitl_stub import AirPlant, plant\n\n@plant('partly')\nclass Partly(AirPlant): pass\n"
     )
-    with pytest.raises(ValueError, match=r"partly\.py: ValueError: the plant partly has no rates"):
+    with pytest.raises(
+        ValueError, match=r"partly\.py: ValueError: the class of partly has no rates"
+    ):
         load_plugins([file])
     with pytest.raises(ValueError, match="there is no such file of Python"):
         load_plugins([tmp_path / "absent.py"])

@@ -1,30 +1,36 @@
 """The emulated aircraft of a mission."""
 
+import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 import sitl_stub
 from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
+from vfguide.lab.rehearsal.processes import python_module
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.rehearsal import ArticleWind, SteadyWind, Wind
 from vfguide.mission.starts import StartState, follower_start, leader_start
-from vfguide.registry import load_plugins_of_the_environment
-
-STREAMS = {
-    "GLOBAL_POSITION_INT": 33,
-    "FOLLOW_TARGET": 144,
-    "GLOBAL_POSITION_INT_COV": 63,
-    "HIGH_LATENCY2": 235,
-    "ADSB_VEHICLE": 246,
-}
-"""Numbers of the messages that a leader without a companion is heard by."""
+from vfguide.registry import load_plugins_of_the_environment, plugin_files
 
 BOOTED_S = 1234.5
 """What its clock shows at the start of a rehearsal: nobody else's shows that."""
+
+OF_THE_VEHICLE = (
+    "system_id",
+    "alpha_1_s",
+    "beta_1_s",
+    "airspeed_range_m_s",
+    "max_bank_deg",
+    "max_acceleration_m_s2",
+    "climb_range_m_s",
+    "height_delay_s",
+)
+"""Fields that a vehicle and its emulator have alike."""
 
 ROUTE_POINTS = 361
 """Of the path of a mission, where an aircraft flies it by itself."""
@@ -33,126 +39,116 @@ ROUTE_BEYOND_M = 1000.0
 """A path without end goes on for so much longer than the aircraft can fly."""
 
 
-def air_of(mission: Mission) -> sitl_stub.Air:
-    """The air that a mission declares."""
-    wind = mission.wind
-    return sitl_stub.air_of(
-        wind_of(wind),
-        level=wind.turbulence,
-        height_m=mission.height_above_origin_m,
-        seed=mission.rehearsal.seed,
-        gusts=tuple(
-            sitl_stub.DiscreteGust(
-                start_s=gust.at_s,
-                length_s=gust.for_s,
-                north_m_s=gust.north_m_s,
-                east_m_s=gust.east_m_s,
-            )
-            for gust in wind.gusts
-        ),
-        roughness_m=wind.roughness_m,
-    )
+def settings_of(mission: Mission, name: str) -> dict[str, object]:
+    """What the emulator of a vehicle is started with, as `sitl-stub --config` takes it.
+
+    Lockstep, live flights and containers all make their emulators of this.
+    """
+    vehicle, rehearsal = mission.vehicles[name], mission.rehearsal
+    emulator, start = rehearsal.emulator, start_of(mission, name)
+    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
+    ground = mission.origin.altitude_amsl_m
+    altitude = ground + mission.height_above_origin_m + start.up_m
+    lowest, highest = vehicle.airspeed_range_m_s
+    settings: dict[str, object] = {
+        **emulator.model_dump(mode="json"),
+        **{field: getattr(vehicle, field) for field in OF_THE_VEHICLE},
+        "autopilot": emulator.autopilot or vehicle.emulated_autopilot,
+        "plant": emulator.plant or vehicle.plant,
+        "wind": mission.wind.model_dump(mode="json"),
+        "air_height_m": mission.height_above_origin_m,
+        "start": (float(latitude), float(longitude), altitude, start.course_deg),
+        "home_altitude_m": ground,
+        "airborne": True,
+        "climb_m_s": start.climb_m_s,
+        "airspeed_m_s": min(max(mission.leader.airspeed_m_s, lowest), highest),
+        "sensors": rehearsal.sensors,
+        "position_noise_m": rehearsal.position_noise_m,
+        "seed": rehearsal.seed,
+    }
+    if mission.leader.is_foreign and name == mission.leader.vehicle:
+        heard = rehearsal.leader_telemetry
+        settings |= {
+            "route": route_of(mission),
+            "streams": [f"{heard.message}:{heard.rate_hz!r}"],
+            "delay_s": heard.delay_s,
+            "jitter_s": heard.jitter_s,
+            "loss": heard.loss,
+            "icao_address": mission.leader.icao_address or 0,
+            "boot_time_s": BOOTED_S,
+        }
+    return settings
 
 
-def wind_of(wind: Wind) -> sitl_stub.Wind:
-    """The mean wind that a mission declares."""
-    if isinstance(wind, ArticleWind):
-        return sitl_stub.ArticleWind()
-    if isinstance(wind, SteadyWind):
-        return sitl_stub.SteadyWind(wind.speed_m_s, math.radians(wind.toward_deg))
-    return sitl_stub.CalmWind()
-
-
-def plant_of(mission: Mission, name: str) -> sitl_stub.PlantParameters:
-    """What really flies under this name.
+def checked_settings(mission: Mission, name: str) -> sitl_stub.Settings:
+    """The settings of a vehicle's emulator, which can fly by them.
 
     Raises:
-        InputError: the plant has no such options, or cannot be as the mission says.
+        InputError: it cannot; the message is one line.
     """
     load_plugins_of_the_environment()
-    sitl_stub.load_installed()
-    vehicle, emulator = mission.vehicles[name], mission.rehearsal.emulator
-    lowest, highest = vehicle.airspeed_range_m_s
     try:
-        parameters = sitl_stub.PlantParameters(
-            kind=emulator.plant or vehicle.plant,
-            alpha_1_s=vehicle.alpha_1_s,
-            beta_1_s=vehicle.beta_1_s,
-            airspeed_min_m_s=lowest,
-            airspeed_max_m_s=highest,
-            max_bank_rad=math.radians(vehicle.max_bank_deg),
-            max_acceleration_m_s2=vehicle.max_acceleration_m_s2,
-            climb_rate_max_m_s=vehicle.climb_range_m_s[1],
-            sink_rate_max_m_s=-vehicle.climb_range_m_s[0],
-            height_delay_s=vehicle.height_delay_s,
-            guided_p_cdeg_rad=emulator.guided_p,
-            roll_time_s=emulator.roll_time_s,
-            roll_delay_s=emulator.roll_delay_s,
-            turn_efficiency=emulator.turn_efficiency,
-            speed_response=emulator.speed_response,
-            course_dead_time_s=emulator.course_dead_time_s,
-            speed_dead_time_s=emulator.speed_dead_time_s,
-            options=sitl_stub.options_of(emulator.plant_options),
-        )
-        sitl_stub.plant_of(parameters)
+        settings = sitl_stub.Settings.of(settings_of(mission, name))
+        sitl_stub.plant_of(settings.config().plant)
     except ValueError as error:
         raise InputError(f"rehearsal.emulator: {error}") from error
-    return parameters
+    return settings
 
 
 def emulator_of(
     mission: Mission, name: str, faults: tuple[sitl_stub.Fault, ...] = ()
 ) -> sitl_stub.Autopilot:
     """The aircraft of this name, in the air at its start, and what is wrong with its reports."""
-    vehicle, heard = mission.vehicles[name], mission.rehearsal.leader_telemetry
-    start = start_of(mission, name)
-    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
-    ground = mission.origin.altitude_amsl_m
-    lowest, highest = vehicle.airspeed_range_m_s
-    config = sitl_stub.AutopilotConfig(
-        system_id=vehicle.system_id,
-        autopilot=vehicle.emulated_autopilot,
-        plant=plant_of(mission, name),
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl_m=ground + mission.height_above_origin_m + start.up_m,
-        home_altitude_amsl_m=ground,
-        course_rad=math.radians(start.course_deg),
-        climb_m_s=start.climb_m_s,
-        airspeed_m_s=min(max(mission.leader.airspeed_m_s, lowest), highest),
-        sensors=mission.rehearsal.sensors,
-        position_noise_m=mission.rehearsal.position_noise_m,
-        indicated_airspeed=mission.rehearsal.emulator.indicated_airspeed,
-        airspeed_calibration=mission.rehearsal.emulator.airspeed_calibration,
-        loop_rate_hz=mission.rehearsal.emulator.loop_rate_hz,
-        seed=mission.rehearsal.seed,
-        faults=faults,
-    )
-    if mission.leader.is_foreign and name == mission.leader.vehicle:
-        config = replace(
-            config,
-            route=route_of(mission),
-            streams=((STREAMS[heard.message], round(1e6 / heard.rate_hz)),),
-            icao_address=mission.leader.icao_address or 0,
-            boot_time_s=BOOTED_S,
-        )
-    return sitl_stub.Autopilot(config, air_of(mission))
+    settings = checked_settings(mission, name)
+    return sitl_stub.Autopilot(replace(settings.config(), faults=faults), settings.air())
 
 
 def foreign_leader_of(mission: Mission) -> sitl_stub.BadLink:
     """The leader without a companion, as others hear it."""
-    heard = mission.rehearsal.leader_telemetry
-    return sitl_stub.BadLink(
-        emulator_of(mission, mission.leader.vehicle),
-        delay_s=heard.delay_s,
-        jitter_s=heard.jitter_s,
-        loss=heard.loss,
-        seed=mission.rehearsal.seed,
-    )
+    leader = mission.leader.vehicle
+    return checked_settings(mission, leader).behind_its_link(emulator_of(mission, leader))
 
 
-def route_of(mission: Mission) -> sitl_stub.Route:
-    """The path of a mission as points for an aircraft that flies them by itself."""
+def emulator_command(
+    mission: Mission,
+    name: str,
+    *,
+    file: str | Path,
+    mavlink: str,
+    truth: str,
+    epoch_s: float,
+    speedup: float,
+    also_to: Sequence[str] = (),
+) -> list[str]:
+    """Write down the settings of a vehicle's emulator, and return the command that runs it by them.
+
+    Args:
+        mission: the mission.
+        name: of the vehicle.
+        file: where the settings are written to.
+        mavlink: address of its companion, or where it waits for one.
+        truth: address of the judge.
+        epoch_s: Unix time of simulation time 0.
+        speedup: simulation seconds for each real one.
+        also_to: where else it is heard.
+    """
+    settings = settings_of(mission, name) | {
+        # A law or a link among them does no harm there.
+        "plugins": plugin_files(),
+        "mavlink": mavlink,
+        "truth": truth,
+        "truth_rate_hz": mission.rehearsal.rate_hz,
+        "epoch_s": epoch_s,
+        "speedup": speedup,
+        "also_to": list(also_to),
+    }
+    # JSON is YAML, and writes every number with all its digits.
+    Path(file).write_text(json.dumps(settings, indent=1), encoding="utf-8")
+    return python_module("sitl_stub", f"--config={file}")
+
+
+def route_of(mission: Mission) -> list[tuple[float, float]]:
+    """Points (latitude, longitude; degrees) along a mission's path, for an aircraft without a companion."""
     path = path_of(mission.path)
     if math.isfinite(path.length):
         places = path.at(path.outline(ROUTE_POINTS))
@@ -166,7 +162,7 @@ def route_of(mission: Mission) -> sitl_stub.Route:
     ]
     if math.isfinite(path.length):
         points[-1] = points[0]
-    return sitl_stub.Route(tuple(points))
+    return points
 
 
 def start_of(mission: Mission, name: str) -> StartState:

@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from vfguide.companion.clock import Clock
-from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.emulators import BOOTED_S, route_of, start_of
+from vfguide.lab.rehearsal.emulators import emulator_command
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
 from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.link.address import parse_links
@@ -29,12 +28,10 @@ from vfguide.link.keys import (
 )
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission.model import Mission
-from vfguide.mission.rehearsal import ArticleWind, SteadyWind
 from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance, read_newest
 from vfguide.record.recording import events_files, guidance_files
-from vfguide.registry import plugin_files
 
 LEAD_S = 3.0
 """Real time that emulators get to start before simulation time 0."""
@@ -50,113 +47,6 @@ WRITTEN_S = 0.5
 
 START_PATIENCE_S = 30.0
 """Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
-
-
-def wind_option(mission: Mission) -> str:
-    """The wind of a mission as `sitl-stub` takes it."""
-    wind = mission.wind
-    if isinstance(wind, ArticleWind):
-        return "article"
-    if isinstance(wind, SteadyWind):
-        return f"steady:{wind.speed_m_s},{wind.toward_deg}"
-    return "calm"
-
-
-def emulator_command(
-    mission: Mission,
-    name: str,
-    *,
-    mavlink: str,
-    truth: str,
-    epoch_s: float,
-    speedup: float,
-    also_to: Sequence[str] = (),
-) -> list[str]:
-    """How to run the emulator of a vehicle.
-
-    Args:
-        mission: the mission.
-        name: of the vehicle.
-        mavlink: address of its companion, or where it waits for one.
-        truth: address of the judge.
-        epoch_s: Unix time of simulation time 0.
-        speedup: simulation seconds for each real one.
-        also_to: where else it is heard.
-    """
-    vehicle, start = mission.vehicles[name], start_of(mission, name)
-    emulator = mission.rehearsal.emulator
-    latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
-    ground = mission.origin.altitude_amsl_m
-    altitude = ground + mission.height_above_origin_m + start.up_m
-    lowest, highest = vehicle.airspeed_range_m_s
-    options = {
-        "system-id": vehicle.system_id,
-        "mavlink": mavlink,
-        "autopilot": vehicle.emulated_autopilot,
-        "plant": emulator.plant or vehicle.plant,
-        "guided-p": emulator.guided_p,
-        "roll-time": emulator.roll_time_s,
-        "roll-delay": emulator.roll_delay_s,
-        "turn-efficiency": emulator.turn_efficiency,
-        "speed-response": emulator.speed_response,
-        "course-dead-time": emulator.course_dead_time_s,
-        "airspeed-calibration": emulator.airspeed_calibration,
-        "alpha": vehicle.alpha_1_s,
-        "beta": vehicle.beta_1_s,
-        "wind": wind_option(mission),
-        "turbulence": mission.wind.turbulence,
-        "air-height": mission.height_above_origin_m,
-        "sensors": mission.rehearsal.sensors,
-        "start": f"{latitude!r},{longitude!r},{altitude},{start.course_deg}",
-        "airspeed": min(max(mission.leader.airspeed_m_s, lowest), highest),
-        "airspeed-range": f"{lowest},{highest}",
-        "max-bank": vehicle.max_bank_deg,
-        "max-acceleration": vehicle.max_acceleration_m_s2,
-        "climb-range": "{},{}".format(*vehicle.climb_range_m_s),
-        "height-delay": vehicle.height_delay_s,
-        "home-altitude": ground,
-        "position-noise": mission.rehearsal.position_noise_m,
-        "speedup": speedup,
-        "seed": mission.rehearsal.seed,
-        "truth": truth,
-        "truth-rate": mission.rehearsal.rate_hz,
-        "epoch": repr(epoch_s),
-    }
-    if emulator.speed_dead_time_s is not None:
-        options["speed-dead-time"] = emulator.speed_dead_time_s
-    if emulator.loop_rate_hz is not None:
-        options["loop-rate"] = emulator.loop_rate_hz
-    if mission.wind.roughness_m is not None:
-        options["roughness"] = mission.wind.roughness_m
-    pairs = [f"--{option}={value}" for option, value in options.items()]
-    pairs += [
-        f"--gust={gust.at_s},{gust.for_s},{gust.north_m_s},{gust.east_m_s}"
-        for gust in mission.wind.gusts
-    ]
-    pairs += [f"--plant-option={name}={value!r}" for name, value in emulator.plant_options.items()]
-    # A law or a link among them does no harm there.
-    pairs += [f"--plugin={file}" for file in plugin_files()]
-    if mission.leader.is_foreign and name == mission.leader.vehicle:
-        pairs += foreign_leader_options(mission)
-    pairs += [f"--also-to={address}" for address in also_to]
-    if emulator.indicated_airspeed:
-        pairs.append("--indicated-airspeed")
-    return python_module("sitl_stub", *pairs, "--airborne")
-
-
-def foreign_leader_options(mission: Mission) -> list[str]:
-    """What makes an emulator fly by itself, and be heard as the mission says."""
-    heard = mission.rehearsal.leader_telemetry
-    points = ";".join(f"{north!r},{east!r}" for north, east in route_of(mission).points_deg)
-    return [
-        f"--route={points}",
-        f"--stream={heard.message}:{heard.rate_hz!r}",
-        f"--delay={heard.delay_s!r}",
-        f"--jitter={heard.jitter_s!r}",
-        f"--loss={heard.loss!r}",
-        f"--icao-address={mission.leader.icao_address or 0}",
-        f"--boot-time={BOOTED_S!r}",
-    ]
 
 
 def watched_by_anybody(mission: Mission, links: Sequence[str]) -> WatchedFormation:
@@ -279,6 +169,7 @@ class LiveFlight:
             emulator = emulator_command(
                 self.mission,
                 name,
+                file=self._directory / f"{name}.emulator.yaml",
                 mavlink=first,
                 truth=f"udpout://127.0.0.1:{truth_port}",
                 epoch_s=self._epoch_s,

@@ -1,0 +1,147 @@
+"""Aircraft and autopilots by name: those of the emulator, of installed packages and of a user's files."""
+
+import importlib
+import importlib.util
+import sys
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, TypeVar
+
+Kind = TypeVar("Kind", bound="type[Any]")
+
+
+class Registry:
+    """Classes of one kind by name; a class is imported when it is asked for."""
+
+    def __init__(
+        self, kind: str, *, group: str, own: Mapping[str, str], has: Sequence[str]
+    ) -> None:
+        """Make a registry in which nothing is loaded yet.
+
+        Args:
+            kind: what the classes are, for messages, such as "plant".
+            group: the entry points of installed packages, such as "sitl_stub.plants".
+            own: the module of each class that is part of the emulator, by name.
+            has: what every class has to have.
+        """
+        self._kind = kind
+        self._group = group
+        self._own = own
+        self._has = has
+        self._known: dict[str, type[Any]] = {}
+
+    def register(self, name: str) -> Callable[[Kind], Kind]:
+        """Decorator that makes a class known by a name.
+
+        Raises:
+            ValueError: another class has this name already, or what it has to define is missing.
+        """
+
+        def add(found: Kind) -> Kind:
+            known = self._known.get(name)
+            taken = known is not None and (known.__module__, known.__qualname__) != (
+                found.__module__,
+                found.__qualname__,
+            )
+            if taken or self._own.get(name, found.__module__) != found.__module__:
+                raise ValueError(
+                    f"{name}: there is {self._kind} of this name already; choose another"
+                )
+            missing = [one for one in self._has if not hasattr(found, one)]
+            missing += sorted(getattr(found, "__abstractmethods__", ()))
+            if missing:
+                raise ValueError(f"the class of {name} has no {', '.join(missing)}; write it")
+            # In a notebook a class may be written anew.
+            self._known[name] = found
+            return found
+
+        return add
+
+    def names(self) -> tuple[str, ...]:
+        """All known names: the emulator's own in their order, then the others by name."""
+        others = ({*installed(self._group)} | set(self._known)) - set(self._own)
+        return (*self._own, *sorted(others))
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a class of this name."""
+        return name in self._own or name in self._known or name in installed(self._group)
+
+    def find(self, name: str) -> type[Any]:
+        """The class of this name.
+
+        Raises:
+            ValueError: there is none, or the package that offers it cannot be loaded; one line.
+        """
+        if name not in self._known and name in self._own:
+            importlib.import_module(self._own[name])
+        elif name not in self._known and name in installed(self._group):
+            self.register(name)(loaded(installed(self._group)[name]))
+        if name not in self._known:
+            raise ValueError(f"{name} is not one of {', '.join(self.names())}")
+        return self._known[name]
+
+
+@cache
+def installed(group: str) -> dict[str, EntryPoint]:
+    """What installed packages offer, by name."""
+    return {one.name: one for one in entry_points(group=group)}
+
+
+def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
+    """What an installed package offers.
+
+    Raises:
+        ValueError: it cannot be loaded.
+    """
+    try:
+        return entry.load()
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(
+            f"{entry.name}: {entry.value} of an installed package cannot be loaded ({reason}); mend it"
+        ) from error
+
+
+plants = Registry(
+    "a plant",
+    group="sitl_stub.plants",
+    own=dict.fromkeys(
+        ("heading-hold", "course-hold", "bank", "npfg", "six-dof"), "sitl_stub.plants"
+    ),
+    has=("step", "motion", "longest_step_s"),
+)
+"""Aircraft with their loops, by the name that `--plant` and `rehearsal.emulator.plant` give."""
+
+autopilots = Registry(
+    "an autopilot",
+    group="sitl_stub.autopilots",
+    own={"ardupilot": "sitl_stub.arduplane", "px4": "sitl_stub.px4"},
+    has=("firmware", "modes", "loops"),
+)
+"""Autopilots by the name that `--autopilot` gives."""
+
+
+def load_plugins(files: Sequence[str | Path]) -> None:
+    """Load files of Python with plants and autopilots of the user's, each once.
+
+    Raises:
+        ValueError: a file cannot be loaded; the message is one line.
+    """
+    for file in map(Path, files):
+        name = f"sitl_stub_plugin_{file.stem}_{zlib.crc32(str(file.resolve()).encode()):08x}"
+        if name in sys.modules:
+            continue
+        spec = importlib.util.spec_from_file_location(name, file)
+        if spec is None or spec.loader is None or not file.is_file():
+            raise ValueError(f"{file}: there is no such file of Python")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:
+            del sys.modules[name]
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ValueError(f"{file}: {reason}; mend the file") from error

@@ -1,0 +1,539 @@
+"""What a fleet of emulators is started with: one section, for the command line, for a file and for Python.
+
+A field has the name and the unit that a mission gives it (`vehicles.*`, `wind`, `rehearsal.emulator`). The
+option of the command is that name without its unit, its help the docstring.
+"""
+
+import math
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
+
+from sitl_stub.air import LEAST_HEIGHT_M, Air, CalmWind, DiscreteGust, Turbulence, Wind, air_of
+from sitl_stub.aircraft import PlantParameters, SpeedResponse
+from sitl_stub.autopilot import Autopilot
+from sitl_stub.bad_link import BadLink, Emulated
+from sitl_stub.codec import Signing, key_of
+from sitl_stub.config import AutopilotConfig
+from sitl_stub.geometry import displace
+from sitl_stub.links import Address, parse_address
+from sitl_stub.options import (
+    OptionError,
+    checked,
+    parse_gust,
+    parse_numbers,
+    parse_plant_option,
+    parse_route,
+    parse_stream,
+    parse_wind,
+)
+from sitl_stub.personality import Loops
+from sitl_stub.plants import options_of
+from sitl_stub.registry import autopilots, load_plugins, plants
+from sitl_stub.route import Route
+from sitl_stub.sensor_errors import Fault, SensorGrade
+
+DEFAULT_HEIGHT_M = 100.0
+"""Start above home, where home's altitude is not given."""
+
+MAX_COUNT = 100
+
+UNIT = re.compile(r"_(1_s|m_s2|m_s|deg|hz|m|s)$")
+"""The end of a field's name that its option does without."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How a field is an option of the command."""
+
+    metavar: str | None = None
+    """What its value looks like."""
+    name: str | None = None
+    """Without dashes; None: the field's name without its unit."""
+    shown: str | None = None
+    """Its default in the help, where that is no number or word."""
+
+
+def numbers(option: str, names: str) -> BeforeValidator:
+    """Takes finite numbers from a list or from a text with commas."""
+    return BeforeValidator(lambda value: tuple(parse_numbers(option, value, names)))
+
+
+def each(parse: Callable[[Any], object]) -> PlainValidator:
+    """Takes a list of values that are parsed one by one."""
+    return PlainValidator(lambda values: tuple(parse(one) for one in listed(values)))
+
+
+def listed(values: object) -> Iterable[object]:
+    """The values of a list, or a single one."""
+    return values if isinstance(values, list | tuple) else [values]
+
+
+def glitch(value: object) -> Fault:
+    """AT,FOR,N,E: positions off for a time."""
+    return Fault("offset", *parse_numbers("--gps-glitch", value, "AT,FOR,N,E"))
+
+
+def stream(value: object) -> tuple[int, int]:
+    """NAME:HZ as a number and an interval in microseconds."""
+    return parse_stream(str(value))
+
+
+def named_numbers(value: object) -> dict[str, float]:
+    """Numbers by name, or a list of NAME=VALUE."""
+    if isinstance(value, Mapping):
+        return {str(name): float(number) for name, number in value.items()}
+    return dict(parse_plant_option(str(one)) for one in listed(value))
+
+
+LowHigh = tuple[float, float]
+Place = tuple[float, float, float, float]
+
+
+class Settings(BaseModel):
+    """Emulated aircraft, all of them alike."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    system_id: Annotated[int, Option("N")]
+    """MAVLink system id, 1 to 255. Required."""
+
+    mavlink: Annotated[str | None, Option("URL")] = None
+    """udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT. Required."""
+
+    count: Annotated[int, Option("N")] = 1
+    """Aircraft in this process: system ids and ports count up."""
+
+    autopilot: Annotated[str, Option("NAME")] = "ardupilot"
+    """ardupilot, px4, or one of --plugin: as which it behaves."""
+
+    autopilot_version: Annotated[str | None, Option("X.Y")] = None
+    """Of px4, 1.14 to 1.18; default: the newest."""
+
+    plant: Annotated[str | None, Option("NAME")] = None
+    """heading-hold: first order, the wind drifts it; course-hold: the article's model; bank: bank from course
+    error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body; or one of --plugin. Default:
+    heading-hold; with px4 npfg, with all that was measured on it."""
+
+    plant_options: Annotated[
+        dict[str, float],
+        BeforeValidator(named_numbers),
+        Option("NAME=VALUE", "plant-option"),
+    ] = Field(default_factory=dict)
+    """A number of a plant of your own. Repeatable."""
+
+    plugins: Annotated[tuple[Path, ...], BeforeValidator(listed), Option("FILE", "plugin")] = ()
+    """A file of Python with a plant or an autopilot of your own. Repeatable."""
+
+    alpha_1_s: Annotated[float | None, Option("A")] = None
+    """Gain of the course or heading hold, 1/s; default 1.2, PX4's own 0.88."""
+
+    beta_1_s: Annotated[float, Option("B")] = 0.8
+    """Gain of the speed hold, 1/s."""
+
+    speed_response: Annotated[SpeedResponse | None, Option()] = None
+    """tecs: as ArduPlane, late and slow to settle; px4: slews and swings; px4-untrimmed: as it comes, creeps.
+    Default: first-order, PX4's own px4-untrimmed."""
+
+    guided_p: Annotated[float, Option("P")] = 12_000.0
+    """With bank: bank per course error, 0.01 deg/rad."""
+
+    roll_time_s: Annotated[float, Option("S")] = 0.4
+    """With bank: time constant of the roll."""
+
+    roll_delay_s: Annotated[float | None, Option("S")] = None
+    """With bank: that of the bank on its way there; default 0, PX4's own 0.2."""
+
+    turn_efficiency: Annotated[float, Option("X")] = 1.0
+    """With bank: parts of the coordinated turn."""
+
+    course_dead_time_s: Annotated[float | None, Option("S")] = None
+    """Until a new course reaches its loop; default 0, PX4's own 0.06."""
+
+    speed_dead_time_s: Annotated[float | None, Option("S")] = None
+    """Until a new speed reaches its loop; default 0, with tecs 0.5."""
+
+    airspeed_range_m_s: Annotated[
+        LowHigh, numbers("--airspeed-range", "LO,HI"), Option("LO,HI", shown="12,32")
+    ] = (12.0, 32.0)
+    """What it can fly, m/s."""
+
+    max_bank_deg: Annotated[float | None, Option("DEG")] = None
+    """Limit of the bank; default 45, with px4 50."""
+
+    max_acceleration_m_s2: Annotated[float, Option("A")] = 3.0
+    """Limit of the rate of change of speed, m/s2."""
+
+    climb_range_m_s: Annotated[
+        LowHigh, numbers("--climb-range", "LO,HI"), Option("LO,HI", shown="-3,3")
+    ] = (-3.0, 3.0)
+    """Fastest sink, negative, and climb, m/s."""
+
+    height_delay_s: Annotated[float, Option("S")] = 2.0
+    """How far the height is behind one that climbs."""
+
+    wind: Annotated[Wind, PlainValidator(parse_wind), Option("WIND", shown="calm")] = CalmWind()
+    """calm, article or steady:SPEED,TOWARD_DEG."""
+
+    turbulence: Annotated[Turbulence, Option()] = "none"
+    """Dryden's, by MIL-F-8785C; shared by all of one seed."""
+
+    air_height_m: Annotated[float, Option("M")] = 100.0
+    """Above the ground, for which wind and turbulence are meant."""
+
+    gusts: Annotated[tuple[DiscreteGust, ...], each(parse_gust), Option("AT,FOR,N,E", "gust")] = ()
+    """One minus cosine: seconds, m/s. Repeatable."""
+
+    roughness_m: Annotated[float | None, Option("M")] = None
+    """Of the ground, above 0 to 0.5: the wind then grows with height."""
+
+    start: Annotated[
+        Place,
+        numbers("--start", "LAT,LON,ALT,COURSE"),
+        Option("LAT,LON,ALT,COURSE", shown="47.397742,8.545594,588,0"),
+    ] = (47.397742, 8.545594, 588.0, 0.0)
+    """Degrees, metres above mean sea level, degrees."""
+
+    airborne: Annotated[bool, Option()] = False
+    """Start in the air; else on the ground, disarmed, at ALT."""
+
+    airspeed_m_s: Annotated[float, Option("M_S")] = 20.0
+    """In the air, where none is commanded."""
+
+    climb_m_s: Annotated[float, Option("M_S")] = 0.0
+    """Climb rate at a start in the air, positive up."""
+
+    home_altitude_m: Annotated[float | None, Option("M")] = None
+    """Of the ground below the start; default: 100 m below it."""
+
+    spacing_m: Annotated[float, Option("M")] = 30.0
+    """With --count: from one start to the next, to the right."""
+
+    ready_after_s: Annotated[float, Option("S")] = 0.0
+    """Until sensors have settled and it can be armed."""
+
+    route: Annotated[Route | None, PlainValidator(parse_route), Option("LAT,LON;…")] = None
+    """Fly this by itself; round, if it ends where it begins."""
+
+    position_noise_m: Annotated[float, Option("M")] = 0.0
+    """Standard deviation of reported positions."""
+
+    velocity_noise_m_s: Annotated[float, Option("M_S")] = 0.0
+    """Standard deviation of reported velocities over ground."""
+
+    heading_noise_deg: Annotated[float, Option("DEG")] = 0.0
+    """Standard deviation of reported headings."""
+
+    airspeed_noise_m_s: Annotated[float, Option("M_S")] = 0.0
+    """Standard deviation of reported airspeeds."""
+
+    sensors: Annotated[SensorGrade, Option()] = "ideal"
+    """GNSS of this grade, and other sensors like real ones."""
+
+    gps_glitches: Annotated[
+        tuple[Fault, ...], each(glitch), Option("AT,FOR,N,E", "gps-glitch")
+    ] = ()
+    """Positions off for a time: seconds, metres. Repeatable."""
+
+    indicated_airspeed: Annotated[bool, Option()] = False
+    """Airspeeds on the wire are not the true ones."""
+
+    airspeed_calibration: Annotated[float, Option("X")] = 1.0
+    """Shown airspeed in parts of the right one."""
+
+    loop_rate_hz: Annotated[float | None, Option("HZ")] = None
+    """Telemetry leaves on this scheduler's ticks only; default: on time."""
+
+    old_parameter_names: Annotated[bool, Option()] = False
+    """ArduPlane's before 4.5, such as ARSPD_FBW_MIN."""
+
+    streams: Annotated[tuple[tuple[int, int], ...], each(stream), Option("NAME:HZ", "stream")] = ()
+    """Send this unasked instead of the autopilot's own. Repeatable."""
+
+    icao_address: Annotated[int, Option("N")] = 0
+    """Of its transponder, for ADSB_VEHICLE."""
+
+    boot_time_s: Annotated[float, Option("S")] = 0.0
+    """What its clock shows at the start."""
+
+    also_to: Annotated[tuple[str, ...], BeforeValidator(listed), Option("URL")] = ()
+    """udpout:// address that hears it, too. Repeatable; not with --count."""
+
+    delay_s: Annotated[float, Option("S")] = 0.0
+    """Each way, of every datagram."""
+
+    jitter_s: Annotated[float, Option("S")] = 0.0
+    """More or less than the delay."""
+
+    loss: Annotated[float, Option("P")] = 0.0
+    """Share of datagrams lost, each way."""
+
+    signing_key: Annotated[str | None, Option("KEY")] = None
+    """Sign and hear only what is signed: 64 hex digits, or a passphrase."""
+
+    speedup: Annotated[float, Option("X")] = 1.0
+    """Seconds of simulation in one real second."""
+
+    seed: Annotated[int, Option("N")] = 0
+    """Of everything random."""
+
+    truth: Annotated[str | None, Option("TO")] = None
+    """True states as JSON lines: udpout://HOST:PORT or a file."""
+
+    truth_rate_hz: Annotated[float, Option("HZ")] = 20.0
+    """True states in a second of simulation."""
+
+    duration_s: Annotated[float | None, Option("S")] = None
+    """Simulation time at which it ends."""
+
+    epoch_s: Annotated[float | None, Option("SECONDS")] = None
+    """Unix time of simulation time zero, the same for a whole formation; default: now."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_mission_s_wind(cls, values: object) -> object:
+        """A mission's `wind` holds its turbulence, gusts and roughness."""
+        if not (isinstance(values, Mapping) and isinstance(values.get("wind"), Mapping)):
+            return values
+        inside = ("turbulence", "gusts", "roughness_m")
+        taken = {name: values["wind"][name] for name in inside if name in values["wind"]}
+        return {**taken, **values}
+
+    @classmethod
+    def of(cls, values: Mapping[str, object]) -> Self:
+        """Settings of these values.
+
+        Raises:
+            OptionError: a value is wrong; the message is one line.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            cause = first.get("ctx", {}).get("error")
+            name = option_name(str(first["loc"][0])) if first["loc"] else ""
+            said = str(cause or f"--{name}: {first['msg'][0].lower()}{first['msg'][1:]}")
+            raise OptionError(said) from error
+
+    def plant_parameters(self) -> PlantParameters:
+        """The aircraft.
+
+        Raises:
+            ValueError: there is no such plant, or it cannot be so; the message is one line.
+        """
+        own = self._autopilot()
+        loops = own.loops if self.plant is None else Loops(plant=self.plant)
+        if loops.plant not in plants:
+            raise OptionError(f"--plant: {loops.plant} is not one of {', '.join(plants.names())}")
+        slowest, fastest = self.airspeed_range_m_s
+        sink, climb = self.climb_range_m_s
+        if not sink < 0.0 < climb:
+            raise OptionError(
+                f"--climb-range: {sink:g},{climb:g} does not reach from below to above 0"
+            )
+        max_bank_deg = given(self.max_bank_deg, own.max_bank_deg)
+        if not 0.0 < max_bank_deg < 90.0:
+            raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
+        return PlantParameters(
+            kind=loops.plant,
+            alpha_1_s=given(self.alpha_1_s, loops.alpha_1_s),
+            beta_1_s=self.beta_1_s,
+            airspeed_min_m_s=slowest,
+            airspeed_max_m_s=fastest,
+            max_bank_rad=math.radians(max_bank_deg),
+            max_acceleration_m_s2=self.max_acceleration_m_s2,
+            climb_rate_max_m_s=climb,
+            sink_rate_max_m_s=-sink,
+            height_delay_s=self.height_delay_s,
+            guided_p_cdeg_rad=self.guided_p,
+            roll_time_s=self.roll_time_s,
+            turn_efficiency=self.turn_efficiency,
+            roll_delay_s=given(self.roll_delay_s, loops.roll_delay_s),
+            speed_response=self.speed_response or loops.speed_response,
+            course_dead_time_s=given(self.course_dead_time_s, loops.course_dead_time_s),
+            speed_dead_time_s=self.speed_dead_time_s,
+            options=options_of(self.plant_options),
+        )
+
+    def config(self, index: int = 0) -> AutopilotConfig:
+        """What one of the aircraft starts with, counted from 0.
+
+        Raises:
+            ValueError: it cannot start so; the message is one line.
+        """
+        latitude_deg, longitude_deg, altitude_m, course_deg = self.place(index)
+        below_m = DEFAULT_HEIGHT_M if self.airborne else 0.0
+        return AutopilotConfig(
+            system_id=self.system_id + index,
+            autopilot=self.autopilot,
+            autopilot_version=self._version(),
+            plant=self.plant_parameters(),
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            altitude_amsl_m=altitude_m,
+            home_altitude_amsl_m=given(self.home_altitude_m, altitude_m - below_m),
+            course_rad=math.radians(course_deg),
+            climb_m_s=self.climb_m_s,
+            airspeed_m_s=self.airspeed_m_s,
+            airborne=self.airborne,
+            armed=self.airborne,
+            ready_after_s=self.ready_after_s,
+            position_noise_m=self.position_noise_m,
+            velocity_noise_m_s=self.velocity_noise_m_s,
+            heading_noise_rad=math.radians(self.heading_noise_deg),
+            airspeed_noise_m_s=self.airspeed_noise_m_s,
+            sensors=self.sensors,
+            faults=self.gps_glitches,
+            indicated_airspeed=self.indicated_airspeed,
+            airspeed_calibration=self.airspeed_calibration,
+            loop_rate_hz=self.loop_rate_hz,
+            old_parameter_names=self.old_parameter_names,
+            route=self.route,
+            streams=self.streams or None,
+            icao_address=int(checked("--icao-address", self.icao_address, -1, 2**24)) + index,
+            boot_time_s=checked("--boot-time", self.boot_time_s, -1.0, 1e9),
+            seed=int(checked("--seed", self.seed, -1, 2**63)),
+        )
+
+    def air(self) -> Air:
+        """The air that all of them share.
+
+        Raises:
+            ValueError: it cannot be so; the message is one line.
+        """
+        height_m = checked("--air-height", self.air_height_m, 0.0, 1e4)
+        if self.roughness_m is not None:
+            checked("--roughness", self.roughness_m, 0.0, min(LEAST_HEIGHT_M, height_m) / 2.0)
+        return air_of(
+            self.wind,
+            level=self.turbulence,
+            height_m=height_m,
+            seed=self.seed,
+            gusts=self.gusts,
+            roughness_m=self.roughness_m,
+        )
+
+    def fleet(self) -> list[tuple[Emulated, Address]]:
+        """All aircraft with their addresses: system ids and ports count up from the first one's.
+
+        Raises:
+            ValueError: a setting is wrong; the message is one line.
+        """
+        if self.mavlink is None:
+            raise OptionError("--mavlink: is missing; write one like udpin://127.0.0.1:14540")
+        if not 1 <= self.count <= MAX_COUNT:
+            raise OptionError(f"--count: {self.count} is not 1 to {MAX_COUNT}")
+        first = parse_address(self.mavlink)
+        air = self.air()
+        key = None if self.signing_key is None else key_of(self.signing_key)
+        fleet: list[tuple[Emulated, Address]] = []
+        for index in range(self.count):
+            signing = None if key is None else Signing(key)
+            one: Emulated = Autopilot(self.config(index), air, signing=signing, unix_time=time.time)
+            if self.delay_s or self.jitter_s or self.loss:
+                one = self.behind_its_link(one)
+            port = first.port + index if first.port else 0
+            fleet.append((one, Address(first.scheme, first.host, port)))
+        if first.port + self.count - 1 > 65_535:
+            raise OptionError(f"--count: there are no {self.count} ports from {first.port} on")
+        return fleet
+
+    def behind_its_link(self, autopilot: Emulated) -> BadLink:
+        """An autopilot whose datagrams are late or lost as these settings say.
+
+        Raises:
+            ValueError: a number is out of its range.
+        """
+        return BadLink(
+            autopilot,
+            delay_s=self.delay_s,
+            jitter_s=self.jitter_s,
+            loss=self.loss,
+            seed=self.seed,
+        )
+
+    def place(self, index: int) -> Place:
+        """Latitude, longitude, altitude and course of one of them: each right of the one before."""
+        latitude_deg, longitude_deg, altitude_m, course_deg = self.start
+        if index == 0 or abs(latitude_deg) > 89.0:
+            return self.start
+        right_rad = math.radians(course_deg + 90.0)
+        latitude_rad, longitude_rad = displace(
+            math.radians(latitude_deg),
+            math.radians(longitude_deg),
+            altitude_m,
+            north_m=index * self.spacing_m * math.cos(right_rad),
+            east_m=index * self.spacing_m * math.sin(right_rad),
+        )
+        return math.degrees(latitude_rad), math.degrees(longitude_rad), altitude_m, course_deg
+
+    def _autopilot(self) -> type[Any]:
+        """The class of its autopilot.
+
+        Raises:
+            OptionError: there is none of this name, or a plugin cannot be loaded.
+        """
+        try:
+            load_plugins(self.plugins)
+        except ValueError as error:
+            raise OptionError(f"--plugin {error}") from error
+        try:
+            return autopilots.find(self.autopilot)
+        except ValueError as error:
+            raise OptionError(f"--autopilot: {error}") from error
+
+    def _version(self) -> tuple[int, int] | None:
+        """Major and minor of the autopilot's version.
+
+        Raises:
+            OptionError: it is no version.
+        """
+        text = self.autopilot_version
+        if text is None:
+            return None
+        if not self._autopilot().versions:
+            raise OptionError(
+                f"--autopilot-version: {self.autopilot} has no versions; add --autopilot px4, or leave it out"
+            )
+        major, dot, minor = text.partition(".")
+        if not (dot and major.isdecimal() and minor.isdecimal()):
+            raise OptionError(f"--autopilot-version: {text} is not MAJOR.MINOR")
+        return int(major), int(minor)
+
+
+def given(value: float | None, default: float) -> float:
+    """A value, or the default where none was given."""
+    return default if value is None else value
+
+
+def option_of(field: str) -> Option:
+    """How a field is an option."""
+    metadata = Settings.model_fields[field].metadata
+    return next(one for one in metadata if isinstance(one, Option))
+
+
+def option_name(field: str) -> str:
+    """The name of a field's option, without dashes."""
+    return option_of(field).name or UNIT.sub("", field).replace("_", "-")
+
+
+def field_names() -> dict[str, str]:
+    """Fields by all spellings that a file may use: their own, and their options', with - or _."""
+    spellings: dict[str, str] = {}
+    for field in Settings.model_fields:
+        option = option_name(field)
+        spellings |= dict.fromkeys((field, option, option.replace("-", "_")), field)
+    return spellings
