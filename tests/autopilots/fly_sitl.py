@@ -11,10 +11,11 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -114,8 +115,7 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
     Returns:
         The mission's name, and the verdict.
     """
-    changes = reduce(merged, map(yaml.safe_load, options.changes), {})
-    mission = load(options.mission, changes)
+    mission = load(options.mission, changes_of(options.changes))
     speed, from_deg = (float(part) for part in options.wind.split(","))
     followers = list(mission.followers_by_name)
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
@@ -150,6 +150,11 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
         )
         verdict, _ = fly(plan, options.duration, sorted(occurrences, key=lambda one: one.began_s))
     return mission.name, verdict
+
+
+def changes_of(texts: Sequence[str]) -> dict[str, Any]:
+    """What all of --with change."""
+    return reduce(merged, map(yaml.safe_load, texts), {})
 
 
 def occurrence(text: str, known: Mapping[str, Fault]) -> Occurrence:

@@ -1,9 +1,9 @@
-"""Flies the rows of docs/accuracy.md's table of real autopilots, several flights each, of which the worst counts.
+"""Flies the rows of docs/accuracy.md on real autopilots, several flights each, of which the worst counts.
 
     python -m tests.autopilots.table px4-circle px4-line --flights 2
 
-The programs are named by the variables ARDUPLANE and PX4. Every flight is appended to a file as a line of JSON
-as soon as it is over; `--print` makes the table of what is there. Exit status: 0 all flown, 1 not.
+The programs are named by the variables ARDUPLANE and PX4. Every flight is appended to a file as a line of
+JSON as soon as it is over; `--print` makes the table of what is there. Exit status: 0 all flown, 1 not.
 """
 
 import argparse
