@@ -313,7 +313,7 @@ def conclude(
     mission = formation.mission
     frame = local_frame(mission)
     tracks = {
-        name: true_track(simulator.station, frame, time_s)
+        name: true_track(simulator.station, frame, time_s, has_own_pace=simulator.has_own_pace)
         for name, simulator in formation.simulators.items()
     }
     guidance = {

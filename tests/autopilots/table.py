@@ -91,6 +91,8 @@ class Flight:
     """In the leader's own frame, m."""
     roll: float
     """How fast the follower that rolls most rolls (rms), in parts of how fast the leader does."""
+    roll_deg_s: float
+    """The same, degrees a second: in calm air a leader hardly rolls at all."""
     limited: float
     """The greatest share of a follower's setpoints that a limit cut."""
     lost_s: float
@@ -103,8 +105,8 @@ class Flight:
         lost = "" if self.kept_time else ": it tells of the computer"
         return (
             f"{self.row}, {self.began}: {words(self.intended)} m as meant, {words(self.as_it_is)} in the"
-            f" leader's frame, roll {self.roll:.2f}, limited {self.limited:.1%},"
-            f" lost {self.lost_s:.2f} s{lost}, load {self.load:.1f}"
+            f" leader's frame, roll {self.roll_deg_s:.1f} deg/s ({self.roll:.2f} of the leader's),"
+            f" limited {self.limited:.1%}, lost {self.lost_s:.2f} s{lost}, load {self.load:.1f}"
         )
 
     @property
@@ -128,9 +130,8 @@ def main() -> int:
         parser.error(f"no row {', '.join(unknown)}; there are {', '.join(ROWS)}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     failed = False
-    for name in (
-        [] if options.only_print else [each for each in names for _ in range(options.flights)]
-    ):
+    flights = 0 if options.only_print else options.flights
+    for name in [each for each in names for _ in range(flights)]:
         try:
             flight = fly_row(name, options.duration)
         except (FlightError, VfguideError) as error:
@@ -161,6 +162,7 @@ def fly_row(name: str, duration_s: float) -> Flight:
         intended=verdict.intended,
         as_it_is=verdict.as_it_is,
         roll=verdict.roll_against("leader"),
+        roll_deg_s=max(verdict.bank_rate_rms_deg_s[name] for name in verdict.followers),
         limited=max(verdict.limited[follower] for follower in verdict.followers),
         lost_s=max(verdict.lost_s.values()),
         load=os.getloadavg()[1],
@@ -189,7 +191,7 @@ def table(flights: Iterable[Flight]) -> str:
         by_row.setdefault(flight.row, []).append(flight)
     columns = (
         *("row", "flights", "worst mean, m", "95 %", "greatest", "in the leader's frame, m"),
-        *("roll against the leader's", "setpoints at a limit", "all means, m"),
+        *("roll, deg/s", "against the leader's", "setpoints at a limit", "all means, m"),
     )
     lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     for name, flown_so in by_row.items():
@@ -202,6 +204,7 @@ def table(flights: Iterable[Flight]) -> str:
             f"{worst(flight.intended.p95 for flight in kept):.2f}",
             f"{worst(flight.intended.greatest for flight in kept):.2f}",
             f"{worst(flight.as_it_is.mean for flight in kept):.2f}",
+            f"{worst(flight.roll_deg_s for flight in kept):.1f}",
             f"{worst(flight.roll for flight in kept):.2f}",
             f"{worst(flight.limited for flight in kept):.1%}",
             ", ".join(f"{flight.intended.mean:.2f}" for flight in kept),

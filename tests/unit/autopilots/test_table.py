@@ -19,6 +19,7 @@ FLIGHT = Flight(
     intended=Spread(0.21, 0.52, 0.81),
     as_it_is=Spread(0.24, 0.6, 0.9),
     roll=1.1,
+    roll_deg_s=2.5,
     limited=0.02,
     lost_s=0.03,
     load=4.0,
@@ -28,7 +29,7 @@ FLIGHT = Flight(
 def test_the_worst_of_several_flights_stands_in_the_table() -> None:
     better = replace(FLIGHT, intended=Spread(0.19, 0.55, 0.7), roll=1.2)
     last = table([FLIGHT, better]).splitlines()[-1]
-    assert last == "| circle | 2 | 0.21 | 0.55 | 0.81 | 0.24 | 1.20 | 2.0% | 0.21, 0.19 |"
+    assert last == "| circle | 2 | 0.21 | 0.55 | 0.81 | 0.24 | 2.5 | 1.20 | 2.0% | 0.21, 0.19 |"
 
 
 def test_a_flight_whose_simulators_lost_time_does_not_count() -> None:
