@@ -123,6 +123,7 @@ def main() -> int:
     add("--flights", type=int, default=2, help="of each row (default: %(default)s)")
     add("--duration", type=float, default=240.0, metavar="S", help="(default: %(default)s)")
     add("--results", type=Path, default=Path("sitl-flights.jsonl"), help="(default: %(default)s)")
+    add("--keep", type=Path, metavar="DIR", help="keep there what all said, by row and time")
     add("--print", action="store_true", dest="only_print", help="fly nothing")
     options = parser.parse_args()
     names = options.rows or list(ROWS)
@@ -133,7 +134,7 @@ def main() -> int:
     flights = 0 if options.only_print else options.flights
     for name in [each for each in names for _ in range(flights)]:
         try:
-            flight = fly_row(name, options.duration)
+            flight = fly_row(name, options.duration, options.keep)
         except (FlightError, VfguideError) as error:
             failed = True
             sys.stdout.write(f"{name}: {error}\n")
@@ -145,14 +146,15 @@ def main() -> int:
     return int(failed)
 
 
-def fly_row(name: str, duration_s: float) -> Flight:
-    """Fly a row once.
+def fly_row(name: str, duration_s: float, keep: Path | None) -> Flight:
+    """Fly a row once, and keep below a directory what all said.
 
     Raises:
         FlightError: it could not be flown.
     """
     began = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
     told = [*shlex.split(ROWS[name]), "--duration", f"{duration_s:g}"]
+    told += ["--keep", str(keep / f"{name}-{began}")] if keep else []
     _, verdict = flown(arguments().parse_args(told), record=True)
     return Flight(
         row=name,
