@@ -2,7 +2,8 @@
 
     python -m tests.autopilots.identified missions/ardupilot-sitl.yaml --program arduplane --wind 5,270
 
-The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit status: that of `vfguide identify`.
+The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit status: that of
+`vfguide identify`.
 """
 
 import argparse
