@@ -154,7 +154,8 @@ def fly_row(name: str, duration_s: float, keep: Path | None) -> Flight:
     """
     began = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
     told = [*shlex.split(ROWS[name]), "--duration", f"{duration_s:g}"]
-    told += ["--keep", str(keep / f"{name}-{began}")] if keep else []
+    # PX4 puts its directory into its PATH, where a colon would cut it in two.
+    told += ["--keep", str(keep / f"{name}-{began.replace(':', '')}")] if keep else []
     _, verdict = flown(arguments().parse_args(told), record=True)
     return Flight(
         row=name,
