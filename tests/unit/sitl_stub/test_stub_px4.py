@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import PlantParameters, SteadyWind
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind
 from sitl_stub.fleet import MAX_BANK_DEG
 from tests.autopilots.px4_manners import BEHAVIOURS, MANNERS, PARAMETERS, RATES_HZ, whole_as_real
 
@@ -496,8 +496,7 @@ class EmulatedPx4:
         self.vehicle = vehicle
         self.system_id = 7
         self._time_s = 0.0
-        self._heard = vehicle.advance(0.0)
-        self.pass_time(1.5)
+        self._heard: list[MAVLink_message] = []
 
     def _hear(self, messages: list[MAVLink_message]) -> list[MAVLink_message]:
         self._heard += messages
@@ -538,10 +537,27 @@ class EmulatedPx4:
 
 
 @pytest.fixture
-def emulated(station: Station) -> EmulatedPx4:
-    """One in the air, with the limits of bank that sitl-stub gives a PX4."""
-    plant = PlantParameters(max_bank_rad=math.radians(MAX_BANK_DEG["px4"]))
-    return EmulatedPx4(station(autopilot="px4", plant=plant))
+def emulated(ground_station: Callable[[Autopilot, int], Vehicle]) -> EmulatedPx4:
+    """One that has taken off and loiters, with the limit of bank that sitl-stub gives a PX4."""
+    config = AutopilotConfig(
+        system_id=7,
+        autopilot="px4",
+        plant=PlantParameters(max_bank_rad=math.radians(MAX_BANK_DEG["px4"])),
+        latitude_deg=47.0,
+        longitude_deg=8.0,
+        altitude_amsl_m=0.0,
+        home_altitude_amsl_m=0.0,
+        course_rad=0.0,
+        airspeed_m_s=20.0,
+        airborne=False,
+        armed=False,
+    )
+    subject = EmulatedPx4(ground_station(Autopilot(config, CalmWind()), 7))
+    assert subject.result(mavlink.MAV_CMD_NAV_TAKEOFF, -1.0, 0.0, 0.0, *[math.nan] * 4) == 0
+    assert subject.result(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == 0
+    subject.pass_time(60.0)
+    assert subject.mode() == (4, 3)
+    return subject
 
 
 def test_it_behaves_as_the_real_program_does(emulated: EmulatedPx4) -> None:
