@@ -11,10 +11,11 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -22,7 +23,7 @@ from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, flight_directory, fly, load, merged
 from tests.autopilots.programs import FlightError, find_mosquitto
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
-from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING
+from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING, Verdict
 from vfguide.companion.clock import Clock
 from vfguide.errors import VfguideError
 
@@ -87,9 +88,34 @@ def main() -> int:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fly what the options say."""
-    changes = reduce(merged, map(yaml.safe_load, options.changes), {})
-    mission = load(options.mission, changes)
+    """Fly what the options say, and print it."""
+    mission, verdict = flown(options)
+    if options.json:
+        sys.stdout.write(json.dumps(asdict(verdict), indent=2) + "\n")
+        return 0
+    sys.stdout.write(f"{HEADING}\n{verdict.row(mission)}\n")
+    if verdict.faults:
+        rows = "\n".join(one.row() for one in verdict.faults)
+        sys.stdout.write(f"\n{AFTERMATH_HEADING}\n{rows}\n\n")
+    for name, lost_s in verdict.lost_s.items():
+        late_ms = verdict.late_s[name] * 1e3
+        sys.stdout.write(
+            f"{name}: clock lost {lost_s:.2f} s; 95 % of reports within {late_ms:.0f} ms\n"
+        )
+    return 0
+
+
+def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Verdict]:
+    """Fly what the options say.
+
+    Args:
+        options: as parsed.
+        record: let companions record, as it is done where an option needs that.
+
+    Returns:
+        The mission's name, and the verdict.
+    """
+    mission = load(options.mission, changes_of(options.changes))
     speed, from_deg = (float(part) for part in options.wind.split(","))
     followers = list(mission.followers_by_name)
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
@@ -120,22 +146,15 @@ def run(options: argparse.Namespace) -> int:
             guided=options.guided,
             engage=options.engage,
             # Slots that were ordered, and who leads, are in what companions record.
-            record=bool(options.keep or options.orders or mission.deputies),
+            record=bool(record or options.keep or options.orders or mission.deputies),
         )
         verdict, _ = fly(plan, options.duration, sorted(occurrences, key=lambda one: one.began_s))
-    if options.json:
-        sys.stdout.write(json.dumps(asdict(verdict), indent=2) + "\n")
-    else:
-        sys.stdout.write(f"{HEADING}\n{verdict.row(mission.name)}\n")
-        if verdict.faults:
-            rows = "\n".join(one.row() for one in verdict.faults)
-            sys.stdout.write(f"\n{AFTERMATH_HEADING}\n{rows}\n\n")
-        for name, lost_s in verdict.lost_s.items():
-            late_ms = verdict.late_s[name] * 1e3
-            sys.stdout.write(
-                f"{name}: clock lost {lost_s:.2f} s; 95 % of reports within {late_ms:.0f} ms\n"
-            )
-    return 0
+    return mission.name, verdict
+
+
+def changes_of(texts: Sequence[str]) -> dict[str, Any]:
+    """What all of --with change."""
+    return reduce(merged, map(yaml.safe_load, texts), {})
 
 
 def occurrence(text: str, known: Mapping[str, Fault]) -> Occurrence:

@@ -313,7 +313,7 @@ def conclude(
     mission = formation.mission
     frame = local_frame(mission)
     tracks = {
-        name: true_track(simulator.station, frame, time_s)
+        name: true_track(simulator.station, frame, time_s, has_own_pace=simulator.has_own_pace)
         for name, simulator in formation.simulators.items()
     }
     guidance = {
@@ -326,7 +326,7 @@ def conclude(
     if plan.record:
         began = f"Time 0 is {formation.began_s:.3f} s of the companions' clock."
         replace(record, notes=(began,)).save(plan.directory / TRUE_TRACKS)
-    return judge(record, tracks, faults)
+    return judge(record, tracks, faults, guidance)
 
 
 @contextmanager
@@ -342,11 +342,14 @@ def flight_directory(keep: Path | None) -> Iterator[Path]:
 
 
 def load(file: Path, changes: Mapping[str, Any]) -> Mission:
-    """A mission with some fields changed.
+    """A mission with some fields changed; those under `vehicles.defaults` in every vehicle.
 
     Raises:
         MissionError: it is none.
     """
-    content = parse_mission(file.read_bytes(), file=str(file)).mission
-    changed = merged(content.model_dump(mode="json", exclude_unset=True), changes)
+    mission = parse_mission(file.read_bytes(), file=str(file)).mission
+    content = mission.model_dump(mode="json", exclude_unset=True)
+    vehicles = dict(changes.get("vehicles", {}))
+    common = {"vehicles": dict.fromkeys(mission.vehicles, vehicles.pop("defaults", {}))}
+    changed = merged(merged(content, common), {**changes, "vehicles": vehicles})
     return parse_mission(json.dumps(changed).encode(), file=f"{file} with changes").mission

@@ -27,6 +27,7 @@ WANTED = frozenset(
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_PARAM_ERROR,
         mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
         mavlink.MAVLINK_MSG_ID_SIM_STATE,
         mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
@@ -88,6 +89,7 @@ class GroundStation:
         self.modes: list[ModeChange] = []
         self.texts: list[tuple[float, str]] = []
         self.parameters: dict[str, float] = {}
+        self.unknown_parameters: set[str] = set()
         self.armed = False
         self.version: tuple[int, int] | None = None
         """Of the firmware, and its capabilities; once it was asked for."""
@@ -233,6 +235,8 @@ class GroundStation:
             self.results[message.command] = message.result
         elif kind == "PARAM_VALUE":
             self.parameters[message.param_id] = message.param_value
+        elif kind == "PARAM_ERROR" and message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+            self.unknown_parameters.add(message.param_id)
         elif self._clock is not None and (state := self._truth(message)) is not None:
             clock_s, clock_arrival_s = self._clock
             self.fixes.append(Fix(arrival_s, clock_s, clock_arrival_s, *state))

@@ -54,6 +54,11 @@ class Program:
         """Whether it runs now."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def status(self) -> int | None:
+        """Its exit status; None while it runs, and before."""
+        return None if self._process is None else self._process.poll()
+
     def start(self) -> None:
         """Start it, or start it again."""
         self._directory.mkdir(parents=True, exist_ok=True)

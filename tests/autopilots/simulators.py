@@ -55,6 +55,9 @@ class Place:
 class Simulator(ABC):
     """One autopilot in software."""
 
+    has_own_pace = False
+    """Whether its clock runs steadily at another pace than the computer's, even where there is time."""
+
     def __init__(self, program: Program, system_id: int, clock: Clock) -> None:
         self.program = program
         self._clock = clock
@@ -278,6 +281,8 @@ def arduplane_truth(message: MAVLink_message) -> tuple[float, ...] | None:
 
 class Px4(Simulator):
     """PX4 with its own simulation in hardware's place (SIH), airframe `airplane`."""
+
+    has_own_pace = True
 
     RECIPE: Mapping[str, float] = {
         "FW_THR_ASPD_MIN": 0.28,

@@ -1,26 +1,99 @@
-"""A real PX4 answers as the table says, by which the emulator is tested, too."""
+"""A real PX4 behaves as the lists say, by which the emulator is tested, too."""
 
-import struct
-from collections.abc import Iterator
-from pathlib import Path
+import math
+import socket
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from tests.autopilots.conftest import program
-from tests.autopilots.ground_station import GroundStation
-from tests.autopilots.px4_manners import CAPABILITIES, MANNERS, PARAMETERS, VERSION, Manner
+from tests.autopilots.px4_manners import (
+    BEHAVIOURS,
+    CAPABILITIES,
+    LOITER,
+    MANNERS,
+    PARAMETERS,
+    VERSION,
+    whole_as_real,
+)
 from tests.autopilots.simulators import CLIMB_S, Conditions, Place, Px4, free_instances
+from vfguide.mavlink.framing import frames_of
 
 HEIGHT_M, PATIENCE_S = 60.0, 20.0
 
+LISTENS_S = 4.0
+"""To a link for companions that was asked for nothing."""
 
-@pytest.fixture
-def station(tmp_path: Path) -> Iterator[GroundStation]:
-    """The ground station of one PX4 that loiters."""
+
+class RealPx4:
+    """One PX4 in the air, as `px4_manners` asks for it."""
+
+    def __init__(self, simulator: Px4, port: int) -> None:
+        """Take an aircraft that flies, and the port to which it sends for companions."""
+        self.station = simulator.station
+        self._port = port
+
+    @property
+    def system_id(self) -> int:
+        return self.station.system_id
+
+    def result(self, command: int, *parameters: float) -> int:
+        station = self.station
+        station.command(command, *parameters)
+        station.wait(lambda: command in station.results, f"no answer to {command}", PATIENCE_S)
+        return station.results[command]
+
+    def send(self, message: MAVLink_message) -> None:
+        self.station.send(message)
+
+    def pass_time(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def course_deg(self) -> float:
+        fix = self.station.fixes[-1]
+        return math.degrees(math.atan2(fix.east_m_s, fix.north_m_s))
+
+    def mode(self) -> tuple[int, int]:
+        custom_mode = self.station.mode or 0
+        return custom_mode >> 16 & 0xFF, custom_mode >> 24
+
+    def texts(self) -> list[str]:
+        return [text for _, text in self.station.texts]
+
+    def parameter(self, name: str) -> float | None:
+        station = self.station
+        station.wait(
+            lambda: name in station.parameters or name in station.unknown_parameters,
+            name,
+            PATIENCE_S,
+            lambda: station.ask_for_parameter(name),
+        )
+        return station.parameters.get(name)
+
+    def unasked_hz(self) -> Mapping[str, float]:
+        names = mavlink.mavlink_map
+        heard: Counter[str] = Counter()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            link.bind(("127.0.0.1", self._port))
+            link.settimeout(0.5)
+            ends = time.monotonic() + LISTENS_S
+            while time.monotonic() < ends:
+                frames = frames_of(link.recv(65_536))
+                heard.update(names[one.message_id].msgname for one in frames if one is not None)
+        return {name: count / LISTENS_S for name, count in heard.items()}
+
+
+@pytest.fixture(scope="module")
+def px4(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealPx4]:
+    """One PX4 that loiters, as it comes."""
     instance = free_instances(Px4, 1)
     simulator = Px4(
         program("px4"),
-        tmp_path,
+        tmp_path_factory.mktemp("px4"),
         name="px4",
         system_id=instance + 1,
         instance=instance,
@@ -30,36 +103,35 @@ def station(tmp_path: Path) -> Iterator[GroundStation]:
     )
     simulator.program.start()
     try:
-        found = simulator.station
+        station = simulator.station
         simulator.take_off()
-        found.wait(lambda: found.altitude_amsl_m > 0.8 * HEIGHT_M, "not up", CLIMB_S)
+        station.wait(lambda: station.altitude_amsl_m > 0.8 * HEIGHT_M, "not up", CLIMB_S)
         simulator.enter("LOITER")
-        yield found
+        yield RealPx4(simulator, 14_540 + instance)
     finally:
         simulator.close()
 
 
-def answer(station: GroundStation, manner: Manner) -> int:
-    """What a command is answered with."""
-    station.command(manner.command, *manner.parameters)
-    station.wait(lambda: manner.command in station.results, manner.what, PATIENCE_S)
-    return station.results[manner.command]
+def test_a_real_px4_behaves_as_is_emulated(px4: RealPx4) -> None:
+    seen = {behaviour.what: behaviour.seen(px4) for behaviour in BEHAVIOURS}
+    assert seen == {behaviour.what: behaviour.expected for behaviour in BEHAVIOURS}
 
 
-def test_a_real_px4_has_the_manners_that_are_emulated(station: GroundStation) -> None:
-    answered = {manner.what: answer(station, manner) for manner in MANNERS}
-    assert answered == {manner.what: manner.result for manner in MANNERS}
+def test_a_real_px4_answers_as_is_emulated(px4: RealPx4) -> None:
+    px4.result(*LOITER)
+    answered = {one.what: px4.result(one.command, *one.parameters) for one in MANNERS}
+    assert answered == {one.what: one.result for one in MANNERS}
+
+
+def test_a_real_px4_is_the_version_that_is_emulated(px4: RealPx4) -> None:
+    station = px4.station
     station.wait(lambda: station.version, "no version", PATIENCE_S, station.ask_for_version)
     assert station.version == (VERSION, CAPABILITIES)
-    for name in PARAMETERS:
-        station.wait(
-            lambda name=name: name in station.parameters,  # type: ignore[misc]
-            name,
-            PATIENCE_S,
-            lambda name=name: station.ask_for_parameter(name),  # type: ignore[misc]
-        )
-    whole = {
-        name: struct.unpack("<i", struct.pack("<f", station.parameters[name]))[0]
-        for name in PARAMETERS
+
+
+def test_a_real_px4_comes_with_the_parameters_that_are_emulated(px4: RealPx4) -> None:
+    # COM_OBL_RC_ACT was last set to what it comes with.
+    found = {name: px4.parameter(name) for name in PARAMETERS}
+    assert found == {
+        name: pytest.approx(whole_as_real(value)) for name, value in PARAMETERS.items()
     }
-    assert whole == dict(PARAMETERS)

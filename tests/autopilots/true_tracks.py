@@ -2,7 +2,8 @@
 
 Each report is placed by its simulator's clock, so that what delayed the report on its way does not count. The
 clock is set by the reports that took the least time, anew all the time, since a simulator that gets too
-little of the processor loses time and never makes up for it.
+little of the processor loses time and never makes up for it. One that runs at a steady pace of its own, as
+PX4's at 0.99, loses none by that.
 """
 
 from collections import deque
@@ -17,6 +18,9 @@ from vfguide.frames import LocalFrame
 
 AHEAD_S = 5.0
 """A clock that is late and catches up does so within this."""
+
+DRIFT_S = 10.0
+"""Over which the pace of a clock is taken."""
 
 PHASE_REPORTS = 51
 """Over which the time from the report of the clock to that of the state is averaged, by the median."""
@@ -35,14 +39,18 @@ class TrueTrack:
     north_m_s: FloatArray
     east_m_s: FloatArray
     bank_rad: FloatArray
+    pace: float
+    """Of the simulator's clock, in parts of the flight's: steady, and known to companions."""
     lost_s: float
-    """By how much the simulator's clock fell behind, s."""
+    """By how much the simulator's clock fell behind beside that, s."""
     late_s: float
     """How late 95 % of the reports at most were, s."""
 
 
-def true_track(station: GroundStation, frame: LocalFrame, time_s: FloatArray) -> TrueTrack:
-    """A vehicle's track at times (N) of the flight's clock."""
+def true_track(
+    station: GroundStation, frame: LocalFrame, time_s: FloatArray, *, has_own_pace: bool = False
+) -> TrueTrack:
+    """A vehicle's track at times (N) of the flight's clock; its own may run at a steady pace of its own."""
     fixes = station.track()
     clock_s = fixes["clock_s"] + steady_phase(fixes["arrival_s"] - fixes["clock_arrival_s"])
     behind_s = fixes["arrival_s"] - clock_s
@@ -54,6 +62,7 @@ def true_track(station: GroundStation, frame: LocalFrame, time_s: FloatArray) ->
         return np.interp(time_s, happened_s, values)
 
     flown = (happened_s >= time_s[0]) & (happened_s <= time_s[-1])
+    drift = steady_drift(clock_s[flown], least_s[flown]) if has_own_pace else 0.0
     return TrueTrack(
         north_m=at(north_m),
         east_m=at(east_m),
@@ -61,7 +70,8 @@ def true_track(station: GroundStation, frame: LocalFrame, time_s: FloatArray) ->
         north_m_s=at(fixes["north_m_s"]),
         east_m_s=at(fixes["east_m_s"]),
         bank_rad=at(fixes["bank_rad"]),
-        lost_s=float(np.ptp(least_s[flown])),
+        pace=1.0 / (1.0 + drift),
+        lost_s=float(np.ptp(least_s[flown] - drift * clock_s[flown])),
         late_s=float(np.percentile((behind_s - least_s)[flown], 95.0)),
     )
 
@@ -85,6 +95,14 @@ def steady_phase(phase_s: FloatArray) -> FloatArray:
     windows = np.lib.stride_tricks.sliding_window_view(padded, PHASE_REPORTS)
     median: FloatArray = np.median(windows, axis=1)
     return median
+
+
+def steady_drift(clock_s: FloatArray, behind_s: FloatArray) -> float:
+    """By how much a clock falls behind in each of its seconds, most of the time: the median of `DRIFT_S`."""
+    marks_s = np.arange(clock_s[0], clock_s[-1], DRIFT_S)
+    if marks_s.size < 2:
+        return 0.0
+    return float(np.median(np.diff(np.interp(marks_s, clock_s, behind_s)))) / DRIFT_S
 
 
 def least_ahead(clock_s: FloatArray, behind_s: FloatArray) -> FloatArray:

@@ -1,5 +1,6 @@
 """How well a formation of real autopilots was kept, by the geometry that reports have."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
@@ -20,6 +21,9 @@ from vfguide.record.guidance_series import lead_series, slot_series
 
 END_S = 5.0
 """At the end of a flight, to see where everybody was then."""
+
+MOST_LOST_S = 0.3
+"""A flight in which a simulator's clock fell further behind says more of the computer than of the law."""
 
 NEAR_M = 1.0
 """Within this of the slots is what an order is to come to."""
@@ -135,6 +139,8 @@ class Verdict:
     """In the order of time."""
     bank_rate_rms_deg_s: dict[str, float]
     """Of each aircraft in the window."""
+    limited: dict[str, float]
+    """Share of each companion's setpoints in the window that a limit cut, of those that recorded."""
     lost_s: dict[str, float]
     """By how much each simulator's clock fell behind in the flight."""
     late_s: dict[str, float]
@@ -142,8 +148,13 @@ class Verdict:
 
     @property
     def kept_time(self) -> bool:
-        """Whether all simulators kept time: else the figures say more of the computer than of the law."""
-        return max(self.lost_s.values()) < 0.3
+        """Whether all simulators kept time."""
+        return max(self.lost_s.values()) < MOST_LOST_S
+
+    def roll_against(self, leader: str) -> float:
+        """How fast the follower that rolls most rolls (rms), in parts of how fast the leader does."""
+        rates = self.bank_rate_rms_deg_s
+        return max(rates[name] for name in self.followers) / rates[leader]
 
     def row(self, title: str) -> str:
         """The line of a table."""
@@ -265,6 +276,7 @@ def judge(
     record: FlightRecord,
     tracks: dict[str, TrueTrack],
     faults: Sequence[Occurrence] = (),
+    guidance: Mapping[str, GuidanceTrack] | None = None,
 ) -> Verdict:
     """Judge a flight.
 
@@ -272,6 +284,7 @@ def judge(
         record: where everybody truly was.
         tracks: the same, with what is known of the simulators' clocks.
         faults: what went wrong, in the order of time.
+        guidance: what companions recorded, at times of the record.
     """
     time_s, last = record.time_s, record.time_s[-1]
     window = time_s >= last / 2.0
@@ -309,9 +322,19 @@ def judge(
             one.name: bank_rate_rms_deg_s(time_s[window], one.bank_rad[window])
             for one in record.vehicles
         },
+        limited={
+            name: limited_share(track, float(time_s[window][0]), float(last))
+            for name, track in (guidance or {}).items()
+        },
         lost_s={name: track.lost_s for name, track in tracks.items()},
         late_s={name: track.late_s for name, track in tracks.items()},
     )
+
+
+def limited_share(track: GuidanceTrack, from_s: float, to_s: float) -> float:
+    """Of the steps in a time, those whose setpoint a limit cut; NaN where there are none."""
+    steps = [step.limited for step in track.steps if from_s <= step.time_s <= to_s]
+    return sum(steps) / len(steps) if steps else math.nan
 
 
 def spread(distances_m: FloatArray) -> Spread:

@@ -378,7 +378,7 @@ class Px4(AutopilotAdapter):
             if self._steering is not None:
                 return None
             self._steering = STEERINGS[steering_of(report)](self._vehicle)
-            return f"PX4 {report.major}.{report.minor}: {steering_sentence(self._steering)}"
+            return f"PX4 {report.major}.{report.minor}: {self.steered(self._steering)}"
         if report.command != mavlink.MAV_CMD_DO_SET_MODE:
             return None
         accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
@@ -393,9 +393,13 @@ class Px4(AutopilotAdapter):
             return None
         self._steering = PositionAhead(self._vehicle)
         return (
-            f"Guided Course is refused: {steering_sentence(self._steering)};"
+            f"Guided Course is refused: {self.steered(self._steering)};"
             f" to be steered by hand select {self.engaged_name}"
         )
+
+    def steered(self, steering: Steering) -> str:
+        """How it is steered, and what stops it, in words."""
+        return steering_sentence(steering)
 
     def parameter_value(self, report: ParameterReport) -> float:
         """PX4 puts the bytes of whole numbers into the field of a real one."""
@@ -477,6 +481,16 @@ class Px4ByMavsdk(Px4):
     """PX4 by way of MAVSDK, which carries PX4's messages."""
 
     by_mavsdk = True
+
+    def steered(self, steering: Steering) -> str:
+        """As without MAVSDK, but for a process that hangs: MAVSDK's own threads send setpoints on."""
+        said = steering_sentence(steering)
+        if steering.counts_ground_stations:
+            return said
+        return (
+            f"{said} once its process has ended, and not while it hangs: MAVSDK then repeats the last"
+            " setpoint until a pilot selects another mode"
+        )
 
 
 def steering_of(version: VersionReport) -> Px4Steering:

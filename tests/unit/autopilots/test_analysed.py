@@ -31,6 +31,7 @@ def circle(angle: FloatArray, radius_m: float, north_m: float) -> TrueTrack:
         north_m_s=0.08 * radius_m * np.cos(angle),
         east_m_s=0.08 * radius_m * np.sin(angle),
         bank_rad=nothing,
+        pace=1.0,
         lost_s=0.0,
         late_s=0.0,
     )

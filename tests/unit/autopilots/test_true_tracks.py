@@ -27,13 +27,18 @@ class Recorded:
         return self._fields
 
 
-def station_of(*, delay_s: float, lost_s: float = 0.0, lost_at_s: float = 120.0) -> GroundStation:
-    """Fixes of an aircraft that flies north at 20 m/s from 100 s on, whose simulator stops once."""
+def station_of(
+    *, delay_s: float, lost_s: float = 0.0, lost_at_s: float = 120.0, pace: float = 1.0
+) -> GroundStation:
+    """Fixes of an aircraft that flies north at 20 m/s from 100 s on, whose simulator stops once.
+
+    Its clock, and what it flies by it, run at a pace.
+    """
     random = Random(1)
     rows = []
     for n in range(2500):
         clock_s = 7.0 + 0.02 * n
-        true_s = 100.0 + 0.02 * n
+        true_s = 100.0 + 0.02 * n / pace
         true_s += lost_s if true_s >= lost_at_s else 0.0
         # Every fifth report comes without a delay.
         late_s = random.uniform(0.0, delay_s) if n % 5 else 0.0
@@ -56,8 +61,8 @@ def station_of(*, delay_s: float, lost_s: float = 0.0, lost_at_s: float = 120.0)
     return cast("GroundStation", Recorded(fields))
 
 
-def track_of(**options: float) -> TrueTrack:
-    return true_track(station_of(**options), FRAME, TIMES_S)
+def track_of(*, has_own_pace: bool = False, **options: float) -> TrueTrack:
+    return true_track(station_of(**options), FRAME, TIMES_S, has_own_pace=has_own_pace)
 
 
 def test_delays_of_reports_do_not_move_an_aircraft() -> None:
@@ -80,6 +85,18 @@ def test_simulator_that_stops_leaves_its_aircraft_where_it_was() -> None:
     assert np.ptp(track.north_m[still]) < 0.5
     late = TIMES_S > 122.1
     assert track.north_m[late] == pytest.approx(SPEED_M_S * (TIMES_S[late] - 102.004), abs=0.01)
+
+
+def test_a_steady_pace_is_no_time_lost_where_the_simulator_has_one() -> None:
+    track = track_of(delay_s=0.05, pace=0.98, has_own_pace=True)
+    assert track.pace == pytest.approx(0.98, abs=1e-3)
+    assert track.lost_s == pytest.approx(0.0, abs=0.02)
+    assert track_of(delay_s=0.05, pace=0.98).lost_s == pytest.approx(0.02 * 40.0, abs=0.02)
+
+
+def test_what_is_lost_beside_a_steady_pace_is_lost() -> None:
+    track = track_of(delay_s=0.0, lost_s=2.0, pace=0.98, has_own_pace=True)
+    assert track.lost_s == pytest.approx(2.0, abs=0.02)
 
 
 def test_back_is_when_the_last_distance_has_become_small_for_good() -> None:

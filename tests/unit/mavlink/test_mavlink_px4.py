@@ -10,7 +10,7 @@ from pymap3d.vincenty import vdist
 
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.px4 import Px4, Px4ByMavsdk
 from vfguide.mavlink.px4_steering import point_ahead
 from vfguide.mavlink.reports import CommandReport, VersionReport
 from vfguide.state import Hold
@@ -73,6 +73,15 @@ def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(
 ) -> None:
     told = Px4(address(px4_steering="auto")).hear(VersionReport(major=1, minor=minor))
     assert parameter in str(told)
+
+
+@pytest.mark.parametrize(("minor", "repeats"), [(18, False), (16, True)])
+def test_of_a_companion_that_hangs_mavsdk_repeats_the_setpoints_of_offboard(
+    address: Make, minor: int, repeats: bool
+) -> None:
+    version = VersionReport(major=1, minor=minor)
+    told = Px4ByMavsdk(address(px4_steering="auto")).hear(version)
+    assert ("not while it hangs" in str(told)) is repeats
 
 
 def test_before_its_version_is_known_nothing_is_steered(address: Make, parsed: Make) -> None:

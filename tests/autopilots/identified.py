@@ -1,0 +1,100 @@
+"""Flies `vfguide identify` on one real autopilot in software, and prints what it finds.
+
+    python -m tests.autopilots.identified missions/ardupilot-sitl.yaml --program arduplane --wind 5,270
+
+The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit status: that of
+`vfguide identify`.
+"""
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+from tests.autopilots.formation import BOOT_S, climb, flight_directory, load
+from tests.autopilots.height_response import made
+from tests.autopilots.programs import (
+    FlightError,
+    Program,
+    first_in_line,
+    restore_priority,
+    vfguide,
+)
+from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
+
+LONGEST_S = 600.0
+"""Of a flight of steps; two minutes are usual."""
+
+
+def main() -> int:
+    """Fly it, and print what it said."""
+    parser = argparse.ArgumentParser(description=__doc__, prog="identified")
+    add = parser.add_argument
+    add("mission", type=Path)
+    add("--program", choices=list(PROGRAMS), default="arduplane")
+    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
+    add("--wind", default="0,270", metavar="M_S,FROM_DEG")
+    add("--factory", action="store_true", help="leave the autopilot's parameters as they come")
+    add("--keep", type=Path, metavar="DIR", help="keep there what all said")
+    options = parser.parse_args()
+    speed_m_s, from_deg = (float(part) for part in options.wind.split(","))
+    conditions = Conditions(wind_m_s=speed_m_s, wind_from_deg=from_deg, factory=options.factory)
+    try:
+        binary = find_program(
+            options.program, options.binary or os.environ.get(options.program.upper())
+        )
+        with flight_directory(options.keep and options.keep.resolve()) as directory:
+            said, status = flown(options.mission, options.program, binary, directory, conditions)
+    except FlightError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    sys.stdout.write(f"{said}exit status {status}\n")
+    return status
+
+
+def flown(
+    file: Path, kind: str, binary: Path, directory: Path, conditions: Conditions
+) -> tuple[str, int]:
+    """Fly the steps with one aircraft, the mission's leader: (what was said, exit status).
+
+    Raises:
+        FlightError: it could not be flown.
+    """
+    mission = load(file, {})
+    simulator = made(kind, binary, directory, mission, conditions)
+    name = mission.leader.vehicle
+    identify = Program(
+        "identify",
+        vfguide(
+            *("identify", name, "--mission", str(file.resolve()), "--out", str(directory / "out")),
+            *("--mavlink", simulator.companion_url, "--state", str(directory / "state")),
+        ),
+        directory,
+    )
+    priority = first_in_line()
+    try:
+        simulator.program.start()
+        climb(simulator, mission)
+        simulator.enter("LOITER")
+        identify.start()
+        simulator.station.wait(
+            lambda: "waiting until the pilot" in identify.output.read_text(), "no program", BOOT_S
+        )
+        simulator.enter("GUIDED")
+        gives_up = time.monotonic() + LONGEST_S
+        while identify.running and time.monotonic() < gives_up:
+            simulator.program.check()
+            time.sleep(0.1)
+        status = identify.status
+        if status is None:
+            raise FlightError(f"the steps are not flown after {LONGEST_S:g} s")
+        return identify.output.read_text(), status
+    finally:
+        restore_priority(priority)
+        identify.stop()
+        simulator.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
