@@ -11,6 +11,9 @@ EARTH_RADIUS = 6371008.8
 WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
 """The ellipsoid of satellite navigation."""
 
+SEMIMAJOR_M, SEMIMINOR_M = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
+AXIS_RATIO = SEMIMINOR_M / SEMIMAJOR_M
+
 
 class LocalFrame:
     """North-east plane tangent to the ellipsoid at the origin.
@@ -27,7 +30,7 @@ class LocalFrame:
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m
         self._east_radius_m = float(rcurve.transverse(latitude_deg)) + altitude_m
         # The origin and the directions from it, once: the library would work them out at each call.
-        self._origin = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, altitude_m, WGS84)
+        self._origin = earth_centred(latitude_deg, longitude_deg, altitude_m)
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         self._north_axis = (
             -math.sin(latitude) * math.cos(longitude),
@@ -38,10 +41,10 @@ class LocalFrame:
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """(north, east) in metres of a geodetic position in degrees."""
-        x, y, z = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, self.altitude_m, WGS84)
+        x, y, z = earth_centred(latitude_deg, longitude_deg, self.altitude_m)
         x, y, z = x - self._origin[0], y - self._origin[1], z - self._origin[2]
         north, east = self._north_axis, self._east_axis
-        return float(north[0] * x + north[1] * y + north[2] * z), float(east[0] * x + east[1] * y)
+        return north[0] * x + north[1] * y + north[2] * z, east[0] * x + east[1] * y
 
     def to_geodetic(self, north: float, east: float) -> tuple[float, float]:
         """(latitude, longitude) in degrees of a position in metres.
@@ -67,6 +70,32 @@ class LocalFrame:
             latitude_deg + math.degrees(north / self._north_radius_m),
             wrap_longitude(longitude_deg + math.degrees(east / parallel)),
         )
+
+
+def earth_centred(
+    latitude_deg: float, longitude_deg: float, altitude_m: float
+) -> tuple[float, float, float]:
+    """Place in metres from the earth's centre: toward 0°, 0°, toward 0°, 90° E, and toward the north pole.
+
+    The formula of `pymap3d.geodetic2ecef` for one place: the library's costs 20 times as much for that, and
+    every position that is heard goes through it.
+
+    Args:
+        latitude_deg: geodetic, degrees.
+        longitude_deg: degrees.
+        altitude_m: above the ellipsoid.
+    """
+    latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+    cosine, sine = math.cos(latitude), math.sin(latitude)
+    # Radius of curvature in the prime vertical. The length of a complex number is the C library's hypot,
+    # as NumPy's is: so the last bit is the library's, too.
+    radius = SEMIMAJOR_M**2 / abs(complex(SEMIMAJOR_M * cosine, SEMIMINOR_M * sine))
+    from_axis = (radius + altitude_m) * cosine
+    return (
+        from_axis * math.cos(longitude),
+        from_axis * math.sin(longitude),
+        (radius * AXIS_RATIO**2 + altitude_m) * sine,
+    )
 
 
 def wrap_longitude(longitude_deg: float) -> float:

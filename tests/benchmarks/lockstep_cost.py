@@ -2,27 +2,36 @@
 
 Every figure is the median of several runs in this process on this machine; the parts are timed in the same
 flight, so that their shares can be compared even where the machine is noisy.
+
+The unit that does not depend on the machine is what pymavlink takes for the same messages: one `pack` of
+each message of the flight and one `parse_buffer` of its bytes, as a program does that only sends and hears
+them. Flights and pymavlink take turns, in processor time.
 """
 
 import os
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
 from vfguide.companion.core import Companion
 from vfguide.companion.roles import FollowerRole, LeaderRole
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
 from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.mavlink.codec import Codec
 from vfguide.mission import Mission, load_mission
+from vfguide.record.tlog import TelemetryLog
 
 MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
 RUNS = 5
 TIMED_S = 60.0
+JOINED_S = 30.0
+"""By then all are in their slots."""
 
 PARTS: dict[str, tuple[type, str]] = {
     "emulator: flies, reports": (Autopilot, "advance"),
@@ -71,18 +80,80 @@ def cost_of(mission: Mission, part: str) -> tuple[float, int]:
     return statistics.fmean(durations) * 1e6, len(durations)
 
 
+def flight_cost(mission: Mission) -> float:
+    """Processor time of one flight in one process, s."""
+    began = time.process_time()
+    fly_lockstep(mission)
+    return time.process_time() - began
+
+
+@contextmanager
+def datagrams_kept() -> Iterator[list[tuple[float, bytes]]]:
+    """(time in s, content) of every datagram of a flight with telemetry logs, in either direction."""
+    method, kept = TelemetryLog.add, list[tuple[float, bytes]]()
+    TelemetryLog.add = lambda _, now, datagram: kept.append((now, datagram))  # type: ignore[method-assign]
+    try:
+        yield kept
+    finally:
+        TelemetryLog.add = method  # type: ignore[method-assign]
+
+
+def pymavlink_cost(datagrams: Sequence[bytes]) -> float:
+    """Processor time in which pymavlink parses these datagrams and packs their messages, s."""
+    parser, packer = mavlink.MAVLink(None), mavlink.MAVLink(None)
+    began = time.process_time()
+    for datagram in datagrams:
+        for message in parser.parse_buffer(datagram) or ():
+            message.pack(packer)
+    return time.process_time() - began
+
+
+def print_ratios(mission: Mission, say: Callable[[str], object]) -> None:
+    """What a step costs over what pymavlink takes for its messages, also once all have joined."""
+    with datagrams_kept() as kept:
+        fly_lockstep(mission, epoch_s=0.0)
+    joining = lasting(mission, JOINED_S)
+    parts = [[one for _, one in kept], [one for now, one in kept if now <= JOINED_S]]
+    rows = []
+    for _ in range(RUNS):
+        whole, before = flight_cost(mission), flight_cost(joining)
+        whole_bytes, before_bytes = (pymavlink_cost(part) for part in parts)
+        rows.append((whole, whole_bytes, whole - before, whole_bytes - before_bytes))
+    steps = [len(list(instants(one))) * len(one.vehicles) for one in (mission, joining)]
+    say(
+        "\nmicroseconds of processor time for a vehicle and step, and over pymavlink's own for its messages\n"
+    )
+    for name, place, count in (
+        (f"0 to {mission.rehearsal.duration_s:g} s", 0, steps[0]),
+        ("once all have joined", 2, steps[0] - steps[1]),
+    ):
+        own = statistics.median(row[place] for row in rows) / count * 1e6
+        plain = statistics.median(row[place + 1] for row in rows) / count * 1e6
+        ratio = statistics.median(row[place] / row[place + 1] for row in rows)
+        say(f"  {name:24}{own:7.1f}   pymavlink {plain:6.1f}   ratio {ratio:5.2f}\n")
+
+
+def lasting(mission: Mission, duration_s: float) -> Mission:
+    """The same mission, flown for so long, s."""
+    rehearsal = mission.rehearsal.model_copy(update={"duration_s": duration_s})
+    return mission.model_copy(update={"rehearsal": rehearsal})
+
+
 def main() -> None:
-    """Print both tables."""
+    """Print the tables; with `--ratios` those of the ratios alone."""
     mission = load_mission(MISSION)
     say = sys.stdout.write
     say(f"{MISSION.name}, {len(mission.vehicles)} vehicles, Python {sys.version.split()[0]}, ")
-    say(f"{os.cpu_count()} processors\n\nflight seconds for each second of the wall clock, 300 s\n")
+    say(f"{os.cpu_count()} processors\n")
+    timed = lasting(mission, TIMED_S)
+    print_ratios(timed, say)
+    if "--ratios" in sys.argv:
+        return
+    say("\nflight seconds for each second of the wall clock, 300 s\n")
     for processes in (1, 2):
         factors = [real_time_factor(mission, processes) for _ in range(RUNS)]
         say(f"  {processes} process{'es' * (processes > 1):2}  {statistics.median(factors):6.1f}")
         say(f"   ({min(factors):.1f} to {max(factors):.1f})\n")
-    short = mission.rehearsal.model_copy(update={"duration_s": TIMED_S})
-    timed = mission.model_copy(update={"rehearsal": short})
     say("\nmicroseconds of a call, one process, 60 s\n")
     for part in PARTS:
         costs = [cost_of(timed, part) for _ in range(RUNS)]

@@ -17,7 +17,7 @@ import vfguide.lab.rehearsal.aircraft
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, airframe_of, flight_plan
 from vfguide.companion.role import Outgoing, Snapshot
-from vfguide.companion.supervisor import STEERING
+from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.predicted_tracks import (
@@ -227,7 +227,11 @@ def guided(record: FlightRecord, vehicle: VehicleRecord, events: Sequence[Event]
     """When a vehicle is under guidance, and has been for as long as it takes to hear of the others."""
     steers = np.isin(
         vehicle.mode,
-        [n for n, name in enumerate(record.mode_names) if name in {m.value for m in STEERING}],
+        [
+            n
+            for n, name in enumerate(record.mode_names)
+            if name in {m.value for m in Mode if m.steers}
+        ],
     )
     for begin, end in (("killed", "restarted"), ("frozen", "thawed")):
         starts = [one.time_s for one in events if one.vehicle == vehicle.name and one.what == begin]

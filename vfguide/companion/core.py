@@ -212,6 +212,18 @@ class Companion:
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         """Take one datagram from the autopilot; setpoints go out with a position report."""
+        out = self.answer(data, now)
+        at_once = out.to_autopilot
+        self.settle(out, now)
+        out.to_autopilot = at_once + out.to_autopilot
+        return out
+
+    def answer(self, data: bytes, now: float) -> Outgoing:
+        """The first half of `receive_mavlink`: what cannot wait, above all setpoints.
+
+        `settle` does the rest once these bytes have gone out. Where a datagram has led to nothing, the next
+        `poll` does as well: a heartbeat that shows another mode leads to something.
+        """
         out = Outgoing()
         messages: list[MAVLink_message] = []
         if self._is_waking(now, out):
@@ -226,7 +238,12 @@ class Companion:
                 if not isinstance(report, HeartbeatReport):
                     self._authority.note_life(now)
                 messages += self._take(report, now, out)
-        return self._finish(messages, now, out)
+        out.to_autopilot = self._encode(messages, now)
+        return out
+
+    def settle(self, out: Outgoing, now: float) -> None:
+        """The second half: `out` gets what is due beside what was answered, and other bytes to be sent."""
+        self._finish([], now, out)
 
     def poll(self, now: float) -> Outgoing:
         """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""

@@ -299,11 +299,15 @@ class Daemon:
         now = self._clock.now()
         if self._link is not None and not self._link.connected:
             self._companion.lose_link(now)
-        out = self._companion.receive_mavlink(datagram, now)
-        self._dispatch(out)
+        out = self._companion.answer(datagram, now)
+        self._send(out)
         if out.steered:
             self._response.add(time.perf_counter() - began)
             self._leader_age.add(self._companion.leader_age(now))
+        # Half of all datagrams lead to nothing: what is due by time alone has time until the next poll.
+        if not out.is_empty:
+            self._companion.settle(out, now)
+            self._dispatch(out)
         if self._record is not None:
             self._record.add_datagram(now, datagram)
 
@@ -336,14 +340,11 @@ class Daemon:
 
     def _dispatch(self, out: Outgoing) -> None:
         """Send what the companion wants sent, and log what it has to say."""
+        self._send(out)
         if out.to_leader and self._leader_connection is not None:
             self._leader_connection.send(out.to_leader)
         if out.to_others and self._target_connection is not None:
             self._target_connection.send(out.to_others)
-        if out.to_autopilot and self._connection is not None:
-            self._connection.send(out.to_autopilot)
-            if self._record is not None:
-                self._record.add_datagram(self._clock.now(), out.to_autopilot)
         if self._record is not None and (out.steered or out.events):
             self._record.add_step(self._step())
             for event in out.events:
@@ -357,6 +358,13 @@ class Daemon:
             self._orders.add(task)
             task.add_done_callback(self._orders.discard)
         self._note(out.events)
+
+    def _send(self, out: Outgoing) -> None:
+        """Send what the companion wants sent to the autopilot."""
+        if out.to_autopilot and self._connection is not None:
+            self._connection.send(out.to_autopilot)
+            if self._record is not None:
+                self._record.add_datagram(self._clock.now(), out.to_autopilot)
 
     async def _give(self, words: Words) -> None:
         """Give an order that a ground station has requested; its pilot hears what becomes of it."""

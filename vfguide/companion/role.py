@@ -173,6 +173,12 @@ class Outgoing:
     events: list[Event] = field(default_factory=list)
     """In the order in which they happened."""
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing has come of the call."""
+        said = self.to_autopilot or self.to_link or self.to_followers or self.to_others
+        return not (said or self.steered or self.events or self.requested)
+
     def share(self, step: RoleStep | None) -> None:
         """Send over the link what a step of the vehicle's part has to say, if there was one."""
         if step is not None and step.publish is not None:

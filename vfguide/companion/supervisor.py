@@ -34,13 +34,10 @@ class Mode(Enum):
     PILOT = "pilot"
     """The pilot has taken over: silent until the guided mode comes back."""
 
-    @property
-    def steers(self) -> bool:
+    def __init__(self, value: str) -> None:
+        """Know whether it steers: asked several times in each step."""
+        self.steers = value in {"joining", "tracking", "predicting", "breakaway"}
         """Whether setpoints go out."""
-        return self in STEERING
-
-
-STEERING = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING, Mode.BREAKAWAY})
 
 
 class Control(Enum):

@@ -2,11 +2,12 @@
 
 import math
 
+import pymap3d
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vfguide.frames import LocalFrame, wrap_longitude
+from vfguide.frames import WGS84, LocalFrame, earth_centred, wrap_longitude
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
 ORIGIN = (47.397742, 8.545594, 488.0)
@@ -125,3 +126,13 @@ def test_a_shift_across_the_date_line_stays_within_half_a_turn(
 )
 def test_a_longitude_is_wrapped_to_half_a_turn_either_way(longitude: float, wrapped: float) -> None:
     assert wrap_longitude(longitude) == wrapped
+
+
+@pytest.mark.parametrize("latitude", [-90.0, -89.9, -45.0, -0.001, 0.0, 12.3, 47.397742, 90.0])
+@pytest.mark.parametrize("longitude", [-180.0, -77.7, 0.0, 8.545594, 135.0])
+@pytest.mark.parametrize("altitude", [-100.0, 0.0, 588.0, 9000.0])
+def test_a_place_is_where_the_library_for_arrays_has_it(
+    latitude: float, longitude: float, altitude: float
+) -> None:
+    library = pymap3d.geodetic2ecef(latitude, longitude, altitude, WGS84)
+    assert earth_centred(latitude, longitude, altitude) == pytest.approx(library, abs=1e-9, rel=0.0)

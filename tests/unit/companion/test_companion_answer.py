@@ -1,0 +1,66 @@
+"""What a companion answers at once, and what has time until its setpoint has gone out."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.role import Outgoing
+from vfguide.companion.supervisor import Mode
+
+Make = Callable[..., Any]
+Spoken = Callable[..., bytes]
+
+SPEED, COURSE = 43_000, 43_002
+MANUAL = 0
+
+
+def commands(parsed: Callable[[bytes], list[Any]], data: bytes) -> set[int]:
+    return {one.command for one in parsed(data) if one.get_type() == "COMMAND_INT"}
+
+
+def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second(
+    flight: Make, parsed: Callable[[bytes], list[Any]]
+) -> None:
+    whole, halves = flight(), flight()
+    answer, settle = halves.companion.answer, halves.companion.settle
+    at_once, later = [], []
+
+    def in_halves(data: bytes, now: float) -> Outgoing:
+        out = answer(data, now)
+        at_once.append(out.to_autopilot)
+        settle(out, now)
+        later.append(out.to_autopilot)
+        out.to_autopilot = at_once[-1] + later[-1]
+        return out
+
+    halves.companion.receive_mavlink = in_halves
+    whole.run(10.0)
+    halves.run(10.0)
+    steering = {SPEED, COURSE}
+    assert any(commands(parsed, data) >= steering for data in at_once)
+    assert not any(commands(parsed, data) & steering for data in later)
+    assert not any(one.get_type() == "HEARTBEAT" for one in parsed(b"".join(at_once)))
+    # Once a second, from 0 to 10 s.
+    beats = [one for one in parsed(b"".join(later)) if one.get_type() == "HEARTBEAT"]
+    assert len(beats) == 11
+    # And both together are what one call says.
+    assert halves.sent == whole.sent
+    assert halves.events == whole.events
+
+
+def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something(
+    flight: Make, spoken: Spoken
+) -> None:
+    flown = flight()
+    flown.run(10.0)
+    companion, now = flown.companion, flown.now + 0.01
+    assert companion.snapshot.mode.steers
+    airspeed = mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0)
+    assert companion.answer(spoken(airspeed), now).is_empty
+    taken = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0x81, MANUAL, 4, 3
+    )
+    out = companion.answer(spoken(taken), now)
+    assert companion.snapshot.mode is Mode.PILOT
+    assert not out.is_empty
