@@ -11,7 +11,7 @@ from vfguide.commands.credentials import KeyFiles, check_flies, watched_formatio
 from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
-from vfguide.lab.rehearsal.emulators import emulator_command
+from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.watched import WatchedFlight, await_start, watched_flight
 from vfguide.link.opening import WatchedFormation

@@ -273,6 +273,27 @@ class ChainedPath(Path):
         return np.sort(np.append(places, ends[int(bends.argmax())]))
 
 
+def closed_spline(points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative, at its points, of the closed cubic spline through them.
+
+    With points h apart the slopes m solve m[i-1] + 4 m[i] + m[i+1] = 3 (p[i+1] - p[i-1]) / h all round (de
+    Boor, A Practical Guide to Splines, chapter IV). The matrix is circulant: Fourier's transform makes it
+    diagonal, with 4 + 2 cos(2 pi k / n). The second derivative is
+    (6 (p[i+1] - p[i]) / h - 4 m[i] - 2 m[i+1]) / h.
+
+    Args:
+        points: one a row, without the first one again at the end.
+        spacing: of the parameter from each point to the next, h.
+    """
+    count = len(points)
+    after, before = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
+    diagonal = 4.0 + 2.0 * np.cos(math.tau * np.arange(count // 2 + 1) / count)
+    right = np.fft.rfft(3.0 * (after - before) / spacing, axis=0)
+    slopes = np.fft.irfft(right / diagonal[:, np.newaxis], count, axis=0)
+    chords = (after - points) / spacing
+    return slopes, (6.0 * chords - 4.0 * slopes - 2.0 * np.roll(slopes, -1, axis=0)) / spacing
+
+
 class Curve(ChainedPath):
     """A closed curve that a subclass traces."""
 
@@ -282,9 +303,6 @@ class Curve(ChainedPath):
         Raises:
             InputError: it has no length, is not closed, or has a corner or a point that is not finite.
         """
-        # The aircraft's companion needs it for such paths alone.
-        from scipy.interpolate import CubicSpline
-
         share = np.linspace(0.0, 1.0, MOST_POINTS)
         run = self._run(shape, share)
         length = float(run[-1])
@@ -293,9 +311,8 @@ class Curve(ChainedPath):
         progress = np.linspace(0.0, length, count + 1)
         points = np.column_stack(self._traced(shape, np.interp(progress, run, share)))
         points[-1] = points[0]
-        spline = CubicSpline(progress, points, bc_type="periodic")
-        (north, east), (north_1, east_1) = points[:-1].T, spline(progress[:-1], 1).T
-        north_2, east_2 = spline(progress[:-1], 2).T
+        (north, east), first, second = points[:-1].T, *closed_spline(points[:-1], spacing)
+        (north_1, east_1), (north_2, east_2) = first.T, second.T
         course = np.arctan2(east_1, north_1)
         curvature = (north_1 * east_2 - east_1 * north_2) / np.hypot(north_1, east_1) ** 3
         turns = np.abs(np.angle(np.exp(1j * np.diff(np.append(course, course[0])))))

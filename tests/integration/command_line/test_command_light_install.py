@@ -8,6 +8,8 @@ import pytest
 
 from vfguide.extras import extras_by_module
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
 HIDING = """\
 import sys
 from importlib.machinery import PathFinder
@@ -47,6 +49,10 @@ def test_the_companion_starts_and_missions_are_checked_and_flown(run: Run) -> No
     assert daemon.returncode == 0, daemon.stderr
     assert run("vfguide", "companion", "--help").returncode == 0
     assert run("vfguide", "check", "circle-wind").returncode == 0
+    # a curve of the user's own
+    plugin = ("--plugin", str(EXAMPLES / "own_path.py"), "--set", "path={type: lissajous}")
+    eight = run("vfguide", "check", "circle-calm", *plugin, "--set", "rehearsal.start={}")
+    assert eight.returncode == 0, eight.stderr
     flown = run("vfguide", "fly", "line-calm", "--duration", "5")
     assert flown.returncode == 1, flown.stderr
     assert "Not accepted" in flown.stdout

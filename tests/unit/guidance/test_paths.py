@@ -13,6 +13,7 @@ from vfguide.guidance.path import Path
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
+from vfguide.paths.chain import closed_spline
 from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
 from vfguide.paths.line import Line
@@ -285,3 +286,12 @@ def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name: str) -
     # Of a helix it is the first turn, whose length is 942 m.
     assert point.progress == pytest.approx(200.0, abs=0.5)
     assert point.height == pytest.approx(place.height, abs=0.1)
+
+
+def test_the_spline_through_the_corners_of_a_square_has_the_slopes_of_its_symmetry() -> None:
+    # m = a times the corner turned by 90 degrees: 4 a = 3 (1 + 1), a = 1.5; second derivative
+    # 6 ((0, 1) - (1, 0)) - 4 (0, 1.5) - 2 (-1.5, 0) = (-3, 0) at (1, 0)
+    corners = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    first, second = closed_spline(corners, 1.0)
+    assert first == pytest.approx(1.5 * np.array([[0, 1], [-1, 0], [0, -1], [1, 0]]), abs=1e-12)
+    assert second == pytest.approx(-3.0 * corners, abs=1e-12)

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from sitl_stub import Autopilot, cli
-from vfguide.lab.rehearsal.emulators import emulator_command, emulator_of
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.studies.flown import article_mission
 from vfguide.mission import Mission
 

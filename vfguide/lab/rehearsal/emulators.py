@@ -1,21 +1,17 @@
 """The emulated aircraft of a mission."""
 
-import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 import sitl_stub
 from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
-from vfguide.lab.rehearsal.processes import python_module
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.starts import StartState, follower_start, leader_start
-from vfguide.registry import load_plugins_of_the_environment, plugin_files
+from vfguide.registry import load_plugins_of_the_environment
 
 BOOTED_S = 1234.5
 """What its clock shows at the start of a rehearsal: nobody else's shows that."""
@@ -107,44 +103,6 @@ def foreign_leader_of(mission: Mission) -> sitl_stub.BadLink:
     """The leader without a companion, as others hear it."""
     leader = mission.leader.vehicle
     return checked_settings(mission, leader).behind_its_link(emulator_of(mission, leader))
-
-
-def emulator_command(
-    mission: Mission,
-    name: str,
-    *,
-    file: str | Path,
-    mavlink: str,
-    truth: str,
-    epoch_s: float,
-    speedup: float,
-    also_to: Sequence[str] = (),
-) -> list[str]:
-    """Write down the settings of a vehicle's emulator, and return the command that runs it by them.
-
-    Args:
-        mission: the mission.
-        name: of the vehicle.
-        file: where the settings are written to.
-        mavlink: address of its companion, or where it waits for one.
-        truth: address of the judge.
-        epoch_s: Unix time of simulation time 0.
-        speedup: simulation seconds for each real one.
-        also_to: where else it is heard.
-    """
-    settings = settings_of(mission, name) | {
-        # A law or a link among them does no harm there.
-        "plugins": plugin_files(),
-        "mavlink": mavlink,
-        "truth": truth,
-        "truth_rate_hz": mission.rehearsal.rate_hz,
-        "epoch_s": epoch_s,
-        "speedup": speedup,
-        "also_to": list(also_to),
-    }
-    # JSON is YAML, and writes every number with all its digits.
-    Path(file).write_text(json.dumps(settings, indent=1), encoding="utf-8")
-    return python_module("sitl_stub", f"--config={file}")
 
 
 def route_of(mission: Mission) -> list[tuple[float, float]]:

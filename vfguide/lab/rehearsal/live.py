@@ -1,6 +1,7 @@
 """The formation in real time: emulators and companions as processes of their own, joined by sockets."""
 
 import asyncio
+import json
 import os
 import shlex
 import socket
@@ -15,7 +16,7 @@ import yaml
 
 from vfguide.companion.clock import Clock
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.emulators import emulator_command
+from vfguide.lab.rehearsal.emulators import settings_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
 from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.link.address import parse_links
@@ -32,6 +33,7 @@ from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance, read_newest
 from vfguide.record.recording import events_files, guidance_files
+from vfguide.registry import plugin_files
 
 LEAD_S = 3.0
 """Real time that emulators get to start before simulation time 0."""
@@ -47,6 +49,44 @@ WRITTEN_S = 0.5
 
 START_PATIENCE_S = 30.0
 """Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
+
+
+def emulator_command(
+    mission: Mission,
+    name: str,
+    *,
+    file: str | Path,
+    mavlink: str,
+    truth: str,
+    epoch_s: float,
+    speedup: float,
+    also_to: Sequence[str] = (),
+) -> list[str]:
+    """Write down the settings of a vehicle's emulator, and return the command that runs it by them.
+
+    Args:
+        mission: the mission.
+        name: of the vehicle.
+        file: where the settings are written to.
+        mavlink: address of its companion, or where it waits for one.
+        truth: address of the judge.
+        epoch_s: Unix time of simulation time 0.
+        speedup: simulation seconds for each real one.
+        also_to: where else it is heard.
+    """
+    settings = settings_of(mission, name) | {
+        # A law or a link among them does no harm there.
+        "plugins": plugin_files(),
+        "mavlink": mavlink,
+        "truth": truth,
+        "truth_rate_hz": mission.rehearsal.rate_hz,
+        "epoch_s": epoch_s,
+        "speedup": speedup,
+        "also_to": list(also_to),
+    }
+    # JSON is YAML, and writes every number with all its digits.
+    Path(file).write_text(json.dumps(settings, indent=1), encoding="utf-8")
+    return python_module("sitl_stub", f"--config={file}")
 
 
 def watched_by_anybody(mission: Mission, links: Sequence[str]) -> WatchedFormation:
