@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+from sitl_stub.fleet import MAX_BANK_DEG
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind
-from sitl_stub.fleet import MAX_BANK_DEG
 from tests.autopilots.px4_manners import BEHAVIOURS, MANNERS, PARAMETERS, RATES_HZ, whole_as_real
 
 Station = Callable[..., Any]
