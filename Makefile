@@ -35,15 +35,15 @@ test-containers: $(VENV)/.dev
 	-tests/docker/make-image
 	$(BIN)/pytest tests/docker
 
-test-fast: $(VENV)/.dev ## the unit tests alone
-	$(BIN)/pytest -n auto -q tests/unit
+test-fast: $(VENV)/.dev ## the unit tests that fly nothing, in a minute
+	$(BIN)/pytest -n auto -q -m 'not flies' tests/unit
 
-test-versions: ## the unit tests on each of PYTHONS="python3.12 python3.13", before a release
+test-versions: ## the tests of test-fast on each of PYTHONS="python3.12 python3.13"
 	set -e; for python in $(PYTHONS); do \
 	  place=$(VENV)-$$(basename $$python); \
 	  $$python -m venv $$place; \
 	  $$place/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'; \
-	  $$place/bin/pytest -n auto -q tests/unit; \
+	  $$place/bin/pytest -n auto -q -m 'not flies' tests/unit; \
 	done
 
 docs: $(VENV)/.dev ## the API pages from the sources, in site/

@@ -1,15 +1,20 @@
 """The command line: options in, exit status out."""
 
+import atexit
+import os
+import secrets
+import shutil
 import sys
+import tempfile
 import traceback
 from contextlib import suppress
 from importlib.metadata import version as version_of
+from pathlib import Path
 from typing import Annotated, cast
 
 import typer
 
 from vfguide.commands.bench_options import bench
-from vfguide.commands.caches import keep_caches_out_of_home
 from vfguide.commands.flight_options import emulate, fly, judge
 from vfguide.commands.inspection_options import analyse, check, console, export, report, status
 from vfguide.commands.shared_options import with_plugins
@@ -20,6 +25,9 @@ from vfguide.extras import missing_library
 from vfguide.registry import plugin_fault
 
 WRONG_INPUT, BROKEN = 2, 3
+
+MATPLOTLIB = "MPLCONFIGDIR"
+"""The variable that says where Matplotlib keeps its list of fonts; else in the user's home."""
 
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
 """Of which Typer names only some kinds."""
@@ -35,9 +43,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-app.add_typer(bench, name="bench")
-app.add_typer(keys, name="keys")
 
 COMMANDS = (
     fly,
@@ -91,6 +96,22 @@ EXAMPLES = {
         "vfguide judge mission.yaml --truth udpin://0.0.0.0:14999 --link mqtts://broker:8883 \\",
         "    --start begin --out flights/judged",
     ),
+    "emulate": (
+        "vfguide emulate mission.yaml f1 --mavlink udpout://companion-f1:14540 \\",
+        "    --truth udpout://judge:14999 --start begin",
+    ),
+    "bench": ("vfguide bench --quick", "vfguide bench --json bench.json"),
+    "bench latency": ("vfguide bench latency --json latency.json",),
+    "bench trust": ("vfguide bench trust",),
+    "bench radio": ("vfguide bench radio",),
+    "bench ablations": ("vfguide bench ablations --quick",),
+    "bench robustness": ("vfguide bench robustness --quick",),
+    "bench scale": ("vfguide bench scale --quick",),
+    "bench monte-carlo": ("vfguide bench monte-carlo --formations 1000 --law pid",),
+    "keys": ("vfguide keys make mission.yaml",),
+    "keys make": ("vfguide keys make mission.yaml",),
+    "keys show": ("vfguide keys show mission.yaml",),
+    "keys rotate": ("vfguide keys rotate mission.yaml f1",),
     "order": ("vfguide order mission.yaml line-abreast --spacing 30 --link mqtts://broker:8883",),
     "status": ("vfguide status mission.yaml --link mqtts://broker:8883 --watch",),
     "console": ("vfguide console mission.yaml --link mqtts://broker:8883",),
@@ -110,6 +131,12 @@ def epilog(name: str) -> str | None:
 
 for command in COMMANDS:
     app.command(epilog=epilog(command.__name__))(with_plugins(command))
+
+for group, group_name in ((bench, "bench"), (keys, "keys")):
+    for one in group.registered_commands:
+        short = one.name or getattr(one.callback, "__name__", "")
+        one.epilog = epilog(f"{group_name} {short}")
+    app.add_typer(group, name=group_name, epilog=epilog(group_name))
 
 
 def main() -> None:
@@ -141,6 +168,16 @@ def main() -> None:
         traceback.print_exc()
         raise SystemExit(BROKEN) from error
     sys.exit(status)
+
+
+def keep_caches_out_of_home() -> None:
+    """Have Matplotlib keep its list of fonts where it is gone at the end, unless the user names a place."""
+    if os.environ.get(MATPLOTLIB):
+        return
+    # Made by Matplotlib, where anything is drawn.
+    place = Path(tempfile.gettempdir()) / f"vfguide-fonts-{secrets.token_hex(8)}"
+    os.environ[MATPLOTLIB] = str(place)
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
 
 
 def usage_fault(error: typer.BadParameter) -> str:

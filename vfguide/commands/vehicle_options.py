@@ -212,7 +212,9 @@ def order(
 # What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
 
 keys = typer.Typer(
-    help="Keys by which the members of a formation know each other.", no_args_is_help=True
+    help="Keys by which the members of a formation know each other.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from vfguide.commands.caches import MATPLOTLIB
+from vfguide.cli import MATPLOTLIB
 from vfguide.commands.output import PARTIAL
 
 PATIENCE_S = 240.0
