@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
-from sitl_stub.fleet import MAX_BANK_DEG
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind
+from sitl_stub.px4 import Px4
 from tests.autopilots.px4_manners import BEHAVIOURS, MANNERS, PARAMETERS, RATES_HZ, whole_as_real
 
 Station = Callable[..., Any]
@@ -542,7 +542,7 @@ def emulated(ground_station: Callable[[Autopilot, int], Vehicle]) -> EmulatedPx4
     config = AutopilotConfig(
         system_id=7,
         autopilot="px4",
-        plant=PlantParameters(max_bank_rad=math.radians(MAX_BANK_DEG["px4"])),
+        plant=PlantParameters(max_bank_rad=math.radians(Px4.max_bank_deg)),
         latitude_deg=47.0,
         longitude_deg=8.0,
         altitude_amsl_m=0.0,
