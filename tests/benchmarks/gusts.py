@@ -11,7 +11,7 @@ import numpy as np
 import vfguide
 
 MISSION = Path(__file__).parents[2] / "missions" / "aerosonde-gusts.yaml"
-LAWS = ("slot", "pid", "mpc")
+LAWS = ("pid", "slot", "mpc")
 SEEDS = (1, 2, 3, 4)
 
 
