@@ -75,7 +75,7 @@ class RealPx4:
         return station.parameters.get(name)
 
     def unasked_hz(self) -> Mapping[str, float]:
-        names = mavlink.mavlink_map
+        names = {number: kind.msgname for number, kind in mavlink.mavlink_map.items()}
         heard: Counter[str] = Counter()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
             link.bind(("127.0.0.1", self._port))
@@ -83,7 +83,7 @@ class RealPx4:
             ends = time.monotonic() + LISTENS_S
             while time.monotonic() < ends:
                 frames = frames_of(link.recv(65_536))
-                heard.update(names[one.message_id].msgname for one in frames if one is not None)
+                heard.update(names.get(one.message_id, "") for one in frames if one is not None)
         return {name: count / LISTENS_S for name, count in heard.items()}
 
 
