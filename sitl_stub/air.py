@@ -96,7 +96,7 @@ class CalmWind:
 
 
 class SteadyWind:
-    """The same wind for ever: `speed_m_s` toward `toward_rad` (clockwise from north)."""
+    """A constant wind: `speed_m_s` toward `toward_rad` (clockwise from north)."""
 
     __slots__ = ("_wind_m_s",)
 
@@ -366,9 +366,9 @@ class LocalWind:
     """The air about one place."""
 
     air: Air
-    """Of which it is a part."""
+    """The whole air."""
     place: Place
-    """Where."""
+    """Place whose wind is asked for."""
 
     def at(self, time_s: float) -> tuple[float, float]:
         """(north, east) at simulation time `time_s`, m/s."""

@@ -73,7 +73,7 @@ class PlantParameters:
     """From a new course, heading or bank to the moment at which the loop knows it."""
 
     speed_dead_time_s: float | None = None
-    """The same for a new speed; None: what belongs to the speed response."""
+    """From a new speed to the moment at which the loop knows it, s; None: that of the speed response."""
 
     @property
     def speed_delay_s(self) -> float:

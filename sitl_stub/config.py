@@ -66,7 +66,7 @@ class AutopilotConfig:
     """What is wrong with its reports, and when."""
 
     seed: int = 0
-    """Of all noise; the system id is mixed in, so that one seed serves a formation."""
+    """Seed of all noise; the system id is mixed in, so that one seed serves a formation."""
 
     indicated_airspeed: bool = False
     """Whether airspeeds that are commanded, limited and reported are indicated ones."""
@@ -75,7 +75,7 @@ class AutopilotConfig:
     """What the airspeed sensor shows in parts of what it should."""
 
     loop_rate_hz: float | None = None
-    """Of the scheduler on whose ticks telemetry leaves; None: telemetry leaves exactly on time."""
+    """Rate of the scheduler on whose ticks telemetry leaves; None: telemetry leaves exactly on time."""
 
     airborne: bool = True
     """Whether the flight begins in the air; else it stands on the ground, `armed` or not."""
@@ -100,7 +100,7 @@ class AutopilotConfig:
     intervals in microseconds; None: what its autopilot sends."""
 
     icao_address: int = 0
-    """Of its transponder, 24 bits, for ADSB_VEHICLE."""
+    """ICAO address of its transponder, 24 bits, for ADSB_VEHICLE."""
 
     def __post_init__(self) -> None:
         """Refuse a start that cannot be flown.

@@ -31,7 +31,7 @@ from sitl_stub.route import Route, RouteFollower
 from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
 
 FIELD_GAIN = 2.0
-"""Of the field around the circle, in parts of 1 / radius."""
+"""Gain of the field around the circle, in parts of 1 / radius."""
 
 LEAST_AIRSPEED_M_S = 1.0
 

@@ -21,13 +21,13 @@ ECCENTRICITY_SQUARED = 6.694379990141316e-3
 
 
 def wrap_to_pi(angle_rad: float) -> float:
-    """The same direction in (-pi, pi]: what an error between two courses must be."""
+    """A direction in (-pi, pi]: the range of an error between two courses."""
     wrapped = math.remainder(angle_rad, math.tau)
     return wrapped if wrapped > -math.pi else math.pi
 
 
 def wrap_to_two_pi(angle_rad: float) -> float:
-    """The same direction in [0, 2 pi): how a compass reads."""
+    """A direction in [0, 2 pi): how a compass reads."""
     wrapped = angle_rad % math.tau
     # A tiny negative angle rounds up to the full circle itself.
     return wrapped if wrapped < math.tau else 0.0

@@ -41,7 +41,7 @@ PX4_SLEW_M_S2 = 1.0
 """How fast PX4's airspeed setpoint goes to a new one, whatever is commanded."""
 
 PX4_FREQUENCY_RAD_S, PX4_DAMPING, PX4_LEAD_S = 3.3, 0.3, 0.4
-"""Of the airspeed behind that setpoint, (1 + a s) / (1 + 2 D s / w + s²/w²): fitted to steps of 0.5 to 2 m/s
+"""The airspeed follows that setpoint by (1 + a s) / (1 + 2 D s / w + s²/w²): fitted to steps of 0.5 to 2 m/s
 and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1 with FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX as
 the aircraft flies and FW_T_TAS_TC 2, whose speeds it meets to 0.18 m/s rms."""
 
@@ -64,31 +64,31 @@ class LaggingRates(NamedTuple):
     """How everything moves at one moment."""
 
     turn_rate_rad_s: float
-    """Of the nose, positive right."""
+    """Turn rate of the nose, positive right."""
 
     acceleration_m_s2: float
-    """Of the airspeed."""
+    """Rate of change of the airspeed."""
 
     roll_rate_rad_s: float
-    """Of the bank; nothing where the plant has no roll."""
+    """Rate of change of the bank; zero where the plant has no roll."""
 
     integral_rate_m_s3: float
-    """Of the speed hold's integral, or of PX4's acceleration; nothing where the response is first-order."""
+    """Rate of the speed hold's integral, or of PX4's acceleration; zero where the response is first-order."""
 
     reference_rate_m_s2: float
-    """Of the airspeed that is held; nothing where the response is not one of `px4`'s."""
+    """Rate of the airspeed that is held; zero where the response is not one of `px4`'s."""
 
     trim_rate_m_s2: float
-    """Of the airspeed to which the throttle is trimmed; nothing where the response is not `px4-untrimmed`."""
+    """Rate of the trimmed throttle's airspeed; zero where the response is not `px4-untrimmed`."""
 
     delayed_bank_rate_rad_s: float
-    """Of the bank on its way to the roll; nothing where that takes no time."""
+    """Rate of the bank on its way to the roll; zero where that takes no time."""
 
     climb_m_s: float
     """Positive up: of the height hold, and what the speed takes out of it."""
 
     climb_acceleration_m_s2: float
-    """Of the height hold."""
+    """Acceleration of the height hold, positive up."""
 
     north_m_s: float
     """Ground velocity."""

@@ -179,7 +179,7 @@ class TcpLink:
         return TcpPeer(self, self._take)
 
     def send(self, data: bytes) -> None:
-        """The same bytes to each peer that keeps up."""
+        """Send bytes to each peer that keeps up."""
         if data:
             for peer in tuple(self.peers):
                 peer.send(data)

@@ -13,7 +13,7 @@ GRAVITY_M_S2 = 9.80665
 """Standard gravity."""
 
 HEIGHT_DAMPING = math.sqrt(0.5)
-"""Of the height hold: it passes its target by 4 % of a step."""
+"""Damping of the height hold: it passes its target by 4 % of a step."""
 
 
 def clamped(value: float, limit: float) -> float:

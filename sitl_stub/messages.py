@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sitl_stub.personality import Personality
 
 SATELLITES = 14
-"""Of a good fix."""
+"""Satellites of a good fix."""
 
 CRUISE_THROTTLE_PERCENT = 50
 """Reported for want of an engine model."""
@@ -40,7 +40,7 @@ UNREADY = 0x10000020
 CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
 
 ESTIMATOR_FLYING = 0x33F
-"""The same bits of PX4's."""
+"""Bits of PX4's ESTIMATOR_STATUS in flight."""
 
 EKF_FLYING = 0x33F
 """Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
@@ -68,13 +68,13 @@ class Report(NamedTuple):
     """Which autopilot speaks."""
 
     altitude_error_m: float = 0.0
-    """Of the barometer."""
+    """Error of the barometer's altitude."""
 
     ready: bool = True
     """Whether its sensors have settled."""
 
     icao_address: int = 0
-    """Of its transponder."""
+    """ICAO address of its transponder."""
 
     @property
     def altitude_amsl_m(self) -> float:
@@ -162,7 +162,7 @@ def attitude(report: Report) -> MAVLink_message:
 
 
 def attitude_quaternion(report: Report) -> MAVLink_message:
-    """The same attitude: yaw, pitch, roll in that order, w first."""
+    """ATTITUDE_QUATERNION: yaw, pitch, roll in that order, w first."""
     motion = report.motion
     halves = (
         0.5 * motion.bank_rad,

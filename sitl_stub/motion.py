@@ -48,10 +48,10 @@ class Motion(NamedTuple):
     """Horizontal speed through the air."""
 
     turn_rate_rad_s: float
-    """Of the velocity that the plant turns, positive right."""
+    """Turn rate of the velocity that the plant turns, positive right."""
 
     bank_rad: float
-    """Of the coordinated turn, positive right."""
+    """Bank of the coordinated turn, positive right."""
 
 
 def ideal_motion(
@@ -179,7 +179,7 @@ def lifts_off(plant: PlantParameters, state: PlantState, wind_m_s: tuple[float, 
 def airborne(
     plant: PlantParameters, state: PlantState, wind_m_s: tuple[float, float]
 ) -> PlantState:
-    """The same motion as a state of the plant in the air."""
+    """A motion as a state of the plant in the air."""
     motion = rolling_motion(state, wind_m_s)
     air_north_m_s, air_east_m_s = motion.north_m_s - wind_m_s[0], motion.east_m_s - wind_m_s[1]
     heading_rad = wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s))

@@ -19,7 +19,7 @@ MAX_EPOCH_AWAY_S = 3600.0
 """How far from now simulation time zero may lie, in seconds of simulation."""
 
 SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
-"""Of a stream."""
+"""Least and greatest rate of a stream."""
 
 
 class OptionError(ValueError):

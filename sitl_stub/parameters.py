@@ -23,7 +23,7 @@ LIST_BURST = 10
 """A list goes out ten parameters at a time, so that datagrams stay short and links breathe."""
 
 HASH_CHECK = "_HASH_CHECK"
-"""Of PX4: asks for a checksum instead of the whole list; set, it ends the sending of a list."""
+"""PX4's parameter that asks for a checksum instead of the whole list; set, it ends the sending of a list."""
 
 NO_INDEX, NO_PARAMETER = 65_535, -1
 

@@ -66,16 +66,16 @@ class PlantState:
     """Airspeed to which `px4-untrimmed` has brought its throttle; None before its first step."""
 
     delayed_bank_rad: float = 0.0
-    """Of the `npfg` plant with a delay of the roll: what has reached the roll of the bank that is wanted."""
+    """Bank that has reached the roll, of the bank that is wanted: `npfg` with a delay of the roll."""
 
     memory: tuple[float, ...] = ()
-    """Of the loops of a plant of one's own; empty before its first step."""
+    """State of the loops of a user's plant; empty before its first step."""
 
     body: Body | None = None
-    """Of the `six-dof` plant; None before its first step in the air."""
+    """State of the `six-dof` plant's body; None before its first step in the air."""
 
     climb_m_s: float = 0.0
-    """Of the height hold, positive up; the `six-dof` plant has its own in its body."""
+    """Climb rate of the height hold, positive up; the `six-dof` plant has its own in its body."""
 
 
 __all__ = [
@@ -95,10 +95,10 @@ class Rates(NamedTuple):
     """How the plant moves now. A tuple, since four of them are made per report."""
 
     turn_rate_rad_s: float
-    """Of the heading or course held, positive right."""
+    """Turn rate of the heading or course held, positive right."""
 
     acceleration_m_s2: float
-    """Of the speed held."""
+    """Rate of change of the speed held."""
 
     north_m_s: float
     """Ground velocity."""
@@ -183,7 +183,7 @@ def bounded_ground_speed_m_s(
 def with_speed_kind(
     state: PlantState, kind: SpeedKind, wind_m_s: tuple[float, float]
 ) -> PlantState:
-    """The same motion of a course-hold plant, told by the other speed: a switch without a jump."""
+    """The motion of a course-hold plant as a state with the other speed: a switch without a jump."""
     if kind == state.speed_kind:
         return state
     convert = ground_speed_along_m_s if kind == "ground-speed" else airspeed_of_m_s

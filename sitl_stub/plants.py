@@ -153,7 +153,7 @@ class SixDof(Plant):
         return six_dof_stepped(self.parameters, targets, state, wind, time_s=time_s, step_s=step_s)
 
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """Of the body."""
+        """Motion of the body."""
         del targets
         return body_motion(state, wind_m_s)
 
@@ -163,7 +163,7 @@ class AirState:
     """What the rates of an aircraft of one's own depend on."""
 
     heading_rad: float
-    """Of the nose, which is where it flies through the air."""
+    """Heading of the nose, which is where it flies through the air."""
     airspeed_m_s: float
     """True."""
     course_rad: float
@@ -179,11 +179,11 @@ class AirRates:
     """How such an aircraft moves."""
 
     turn_rate_rad_s: float
-    """Of the nose, positive right."""
+    """Turn rate of the nose, positive right."""
     acceleration_m_s2: float
-    """Of the airspeed."""
+    """Rate of change of the airspeed."""
     memory: tuple[float, ...] = ()
-    """Of each thing that the loops remember, per second."""
+    """Rate of each thing that the loops remember, per second."""
 
 
 class AirPlant(Plant):
@@ -204,12 +204,12 @@ class AirPlant(Plant):
     ) -> PlantState:
         """A midpoint (second-order Runge-Kutta) step."""
         half_s = 0.5 * step_s
-        start = self._moved(targets, state, state, wind.at(time_s), half_s)
-        return self._moved(targets, state, start, wind.at(time_s + half_s), step_s)
+        start = self._advance(targets, state, state, wind.at(time_s), half_s)
+        return self._advance(targets, state, start, wind.at(time_s + half_s), step_s)
 
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """Of the nose through the air, and with the air over ground."""
-        seen = self._seen(state, wind_m_s)
+        """Motion of the nose through the air, and with the air over ground."""
+        seen = self._air_state(state, wind_m_s)
         rates = self.rates(targets, seen)
         north, east = over_ground(seen, wind_m_s)
         return Motion(
@@ -224,7 +224,7 @@ class AirPlant(Plant):
             bank_of_rad(rates.turn_rate_rad_s, state.speed_m_s),
         )
 
-    def _seen(self, state: PlantState, wind_m_s: tuple[float, float]) -> AirState:
+    def _air_state(self, state: PlantState, wind_m_s: tuple[float, float]) -> AirState:
         seen = AirState(
             heading_rad=state.direction_rad,
             airspeed_m_s=state.speed_m_s,
@@ -235,7 +235,7 @@ class AirPlant(Plant):
         north, east = over_ground(seen, wind_m_s)
         return replace(seen, course_rad=math.atan2(east, north))
 
-    def _moved(
+    def _advance(
         self,
         targets: Targets,
         state: PlantState,
@@ -244,7 +244,7 @@ class AirPlant(Plant):
         span_s: float,
     ) -> PlantState:
         """A state after a span at the rates of another."""
-        seen, parameters = self._seen(at, wind_m_s), self.parameters
+        seen, parameters = self._air_state(at, wind_m_s), self.parameters
         rates = self.rates(targets, seen)
         north, east = over_ground(seen, wind_m_s)
         climb_rate = climb_acceleration_m_s2(

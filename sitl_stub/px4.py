@@ -148,7 +148,7 @@ COURSE_LOOP = frozenset({"NPFG_PERIOD", "NPFG_DAMPING"})
 """alpha is 4 pi NPFG_DAMPING / NPFG_PERIOD."""
 
 THROTTLES = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
-"""Of level flight at the least airspeed, the trimmed and the greatest."""
+"""Throttles of level flight at the least airspeed, the trimmed and the greatest."""
 
 
 @personality("px4")

@@ -35,13 +35,13 @@ class Body(NamedTuple):
     heading_rad: float
     """psi, not wrapped."""
     thrust_n: float
-    """Of the propeller now."""
+    """Thrust of the propeller now."""
     slow_airspeed_m_s: float
     """Airspeed as the energy loops see it."""
     energy_integral: float
-    """Of the total energy's loop, in parts of the weight."""
+    """Integral of the total energy's loop, in parts of the weight."""
     balance_integral_rad: float
-    """Of the loop that shares energy between height and speed."""
+    """Integral of the loop that shares energy between height and speed."""
 
 
 class Surfaces(NamedTuple):

@@ -33,19 +33,19 @@ SHARED_S, OWN_S = 1100.0, 60.0
 """Correlation times of what receivers share, and of what is their own."""
 
 HEADING_RAD = math.radians(0.3)
-"""Of each heading: an autopilot's compass, Beard and McLain."""
+"""Standard deviation of each heading: an autopilot's compass, Beard and McLain."""
 
 AIRSPEED_M_S = 0.08
-"""Of each airspeed: 2 Pa at 20 m/s."""
+"""Standard deviation of each airspeed: 2 Pa at 20 m/s."""
 
 CALIBRATION = 0.02
-"""Of the airspeed sensor's scale, which stays as it is during a flight."""
+"""Standard deviation of the airspeed sensor's scale, which is constant during a flight."""
 
 ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
-"""Of each altitude (10 Pa); of its drift, and how slow that is."""
+"""Standard deviation of each altitude (10 Pa) and of its drift; correlation time of the drift."""
 
 CLOCK_RATE = 20e-6
-"""Of the rate of the autopilot's clock: an ordinary crystal's."""
+"""Standard deviation of the rate of the autopilot's clock: an ordinary crystal's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +53,13 @@ class Grade:
     """Standard deviations of a receiver's errors, per axis."""
 
     shared_m: float
-    """Of the position, the same for all near each other."""
+    """Wandering error of the position, the same for all receivers near each other."""
     own_m: float
-    """Of the position, wandering too, each its own."""
+    """Wandering error of the position, each receiver's own."""
     white_m: float
-    """Of each position by itself."""
+    """White noise of each position."""
     velocity_m_s: float
-    """Of each velocity by itself."""
+    """White noise of each velocity."""
 
 
 GRADES: dict[SensorGrade, Grade] = {

@@ -27,7 +27,7 @@ class Measurement(NamedTuple):
     """As measured."""
 
     altitude_error_m: float
-    """Of the measured altitude above mean sea level."""
+    """Error of the measured altitude above mean sea level."""
 
 
 class Sensors:

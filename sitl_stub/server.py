@@ -20,7 +20,7 @@ from sitl_stub.truth import Truth
 MAX_RATE_HZ = 1000.0
 
 BEGINNING = b'{"system_id": '
-"""Of every line."""
+"""Beginning of every line of true states."""
 
 Write = Callable[[bytes], object]
 """Takes one line; each reaches its reader whole."""

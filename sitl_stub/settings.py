@@ -121,7 +121,7 @@ class Settings(BaseModel):
     """ardupilot, px4, or one of --plugin: as which it behaves."""
 
     autopilot_version: Annotated[str | None, Option("X.Y")] = None
-    """Of px4, 1.14 to 1.18; default: the newest."""
+    """Version of px4, 1.14 to 1.18; default: the newest."""
 
     plant: Annotated[str | None, Option("NAME")] = None
     """heading-hold: first order, the wind drifts it; course-hold: the article's model; bank: bank from course
@@ -198,7 +198,7 @@ class Settings(BaseModel):
     """One minus cosine: seconds, m/s. Repeatable."""
 
     roughness_m: Annotated[float | None, Option("M")] = None
-    """Of the ground, above 0 to 0.5: the wind then grows with height."""
+    """Roughness of the ground, above 0 to 0.5: the wind then grows with height."""
 
     start: Annotated[
         Place,
@@ -217,7 +217,7 @@ class Settings(BaseModel):
     """Climb rate at a start in the air, positive up."""
 
     home_altitude_m: Annotated[float | None, Option("M")] = None
-    """Of the ground below the start; default: 100 m below it."""
+    """Altitude of the ground below the start; default: 100 m below it."""
 
     spacing_m: Annotated[float, Option("M")] = 30.0
     """With --count: from one start to the next, to the right."""
@@ -264,7 +264,7 @@ class Settings(BaseModel):
     """Send this unasked instead of the autopilot's own. Repeatable."""
 
     icao_address: Annotated[int, Option("N")] = 0
-    """Of its transponder, for ADSB_VEHICLE."""
+    """Address of its transponder, for ADSB_VEHICLE."""
 
     boot_time_s: Annotated[float, Option("S")] = 0.0
     """What its clock shows at the start."""
@@ -288,7 +288,7 @@ class Settings(BaseModel):
     """Seconds of simulation in one real second."""
 
     seed: Annotated[int, Option("N")] = 0
-    """Of everything random."""
+    """Seed of everything random."""
 
     truth: Annotated[str | None, Option("TO")] = None
     """True states as JSON lines: udpout://HOST:PORT or a file."""

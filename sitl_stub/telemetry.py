@@ -32,7 +32,7 @@ HOME_POSITION = 242
 EXTENDED_SYS_STATE = 245
 
 ONCE_A_SECOND_US = 1_000_000
-"""Of what ArduPilot sends without being asked, and of PX4 the heartbeat and whatever changes slowly."""
+"""Interval of what ArduPilot sends without a request, and of PX4's heartbeat and slow messages."""
 
 
 Builder = Callable[[Report], MAVLink_message]

@@ -13,7 +13,7 @@ from random import Random
 import numpy as np
 
 from vfguide.lab.studies.flown import article_mission
-from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, trial_line
 from vfguide.laws.field_findings import fields_beyond_the_loop, integral_too_fast
 from vfguide.mission.conditions import conditions_of
 
@@ -88,7 +88,7 @@ def main() -> None:
                 figures = "  ".join(
                     f"{name} {value:.3g}" for name, value in candidates[index].items()
                 )
-                sys.stdout.write(f"{figures}\n  {told(trials, index)}\n")
+                sys.stdout.write(f"{figures}\n  {trial_line(trials, index)}\n")
             sys.stdout.flush()
             if order:
                 best = candidates[order[0]]

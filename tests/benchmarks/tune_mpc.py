@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, trial_line
 from vfguide.laws.mpc import MpcGains
 
 INTERVAL_S = 1.0 / 7.0
@@ -87,7 +87,7 @@ def best_of(
         sys.stdout.write(
             f"velocity {one.velocity_weight_s2:.3g}  acceleration {one.acceleration_weight_s4:.3g}  horizon "
             f"{one.horizon_s:.3g} s, {one.intervals}  integral {one.integral_s:.3g} s\n"
-            f"  {told(trials, index)}\n"
+            f"  {trial_line(trials, index)}\n"
         )
     sys.stdout.flush()
     return candidates[order[0]]

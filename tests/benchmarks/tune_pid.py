@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator, default_rng
 
 from vfguide.elementwise import FloatArray
-from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, told
+from vfguide.lab.studies.tuning import CALM, Trials, fly_trials, ranked, trial_line
 
 CANDIDATES = 1024
 SEED = 5
@@ -68,7 +68,7 @@ def main() -> None:
             )
             for index in order[:3]:
                 figures = "  ".join(f"{name} {gains[name][index]:.3g}" for name in RANGES)
-                sys.stdout.write(f"{figures}\n  {told(trials, index)}\n")
+                sys.stdout.write(f"{figures}\n  {trial_line(trials, index)}\n")
             sys.stdout.flush()
             if order:
                 best = {name: values[order[:1]] for name, values in gains.items()}

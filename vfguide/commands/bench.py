@@ -57,7 +57,7 @@ SCALE_COLUMNS = (
     "encode",
     "guidance",
 )
-"""Of the table of sizes; the last are shares of the whole time."""
+"""Columns of the table of sizes; the last are shares of the whole time."""
 
 
 def compare_laws(
@@ -178,7 +178,7 @@ def write(json_file: Path | None, content: dict[str, Any]) -> None:
 
 
 def without_nan(value: object) -> object:
-    """The same with None for what is no finite number."""
+    """A value with None for each number that is not finite."""
     if isinstance(value, dict):
         return {key: without_nan(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

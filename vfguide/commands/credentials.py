@@ -55,7 +55,7 @@ class KeyFiles:
         return Credentials(roster=self._read_roster(), key=read_private_key(path))
 
     def of_operator(self) -> Credentials:
-        """The same for those who watch. Without a private key nothing shows that what they hear is new.
+        """Keys of an operator. Without a private key nothing shows that what it hears is new.
 
         Raises:
             InputError: a file is missing or cannot be used.

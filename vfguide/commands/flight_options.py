@@ -12,8 +12,8 @@ from vfguide.commands.overrides import (
     SpeedResponseName,
     WindName,
     apply_overrides,
-    blamed,
     parse_settings,
+    with_options_named,
 )
 from vfguide.commands.shared_options import (
     AsJson,
@@ -139,7 +139,7 @@ def fly(
     errors = Terminal(stderr=True)
     for finding in findings:
         if finding.severity != "note":
-            errors.tell(str(blamed(finding, overrides)))
+            errors.tell(str(with_options_named(finding, overrides)))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG)
     from vfguide.commands.fly import fly as fly_mission

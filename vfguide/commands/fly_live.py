@@ -50,7 +50,7 @@ class Row:
     vehicle: str
     """Its name."""
     mode: str
-    """Of its companion, as that says; empty before it has said anything."""
+    """Mode that its companion reports; empty before it has said anything."""
     error_m: float | None
     """Distance from slot or path, by true states; None where there is none."""
     ground_speed_m_s: float | None

@@ -12,7 +12,7 @@ SILENT_S = 5.0
 
 @dataclass(slots=True)
 class Heard:
-    """Of one vehicle."""
+    """What was heard of one vehicle."""
 
     said_s: float
     """The time of its newest presence, s on its own clock."""

@@ -81,8 +81,8 @@ def named(location: Location, options: Mapping[Location, str]) -> str:
     return "command line"
 
 
-def blamed(finding: Finding, overrides: Overrides) -> Finding:
-    """The same finding, with options in place of the fields that the command line overrides."""
+def with_options_named(finding: Finding, overrides: Overrides) -> Finding:
+    """A finding with options in place of the fields that the command line overrides."""
     for location, option in OPTIONS.items():
         if getattr(overrides, str(location[-1])) is None:
             continue

@@ -79,9 +79,9 @@ class Circle:
     """Where the leader circles."""
 
     latitude_deg: float
-    """Of the centre."""
+    """Latitude of the centre."""
     longitude_deg: float
-    """Of the centre."""
+    """Longitude of the centre."""
     radius_m: float
     """Positive."""
     clockwise: bool = True
@@ -103,9 +103,9 @@ class Arrangement:
     across_s: float
     """How long the slots move in the plane, s."""
     places: tuple[Place, ...]
-    """Of all followers that fly in it; who has none leaves the formation."""
+    """Places of all followers that fly in it; a follower without one leaves the formation."""
     circle: Circle | None = None
-    """Of a hold."""
+    """Circle of a hold."""
     path: str = MAIN_PATH
     """Name of the mission's path that the leader follows, after a hold where there is one."""
     path_check: int = 0

@@ -113,11 +113,11 @@ class Formation:
     slots: Mapping[str, Point]
     """Slots of those that fly in it now, by follower."""
     number: int = 0
-    """Of the newest order."""
+    """Number of the newest order."""
     flown: Manoeuvre = Manoeuvre.FORMATION
     """What is flown."""
     circle: Circle | None = None
-    """Of the hold that is flown."""
+    """Circle of the hold that is flown."""
     path: str = MAIN_PATH
     """Name of the mission's path that is followed."""
     turn_radius_m: float = 0.0
@@ -144,7 +144,7 @@ class Formation:
         return min((one.minus(other).size for one, other in combinations(places, 2)), default=None)
 
     def after(self, arrangement: Arrangement) -> "Formation":
-        """The same once an arrangement is flown."""
+        """The formation once an arrangement is flown."""
         return replace(
             self,
             slots=ends(arrangement.places),
@@ -358,7 +358,7 @@ def _shaped(order: Order, formation: Formation, end: Mapping[str, Point]) -> dic
 
 
 def _scaled(spacing: float, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:
-    """The same formation with another least distance."""
+    """A formation with another least distance."""
     present = formation.spacing
     if not present:
         return dict(end)

@@ -21,7 +21,7 @@ Offset = tuple[float, float]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 DIAGONAL = math.sqrt(0.5)
-"""Of a step of length 1 at 45 degrees, how far it goes back and aside."""
+"""How far a step of length 1 at 45 degrees goes back and aside."""
 
 
 SAME_M = 0.3

@@ -69,9 +69,9 @@ class Approach:
     begun_s: float
     """When the part of the transition begins in which it is, s after the whole has begun."""
     share: float
-    """Of the way of that part."""
+    """Share of the way of that part."""
     duration_s: float
-    """Of that part."""
+    """Duration of that part, s."""
 
     @property
     def time_s(self) -> float:
@@ -245,7 +245,7 @@ def nearest_on(before: Point, after: Point) -> tuple[float, float]:
 
 
 def in_layers(places: Sequence[Place], close: Sequence[Approach], leader: str) -> list[Place]:
-    """The same places, with layers for those that would come too near to each other.
+    """Places, with layers for those that would come too near to each other.
 
     Raises:
         RefusedOrderError: that would take too many layers.

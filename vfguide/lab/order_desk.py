@@ -82,7 +82,7 @@ class OrderDesk:
 
     @property
     def time_s(self) -> float:
-        """Of the formation's clock; NaN while not known."""
+        """Time on the formation's clock, s; NaN while not known."""
         return self.member.formation_time()
 
     def heard_state(self, vehicle: str, data: bytes) -> None:
@@ -180,7 +180,7 @@ class OrderDesk:
 
     @property
     def newest_number(self) -> int:
-        """Of the order that is flown, as states say."""
+        """Number of the order that is flown, by the vehicles' states."""
         numbers = {name: state.arrangement for name, state in self.states.items()}
         foreign = self._mission.leader.is_foreign
         return agreed_number(numbers, self._mission.timekeeper if foreign else self.leads)

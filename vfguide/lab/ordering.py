@@ -54,11 +54,11 @@ class Outcome:
     """What became of an order."""
 
     number: int
-    """Of the order; 0 of one that was not given."""
+    """Number of the order; 0 if it was not given."""
     arrangement: Arrangement
     """What was ordered."""
     prediction: Prediction | None
-    """Of its rehearsal; None of an order to call everything off, for which none is awaited."""
+    """What its rehearsal showed; None for an order to call everything off, which is not rehearsed."""
     replies: dict[str, Reply] = field(default_factory=dict)
     """The newest answer of each vehicle."""
     silent: tuple[str, ...] = ()
@@ -263,7 +263,7 @@ async def _give(
         for vehicle, reply in sorted(desk.replies.items()):
             if told.get(vehicle) != reply:
                 told[vehicle] = reply
-                tell(said(vehicle, reply))
+                tell(reply_line(vehicle, reply))
         verdicts = {vehicle: reply.verdict for vehicle, reply in desk.replies.items()}
         decided = all(verdicts.get(vehicle) in DECIDED for vehicle in desk.awaited)
         hands_over = set(verdicts.values()) == {Verdict.FLOWN} and order.lead not in {
@@ -274,7 +274,7 @@ async def _give(
             return
 
 
-def said(vehicle: str, reply: Reply) -> str:
+def reply_line(vehicle: str, reply: Reply) -> str:
     """A vehicle's answer in one line."""
     words = {
         Verdict.READY: "yes",

@@ -46,7 +46,7 @@ NUMERIC = re.compile(r"[0-9.]+")
 
 
 class LinkAddress:
-    """Of any kind of link: a frozen dataclass; as text the address without its password."""
+    """Address of any kind of link: a frozen dataclass; as text it has no password."""
 
     __slots__ = ()
 
@@ -100,7 +100,7 @@ class MqttAddress(LinkAddress):
     user: str | None = None
     """User name, if the broker asks for one."""
     password: str | None = field(default=None, repr=False)
-    """Of the user. Never shown."""
+    """Password of the user. Never shown."""
     ca: Path | None = None
     """Certificates that vouch for the broker; those of this computer if absent."""
     cert: Path | None = None

@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 
 class LinkStatus:
-    """Of one link."""
+    """State of one link: whether it is up, and what was counted on it."""
 
     def __init__(self, address: str) -> None:
         self.connected = False
@@ -30,7 +30,7 @@ class LinkStatus:
         self.settled = asyncio.Event()
         """Set once the first try has ended, one way or the other."""
         self.address = address
-        """Of the link, without its password."""
+        """Address of the link, without its password."""
 
     def up(self) -> None:
         """The broker listens."""

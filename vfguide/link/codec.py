@@ -89,7 +89,7 @@ class LeaderMessage:
     climb_rate: float = 0.0
     """m/s, positive up."""
     term: int = 0
-    """Of the leader that the sender obeys, or is: it rises by one with each succession."""
+    """Term of the leader that the sender obeys, or is: it rises by one with each succession."""
     arrangement: int = 0
     """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
@@ -181,7 +181,7 @@ class Ask:
     """What does your clock show?"""
 
     number: int
-    """Of the exchange: 64 bits of chance."""
+    """Number of the exchange: 64 random bits."""
     originate_s: float
     """When the question left, s on the clock of who asks."""
 
@@ -191,7 +191,7 @@ class Tell:
     """What the clock shows."""
 
     number: int
-    """Of the exchange, as it was asked."""
+    """Number of the exchange, as in the question."""
     originate_s: float
     """When the question left, as it was asked, s."""
     receive_s: float

@@ -78,7 +78,7 @@ class Envelope:
     sender: str
     """Name of who says it."""
     session: int
-    """Of the sender: one run of its program."""
+    """Number of the sender's session: one run of its program."""
     epoch: int
     """The leader's session as the sender knows it; 0 while it knows none."""
     sequence: int

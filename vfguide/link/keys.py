@@ -55,7 +55,7 @@ class Roster:
     vehicles: Mapping[str, bytes] = field(default_factory=dict)
     """Public keys by the vehicle's name, 32 bytes each."""
     operators: Mapping[str, bytes] = field(default_factory=dict)
-    """The same of those who watch and order."""
+    """Public keys of operators, who watch and order, by name, 32 bytes each."""
 
     def public(self, name: str) -> bytes | None:
         """The public key of a member; None for a stranger."""

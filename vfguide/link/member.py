@@ -198,7 +198,7 @@ class Member:
 
     @property
     def name(self) -> str:
-        """Of this member."""
+        """Name of this member."""
         return self.trust.name
 
     @property

@@ -72,7 +72,7 @@ class MemoryLink:
         heapq.heappush(self._in_flight, (arrival, self._sent, mail))
 
     def _random(self, sender: str) -> Random:
-        """Of one sender alone, made when it is asked first: who is lost does not depend on the others."""
+        """Random numbers of one sender alone, so that its losses do not depend on the others."""
         if sender not in self._randoms:
             self._randoms[sender] = Random(self._seeds[sender])
         return self._randoms[sender]

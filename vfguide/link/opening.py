@@ -32,7 +32,7 @@ SHORTEST_PAUSE_S = 0.2
 """s from one question to the next, however much there is to hurry for."""
 
 HEARD_SHARE = 1.5
-"""Of the time within which everybody says how it is: so long it takes to hear all of them."""
+"""Time in which all members are heard, in parts of the interval of their presences."""
 
 
 class Link:
@@ -57,7 +57,7 @@ class Link:
         return "; ".join(detail for detail in details if detail)
 
     def complaint(self) -> str:
-        """The same with the addresses, in one line."""
+        """What is wrong with the links, with their addresses, in one line."""
         statuses = [carrier.status for carrier in self.carriers]
         return "; ".join(
             f"link {status.address}: {status.detail or 'no answer'}"
@@ -215,7 +215,7 @@ class WatchedFormation:
     """A formation that somebody wants to know something of."""
 
     addresses: tuple[LinkAddress, ...]
-    """Of its links."""
+    """Addresses of its links."""
     formation: str
     """Its name."""
     leader: str

@@ -41,7 +41,7 @@ HAS_CIRCLE, CLOCKWISE, HAS_LEAD, HAS_PATH = 1, 2, 8, 16
 
 GREATEST_TIME_S = 1e10
 LONGEST_S = 3600.0
-"""Of a climb, and of a motion across."""
+"""Longest duration of a climb, and of a motion across."""
 
 RADII_M = (20.0, 20e3)
 """Least and greatest of a circle."""
@@ -65,7 +65,7 @@ class Verdict(IntEnum):
     VOID = 4
     """The order was not confirmed in time; the text says why, if that is known."""
     UNKNOWN = 5
-    """Of an operator who knows no newer order than this number: the one that is flown is to be repeated."""
+    """An operator knows no newer order than this number: the order that is flown is to be repeated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ class Reply:
     """What a vehicle says to an order."""
 
     number: int
-    """Of the order."""
+    """Number of the order."""
     verdict: Verdict
     """What becomes of it."""
     check: int = 0

@@ -56,7 +56,7 @@ PIECE = struct.Struct(f"<HBH{PIECE_SIZE}s")
 EPOCH = struct.Struct("<Q")
 
 REVISION = "2"
-"""Of these packets and of the turns that they are sent in: it is in every tag."""
+"""Revision of these packets and of the turns that they are sent in: it is in every tag."""
 
 NOT_STEERED = 0x80
 """Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
@@ -145,19 +145,19 @@ class Packet:
     beat: BeatInfo | None = None
     """The leader's beat."""
     state: LeaderMessage | None = None
-    """Of a state."""
+    """The message, in a packet with a state."""
     to: int = 0
     """For whom an answer is."""
     number: int = 0
-    """Of a question and its answer."""
+    """Number of a question and its answer."""
     session: int = 0
     """The leader's, in an answer and in a presence."""
     received: int = 0
     """When the question arrived that is answered, 0.1 ms on the leader's clock."""
     presence: Presence | None = None
-    """Of a presence."""
+    """The presence, in a packet with one."""
     piece: Piece | None = None
-    """Of an order, of an answer to one, or of an order that is repeated."""
+    """Piece of an order, of an answer to one, or of an order that is repeated."""
     tagged: bytes
     """All that the tag is about."""
     tag: bytes

@@ -67,11 +67,11 @@ class Presence:
     status: Status
     """The broker itself says "offline" for a vehicle that it has lost."""
     mode: str
-    """Of the supervisor; empty while not known."""
+    """Mode of the supervisor; empty while not known."""
     time_s: float
     """When this was true, on the vehicle's own clock, s; in a last will, when it had connected."""
     version: str
-    """Of the vehicle's companion."""
+    """Version of the vehicle's companion."""
     signed: bool = False
     """Whether its messages are signed; else anybody can say what it says."""
     obstacle: str = ""

@@ -28,7 +28,7 @@ ANSWERABLE_S = 1.5
 """A question that has waited for so long is not answered: its asker has asked again."""
 
 MOST_PIECES = 24
-"""Of one message: 672 bytes are a signed order to 11 followers with names of up to 18 characters."""
+"""Pieces of one message, at most: 672 bytes, a signed order to 11 followers with names of 18 characters."""
 
 ROUNDS = 3
 """Times that all pieces of an answer, or of an order that is repeated, are said: nobody acknowledges them."""
@@ -62,7 +62,7 @@ class Question:
     """One that was heard."""
 
     number: int
-    """Of the exchange."""
+    """Number of the exchange."""
     received_s: float
     """When, s on the member's clock."""
 
@@ -156,7 +156,7 @@ class OutgoingMessage:
     body: bytes
     """What was to be said: the same again is the same message, whatever envelope it comes in."""
     pieces: tuple[Piece, ...]
-    """Of it."""
+    """Pieces of the message."""
     posted_s: float
     """When it was to be said last, s."""
     said: int = 0
@@ -234,7 +234,7 @@ class PartialMessage:
     """A message of which some pieces have come."""
 
     mark: int
-    """Of the message."""
+    """Mark of the message."""
     size: int
     """Its bytes."""
     parts: dict[int, bytes] = field(default_factory=dict)

@@ -28,11 +28,11 @@ HANDOVER_S, MISSED_BEATS = 2.0, 3
 """After this long, and so many beats, without the one that has kept the beat, it is taken from another."""
 
 LATE_SHARE = 0.1
-"""Of what a beat comes later than expected, by which the next is expected later: most of that is the wait of
+"""Share of a beat's delay by which the next one is expected later: most of that is the wait of
 this one packet in some buffer. What comes early was expected too late."""
 
 ROUNDING = 1e-9
-"""Of a cycle: turns are sums and quotients of times."""
+"""Rounding error of a time, in parts of a cycle: turns are sums and quotients of times."""
 
 MOST_BEATS, LONGEST_PERIOD_MS = 255, 65535
 
@@ -42,7 +42,7 @@ class Channel:
     """How fast the radio is."""
 
     baud: int
-    """Of the serial line to it, bits per second; ten of them carry a byte."""
+    """Rate of the serial line to the radio, bits per second; ten of them carry a byte."""
     air_bytes_s: float
     """What all radios together can send, bytes per second."""
 

@@ -84,7 +84,7 @@ REMEMBERED = 64
 """... and of what was said since, so many own packets are known."""
 
 LONGEST_CYCLE_S = 10.0
-"""Of a beat that nothing vouches for: a slower one would keep a member silent for long."""
+"""Longest cycle of an unsigned beat that is obeyed: a slower one would keep a member silent for long."""
 
 
 class Station:
@@ -371,7 +371,7 @@ class Station:
         if self._is_silent_leader(now):
             return b""
         if turn.beat is None or table is None:
-            return self._answer(now) or self._said_of_itself(now, PRESENCE_S) or self._piece(now)
+            return self._answer(now) or self._own_presence(now, PRESENCE_S) or self._piece(now)
         beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
             return self._trust.sealed(
@@ -393,7 +393,7 @@ class Station:
         question = self._due_question(now)
         if question:
             return question
-        presence = self._said_of_itself(now, PRESENCE_S)
+        presence = self._own_presence(now, PRESENCE_S)
         if presence:
             return presence
         self._spoke_of_orders = not self._spoke_of_orders
@@ -401,7 +401,7 @@ class Station:
         if piece:
             return piece
         state = self._fresh_state(now)
-        return self._said_of_itself(now, IDLE_S) if state is None else self._sealed_state(state)
+        return self._own_presence(now, IDLE_S) if state is None else self._sealed_state(state)
 
     def _spare_s(self) -> float:
         """What a slot has more than the longest packet needs, s."""
@@ -484,8 +484,8 @@ class Station:
         kind, piece = found
         return self._trust.sealed(kind, encode_piece(piece), self._member.formation_time())
 
-    def _said_of_itself(self, now: float, every_s: float) -> bytes:
-        """The presence, where it is time for it."""
+    def _own_presence(self, now: float, every_s: float) -> bytes:
+        """This vehicle's presence as a signed packet; nothing while it is not due."""
         trust, presence = self._member.trust, self._presence
         if presence is None or not trust.proven or now - self._told_s < every_s:
             return b""

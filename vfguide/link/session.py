@@ -46,12 +46,12 @@ GOODBYE_S = 0.5
 """s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
 
 IDENTIFIER_BYTES = 8
-"""Of chance in the name of a client."""
+"""Random bytes in the name of a client."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
-    """Of one vehicle in one formation."""
+    """Topics of one vehicle in one formation."""
 
     prefix: str
     """First levels of every topic."""

@@ -18,7 +18,7 @@ from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
 ARTICLE_WIND_PERIOD_S = 2.0 * math.pi / 0.1
 ARTICLE_WIND_SAMPLES = 64
 PLACES = 97
-"""Of the path."""
+"""Places of the path that are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +34,9 @@ class Conditions:
     wind_east: FloatArray
     """East component of the wind, m/s, toward."""
     height: FloatArray
-    """Of the path, m above the mission's flying height."""
+    """Height of the path, m above the mission's flying height."""
     slope: FloatArray
-    """Of the path, rise for each metre along the ground."""
+    """Slope of the path, rise for each metre along the ground."""
 
     def ground_speed(self, airspeed: float | FloatArray) -> FloatArray:
         """Ground speed (m/s) of a leader on the path at an airspeed (m/s), which may be an array."""

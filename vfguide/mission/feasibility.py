@@ -346,7 +346,7 @@ def _along_the_path(mission: Mission) -> list[Finding]:
 
 
 def _along_another_path(mission: Mission, name: str) -> Iterator[Finding]:
-    """The same along a path that may be ordered; what holds on every path is told of the first alone."""
+    """Findings along a path that may be ordered; what holds on every path is said of the first alone."""
     for one in _along_the_path(on_path(mission, name)):
         if one.severity != "note":
             place = ("paths", name, *one.location[1:])

@@ -32,7 +32,7 @@ class Track:
     """Where a vehicle flies along the path."""
 
     name: str
-    """Of the vehicle."""
+    """Name of the vehicle."""
     location: Location
     """Where the mission places it."""
     north: FloatArray

@@ -83,7 +83,7 @@ class Finding:
         return dotted(self.location)
 
     def placed(self, source: MissionSource) -> "Finding":
-        """The same finding with its place in the mission file."""
+        """This finding with its place in the mission file."""
         return Finding(
             self.severity,
             self.location,

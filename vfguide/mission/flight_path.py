@@ -247,7 +247,7 @@ def fault(kind: str, value: object, **context: str) -> ValidationError:
 
 
 def below(name: str, error: ValidationError) -> ValidationError:
-    """The same findings, one step further down."""
+    """Findings of a section, placed one step further down."""
     known, found = set(get_args(ErrorType)), []
     for one in error.errors(include_url=False):
         kind: Any = one["type"]

@@ -13,7 +13,7 @@ LIMIT_CYCLE = 2.0
 """kappa (period + delay) / epsilon above which the sampled law limit-cycles."""
 
 RESTLESS = 0.5
-"""The same ratio above which the setpoint still overshoots at every step."""
+"""kappa (period + delay) / epsilon above which the setpoint still overshoots at every step."""
 
 WIDEST_LAYER = math.pi / 4.0
 """rad; course errors up to a quarter turn wide would be answered with less than full authority."""
@@ -22,7 +22,7 @@ STALE_S = 1.0
 """Age of a leader state (s) beyond which its prediction is a guess."""
 
 RADIO_BYTES = 56
-"""Of a leader's state on a radio."""
+"""Bytes of a leader's state on a radio."""
 
 
 def effective_layer(controller: Controller, period: float) -> float:

@@ -122,7 +122,7 @@ class Leader(Section):
     """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""
 
     gains: dict[str, Any] = Field(default_factory=dict)
-    """Of a law of one's own, by their names."""
+    """Gains of a law of your own, by their names."""
 
     @model_validator(mode="after")
     def know_the_gains(self) -> Self:

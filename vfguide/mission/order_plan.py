@@ -37,10 +37,10 @@ GIVEN_WAY_M_S = 3.5
 """So fast they may always move where the leader gives way: it flies faster or slower for who lacks it."""
 
 ASIDE_SHARE = 0.35
-"""Of the cruise, how fast slots move aside: a course 20 degrees off the leader's."""
+"""Speed at which slots move aside, in parts of the cruise: a course 20 degrees off the leader's."""
 
 ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
-"""Of what the aircraft have, for the motion of slots; and m/s²."""
+"""Acceleration of slots, in parts of what the aircraft have, and the greatest, m/s²."""
 
 GREATEST_CLIMB_M_S = 2.0
 """Slots climb and sink no faster than this."""
@@ -100,7 +100,7 @@ def formation_of_mission(mission: Mission) -> Formation:
 
 
 def on_path(mission: Mission, name: str) -> Mission:
-    """The same mission as if it began on another of its paths; itself where it has none of this name."""
+    """A mission as if it began on another of its paths; itself where it has none of this name."""
     shapes = mission.paths_by_name
     if name == MAIN_PATH or name not in shapes:
         return mission
@@ -259,7 +259,7 @@ def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Ci
 
 
 def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
-    """The same mission with these followers in these slots, and no others in view."""
+    """A mission with these followers in these slots, and no others in view."""
     followers = tuple(
         Follower(
             vehicle=name,

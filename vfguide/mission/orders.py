@@ -27,7 +27,7 @@ class Slot(Section):
 
     @property
     def point(self) -> Point:
-        """The same as a point of the formation."""
+        """This place as a point of the formation."""
         return Point(self.forward_m, self.right_m, self.up_m)
 
 

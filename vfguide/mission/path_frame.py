@@ -16,11 +16,11 @@ from vfguide.mission.vehicle import DEFAULT_MAX_BANK_DEG
 from vfguide.registry import paths
 
 BANK_SHARE = 2.0 / 3.0
-"""Of a vehicle's bank limit is used on a turn whose radius the mission does not give: the rest is for gusts,
-and for the way back into the slot."""
+"""Share of a vehicle's bank limit that is used on a turn whose radius the mission does not give: the rest is
+for gusts, and for the way back into the slot."""
 
 SPARE_M_S = 1.0
-"""Of airspeed that a slot on such a turn leaves at either end of its vehicle's range."""
+"""Airspeed that a slot on such a turn leaves at either end of its vehicle's range."""
 
 WIDEST_M = 2000.0
 """A slot that takes a wider turn than this takes another mission."""

@@ -18,20 +18,20 @@ from vfguide.mission.quantity import Coordinate, Number, Positive, Section, Swit
 MOST_AREAS, MOST_CORNERS = 100, 500
 
 EDGE_POINTS = 121
-"""Of a round area, as it is drawn."""
+"""Points of a round area, as it is drawn."""
 
 
 class MissionFrame(Section):
     """What a path takes from the rest of its mission."""
 
     latitude_deg: float
-    """Of the mission's origin."""
+    """Latitude of the mission's origin."""
 
     longitude_deg: float
-    """Of the origin."""
+    """Longitude of the origin."""
 
     altitude_amsl_m: float
-    """Of the origin, m."""
+    """Altitude of the origin above mean sea level, m."""
 
     height_above_origin_m: float
     """The mission's flying height, m."""
@@ -41,7 +41,7 @@ class MissionFrame(Section):
 
     @property
     def local(self) -> LocalFrame:
-        """Of the origin."""
+        """Local frame about the origin."""
         return LocalFrame(self.latitude_deg, self.longitude_deg, self.altitude_amsl_m)
 
 

@@ -16,7 +16,7 @@ from vfguide.regular_file import PipeOrDeviceError, open_regular
 MAX_BYTES = 4 * 1024 * 1024
 MOST_ITEMS = 20_000
 DEEPEST = 4
-"""Of complex items within each other."""
+"""Depth of complex items within each other, at most."""
 
 WAYPOINTS = {16, 82}
 """NAV_WAYPOINT and NAV_SPLINE_WAYPOINT."""
@@ -68,7 +68,7 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 
 def parse_plan(content: bytes) -> dict[str, Any]:
-    """The same from the bytes of a file.
+    """The content of a plan from the bytes of a file.
 
     Raises:
         InputError: it is no plan, or none that can be flown.

@@ -64,7 +64,7 @@ class ArticleWind(Air):
 
 
 class SteadyWind(Air):
-    """The same wind everywhere, all the time."""
+    """A constant wind, the same everywhere."""
 
     type: Literal["steady"]
     """`steady`."""
@@ -167,7 +167,7 @@ class Emulator(Section):
     """From a new course to the moment at which the autopilot's loop knows it, s."""
 
     speed_dead_time_s: Annotated[NotNegative, Field(le=10.0)] | None = None
-    """The same for a speed, s; if absent 0, or 0.5 with `tecs`."""
+    """From a new speed to the moment at which the loop knows it, s; if absent 0, or 0.5 with `tecs`."""
 
     indicated_airspeed: bool = False
     """Whether airspeeds on the wire are indicated ones, lower than the true ones by the air's density."""
@@ -214,7 +214,7 @@ class Radio(Section):
     """States per second of each follower."""
 
     baud: Annotated[WholeNumber, Field(ge=1200, le=12_000_000)] = 57_600
-    """Of the serial lines to the radios, bits per second."""
+    """Rate of the serial lines to the radios, bits per second."""
 
     air_bytes_s: Annotated[Number, Field(ge=10.0, le=1e6)] = 4000.0
     """What all radios together can send, bytes per second."""

@@ -33,7 +33,7 @@ class StartState:
     """Climb rate, m/s, positive up."""
 
     def shifted(self, *, forward_m: float, right_m: float, up_m: float = 0.0) -> "StartState":
-        """The same direction from a place ahead of, right of and above this one."""
+        """A start in this direction, at a place ahead of, right of and above this one."""
         course = math.radians(self.course_deg)
         return StartState(
             self.north_m + forward_m * math.cos(course) - right_m * math.sin(course),

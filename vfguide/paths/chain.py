@@ -83,7 +83,7 @@ class Chain:
         self._tree = PieceTree(pieces)
 
     def wrapped(self, progress: Any) -> Any:  # noqa: ANN401
-        """The same progress within the chain; before the beginning of one that is not closed, as it is."""
+        """A progress within the chain; before the beginning of a chain that is not closed, as it is."""
         if self.again is None:
             return progress
         span = self.length - self.again

@@ -28,7 +28,7 @@ from vfguide.paths.climb import EASE_M, Climb, ClimbAngle, EndHeight, check_end,
 from vfguide.registry import paths
 
 Radius = Annotated[quantity.Number, Field(ge=1.0, le=100e3)]
-"""Of a turn, m."""
+"""Radius of a turn, m."""
 
 Rotation = Literal["clockwise", "counterclockwise"]
 
@@ -87,7 +87,7 @@ class Circle(Path):
 
     @property
     def first_bearing(self) -> float:
-        """Of its beginning from the centre, rad."""
+        """Bearing of its beginning from the centre, rad."""
         at_origin = self.north == 0.0 and self.east == 0.0
         return 0.0 if at_origin else math.atan2(-self.east, -self.north)
 

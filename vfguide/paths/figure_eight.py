@@ -18,7 +18,7 @@ from vfguide.paths.pieces import Pieces
 from vfguide.registry import paths
 
 PIECES = 960
-"""Of once round: each turns by 0.02 rad or less."""
+"""Pieces of the whole curve: each turns by 0.02 rad or less."""
 
 
 class FigureEightShape(PathShape):
@@ -28,7 +28,7 @@ class FigureEightShape(PathShape):
     """Where it crosses itself."""
 
     course_deg: Course = 0.0
-    """Of the line from its middle to the end that is flown round first, degrees clockwise from north."""
+    """Direction from its middle to the end that is flown round first, degrees clockwise from north."""
 
     half_length_m: Annotated[Positive, Field(ge=30.0, le=100e3)]
     """From its middle to either end, m. Altogether it is 0.71 times this wide, and its tightest turns have a

@@ -19,7 +19,7 @@ LONGEST_TURN = 0.05
 """rad: a piece of a bend turns by no more than about this."""
 
 LONGEST_BEND_M = 10.0
-"""Of one piece of a bend."""
+"""Length of one piece of a bend, at most."""
 
 GAUSS = (
     (0.5 - math.sqrt(0.15), 5.0 / 18.0),
@@ -47,7 +47,7 @@ class Element:
     curvature: float = 0.0
     """At its beginning, 1/m, positive clockwise."""
     growth: float = 0.0
-    """Of the curvature, 1/m²."""
+    """Rate of change of the curvature along the piece, 1/m²."""
 
     @property
     def turn(self) -> float:
@@ -55,7 +55,7 @@ class Element:
         return self.length * (self.curvature + 0.5 * self.growth * self.length)
 
     def pieces(self) -> list["Element"]:
-        """The same in pieces that turn by little each."""
+        """This line in pieces that turn by little each."""
         sharpest = max(abs(self.curvature), abs(self.curvature + self.growth * self.length))
         if sharpest == 0.0:
             return [self]
@@ -136,7 +136,7 @@ class Bend:
     """How turns are flown."""
 
     radius: float
-    """Of the arc, m."""
+    """Radius of the arc, m."""
     easement: float
     """Length over which the curvature comes, and goes, m."""
 
@@ -150,7 +150,7 @@ def easement(length: float, curvature: float) -> list[Element]:
 
 
 def backward(elements: list[Element]) -> list[Element]:
-    """The same line from its end to its beginning, and mirrored: its turns have the same sense."""
+    """A line from its end to its beginning, and mirrored: its turns have the same sense."""
     return [
         Element(one.length, one.curvature + one.growth * one.length, -one.growth)
         for one in reversed(elements)
@@ -314,7 +314,7 @@ class PieceTree:
         aside: FloatArray,
         weight: float,
     ) -> FloatArray:
-        """The same for many vehicles at once: all of them go down the tree together."""
+        """The nearest points for many vehicles at once: all of them go down the tree together."""
         query = np.arange(north.size)
         node = np.zeros(north.size, dtype=int)
         for level in range(len(self._levels) - 2, -1, -1):

@@ -25,13 +25,13 @@ class PlanContents(Section):
     """Which."""
 
     waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
-    """Of its mission, those of surveys among them."""
+    """Waypoints of the plan's mission, with those of surveys."""
 
     end: End
     """What its last item asks for."""
 
     loiter_radius_m: quantity.Number = 0.0
-    """Of its last item, if that loiters, m; negative counter-clockwise, 0 where it does not say."""
+    """Radius of the loiter that ends the mission, m; negative counter-clockwise, 0 where it gives none."""
 
     fence: Fence = Fence()
     """Its fence."""
@@ -106,17 +106,17 @@ class PlanShape(RouteShape):
 
     @property
     def circle_radius_m(self) -> float:
-        """Of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
+        """Radius of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
         return self.loiter_radius_m or self.read.loiter_radius_m
 
     @property
     def fence(self) -> Fence:
-        """Of the plan."""
+        """Fence of the plan."""
         return self.read.fence
 
     @property
     def rally_points(self) -> tuple[Place, ...]:
-        """Of the plan."""
+        """Rally points of the plan."""
         return self.read.rally_points
 
     @property

@@ -65,7 +65,7 @@ class Waypoint(Place):
     """Instead of `up_m`: above mean sea level, m."""
 
     radius_m: Radius | None = None
-    """Of the fillet at this waypoint, m; that of the path if absent."""
+    """Radius of the fillet at this waypoint, m; that of the path if absent."""
 
     @model_validator(mode="after")
     def _one_height(self) -> Self:
@@ -92,8 +92,8 @@ class RouteShape(PathShape):
     """What routes have in common."""
 
     radius_m: Radius | None = None
-    """Of the fillets, m; if absent the least that every vehicle of the formation flies with something to
-    spare, at the mission's airspeed and in its wind."""
+    """Radius of the fillets, m; if absent the least that every vehicle of the formation flies with something
+    to spare, at the mission's airspeed and in its wind."""
 
     easement_m: Annotated[NotNegative, Field(le=100e3)] | None = None
     """Length over which the curvature comes at the beginning of a fillet, and goes at its end, m; as long as
@@ -126,7 +126,7 @@ class RouteShape(PathShape):
 
     @property
     def circle_radius_m(self) -> float:
-        """Of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
+        """Radius of the circle at the end, m, negative counter-clockwise; 0 for that of the fillets."""
         return self.loiter_radius_m or 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:

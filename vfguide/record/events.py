@@ -36,7 +36,7 @@ LONGEST_TEXT = 300
 """Characters of an event that are kept."""
 
 MOST_EVENTS = 20_000
-"""Of a vehicle, or of a record, that are read: an event a second for five hours."""
+"""Events of a vehicle, or of a record, that are read at most: one a second for five hours."""
 
 LONGEST_FLIGHT_S = 1e7
 """An event of a record is no later than this."""

@@ -52,7 +52,7 @@ FORMAT = "vfguide-flight-record"
 """Says in each file what it is."""
 
 VERSION = 2
-"""Of the layout of the file; a reader refuses what is newer than itself."""
+"""Version of the file's layout; a reader refuses what is newer than itself."""
 
 TEXTS = ("mission", "controller", "plant", "wind", "mode")
 
@@ -121,7 +121,7 @@ class FlightRecord:
     rate_hz: float
     """Position reports per second, 1/s."""
     seed: int
-    """Of everything random."""
+    """Seed of everything random in the flight."""
     duration_s: float
     """How long the flight lasted, as flown, s."""
     wall_s: float | None
@@ -135,7 +135,7 @@ class FlightRecord:
     notes: tuple[str, ...] = ()
     """What a reader has to know of where the figures come from, a sentence each."""
     origin: Origin | None = None
-    """Of the local frame; None in records of earlier versions."""
+    """Origin of the local frame; None in records of earlier versions."""
     begin_unix_s: float | None = None
     """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
     outlines: tuple[Outline, ...] = ()

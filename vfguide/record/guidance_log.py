@@ -51,7 +51,7 @@ HEADER = (",".join(COLUMNS) + "\n").encode()
 """First line of the file."""
 
 NEWEST_BYTES = 8192
-"""Of a file that grows: some 40 steps, 2 s at 20 Hz."""
+"""Length of a growing file's end that is read: some 40 steps, 2 s at 20 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ class GuidanceStep:
     time_s: float
     """On the companion's own clock, s."""
     mode: str
-    """Of the supervisor."""
+    """Mode of the supervisor."""
     course_rad: float
     """Last course setpoint sent; NaN before the first."""
     speed_m_s: float
@@ -71,25 +71,25 @@ class GuidanceStep:
     lyapunov_m2: float
     """W, m²; NaN for the leader."""
     formation_time_s: float = math.nan
-    """The same moment on the leader's clock, s; NaN while that is not known."""
+    """Time of the step on the leader's clock, s; NaN while that is not known."""
     slot_forward_m: float = math.nan
     """Slot ahead of the leader that was ordered; NaN while the mission's counts, and for the leader."""
     slot_right_m: float = math.nan
-    """The same, to its right."""
+    """The slot, m to the right of the leader."""
     slot_up_m: float = math.nan
-    """The same, above it."""
+    """The slot, m above the leader."""
     lead_term: float = math.nan
     """Term in which the vehicle leads; NaN where it does not, and in a mission without deputies."""
     lead_time_s: float = math.nan
     """When the leader by which it leads was at the place below, s on the companion's own clock."""
     lead_north_m: float = math.nan
-    """The leader by which it leads, itself or one that it carries on, m north of the mission's origin."""
+    """Place of the leader by which it leads (itself, or a lost one extrapolated), m north of the origin."""
     lead_east_m: float = math.nan
-    """The same, m east."""
+    """Place of that leader, m east of the mission's origin."""
     lead_course_rad: float = math.nan
-    """The course of the same."""
+    """Course over ground of that leader, rad clockwise from north."""
     lead_height_m: float = math.nan
-    """The height of the same above the mission's origin."""
+    """Height of that leader, m above the mission's origin."""
     left: bool = False
     """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
     path: str | None = MAIN_PATH

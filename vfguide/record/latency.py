@@ -33,14 +33,14 @@ class Usage:
     """What a process took of the computer."""
 
     cpu_share: float
-    """Of one core, while it flew."""
+    """Processor time during the flight, in parts of one core."""
     rss_mb: float
     """Resident memory, 10^6 bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency:
-    """Of a live flight."""
+    """How quickly companions of a live flight answered, and what processes took."""
 
     vehicles: dict[str, Promptness]
     """Each companion by the name of its vehicle."""

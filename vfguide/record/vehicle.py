@@ -48,7 +48,7 @@ LEAD_SERIES = (
 )
 """More of them, of a mission with deputies."""
 PATH_SERIES = ("path_number",)
-"""Of a mission on which another path than the first was flown, or none for a while."""
+"""Recorded where a mission flew another path than its first, or none for a while."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,25 +120,25 @@ class VehicleRecord:
     slot_up_m: float = 0.0
     """Slot above the leader, m; 0 for the leader."""
     limits: FlightLimits | None = None
-    """Of its airspeed and bank; None where the record does not tell."""
+    """Limits of its airspeed and bank; None where the record does not hold them."""
     slot_forward_series_m: FloatArray | None = None
     """Where the slot was at each sample, where it was changed in flight; None of one that was not.
 
     NaN while the vehicle was ordered out of the formation and had none."""
     slot_right_series_m: FloatArray | None = None
-    """The same, m right of the leader."""
+    """The slot at each time, m right of the leader."""
     slot_up_series_m: FloatArray | None = None
-    """The same, m above the leader."""
+    """The slot at each time, m above the leader."""
     lead_term: FloatArray | None = None
     """Term in which the vehicle led, NaN where it did not; None where the mission names no deputies."""
     lead_north_m: FloatArray | None = None
-    """The leader by which it led, itself or one that it carried on; with `lead_term`."""
+    """Place of the leader by which it led (itself, or a lost one extrapolated), m north; with `lead_term`."""
     lead_east_m: FloatArray | None = None
-    """The same."""
+    """Place of the leader by which it led, m east; with `lead_term`."""
     lead_course_rad: FloatArray | None = None
-    """The same."""
+    """Course over ground of the leader by which it led, rad clockwise from north; with `lead_term`."""
     lead_altitude_amsl_m: FloatArray | None = None
-    """The same."""
+    """Altitude of the leader by which it led, m above mean sea level; with `lead_term`."""
 
     path_number: FloatArray | None = None
     """Path by which the vehicle's companion went: 0 the record's, 1 the first of its outlines of kind `path`

@@ -77,7 +77,7 @@ class Knowledge:
     leads: bool
     """Whether it is the leader."""
     mode: str | None
-    """Of its companion; None before that has said anything."""
+    """Mode of its companion; None before the companion has said anything."""
     offline: bool
     """Whether the broker has lost its companion."""
     state_age_s: float
@@ -167,7 +167,7 @@ def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) ->
 
 
 def describe_mode(one: Knowledge, patience: Timeouts) -> tuple[Level, str]:
-    """The same, of the mode that its companion is in."""
+    """Level and text of the mode that its companion is in."""
     if one.ordered_away and one.mode == Mode.WAITING.value:
         return "note", ""
     if one.mode is not None and one.mode in OF_MODES:

@@ -13,7 +13,7 @@ from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.path_frame import frame_of
 
 DRAWN_POINTS = 400
-"""Of each path."""
+"""Points drawn of each path."""
 
 
 def describe_ground(mission: Mission) -> dict[str, object]:

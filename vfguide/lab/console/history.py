@@ -11,7 +11,7 @@ FIRST_STEP_S = 0.2
 """Between two older samples, before the room first runs out, s."""
 
 KEPT_SHARE = 0.75
-"""Of the room, at most, that is in use after samples have been left out."""
+"""Share of the room that is in use, at most, after samples have been left out."""
 
 
 class History:

@@ -35,7 +35,7 @@ KEPT_S = 15.0
 """For so long the place where a vehicle was heard last is shown."""
 
 MOST_CHANGES = 1000
-"""Of what is flown, that are kept to look back at."""
+"""Changes of what is flown that are kept, at most."""
 
 OLDEST_S = 300.0
 """Greatest age that is told."""
@@ -393,7 +393,7 @@ class Formation:
         return math.nan if heard is None else min(now - heard.received_s, OLDEST_S)
 
     def _wind(self, name: str) -> complex:
-        """Of a vehicle as it says itself, else as the leader does, m/s; NaN while neither does."""
+        """Wind that a vehicle reports, else the leader's, m/s; NaN while neither reports one."""
         for one in (name, self.names[0]):
             said = self._said.get(one)
             figures = {} if said is None else said.presence.figures

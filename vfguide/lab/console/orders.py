@@ -58,7 +58,7 @@ class RehearsalChoice(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     number: int = Field(ge=1, le=2**31)
-    """Of the rehearsal that the page has shown."""
+    """Number of the rehearsal that the page has shown."""
 
 
 class EmptyRequest(BaseModel):

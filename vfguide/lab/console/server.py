@@ -53,7 +53,7 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-"""Of every answer, beside the policy."""
+"""Headers of every answer, beside the policy."""
 
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
@@ -112,11 +112,11 @@ class Address:
 
     @property
     def scheme(self) -> str:
-        """Of its URL."""
+        """Scheme of its URL."""
         return "http" if self.certificate is None else "https"
 
     def url(self, port: int) -> str:
-        """Of the page, on the port (1 to 65535) on which it is served."""
+        """URL of the page, on the port (1 to 65535) on which it is served."""
         if self.published is not None:
             return self.published.rstrip("/")
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -146,7 +146,7 @@ class AccessToken:
     """A token that lets in, and the cookie that keeps it."""
 
     token: str
-    """Of chance."""
+    """Random text that grants access."""
     cookie: str
     """Its name."""
 
@@ -164,9 +164,9 @@ class Access:
     """Who is let in."""
 
     look: AccessToken
-    """Of those who may look."""
+    """Token of users who may only look."""
     order: AccessToken | None
-    """Of those who may give orders, too; None where nobody may."""
+    """Token of users who may give orders, too; None where orders are not allowed."""
     secure: bool
     """Whether it is served by TLS, and cookies are for TLS alone."""
 
@@ -314,20 +314,20 @@ def order_routes(panel: OrderPanel) -> list[Route]:
     """Where pages send orders; each answer is a number of a rehearsal, or a sentence."""
 
     async def rehearse(request: Request) -> Response:
-        return await told(request, lambda body: panel.rehearse(order_from(body)))
+        return await answer_post(request, lambda body: panel.rehearse(order_from(body)))
 
     async def give(request: Request) -> Response:
-        return await told(request, partial(use_number, panel.give))
+        return await answer_post(request, partial(use_number, panel.give))
 
     async def drop(request: Request) -> Response:
-        return await told(request, partial(use_number, panel.drop))
+        return await answer_post(request, partial(use_number, panel.drop))
 
     async def abort(request: Request) -> Response:
         def called_off(body: bytes) -> int:
             EmptyRequest.model_validate_json(body)
             return panel.abort()
 
-        return await told(request, called_off)
+        return await answer_post(request, called_off)
 
     return [
         Route("/order/rehearse", rehearse, methods=["POST"]),
@@ -337,8 +337,8 @@ def order_routes(panel: OrderPanel) -> list[Route]:
     ]
 
 
-async def told(request: Request, use: Callable[[bytes], int]) -> Response:
-    """Do what a page has sent; what is wrong with it is one line."""
+async def answer_post(request: Request, use: Callable[[bytes], int]) -> Response:
+    """Do what a page has sent, and answer it; a fault is one line."""
     body = bytearray()
     async for part in request.stream():
         body += part

@@ -20,10 +20,10 @@ from vfguide.errors import InputError
 from vfguide.regular_file import PipeOrDeviceError, open_regular
 
 GREATEST_ZOOM = 24
-"""Of any tile: one is some metres wide then."""
+"""Zoom of the smallest tiles, which are some metres wide."""
 
 ONLINE_ZOOM = 19
-"""Of tiles from a server, most of which have no more."""
+"""Greatest zoom of tiles from a server; most have no more."""
 
 LARGEST_TILE = 1024**2
 """Bytes; usual ones have 10 to 100 kB."""
@@ -32,19 +32,19 @@ LOOKUP_STEPS = 1000
 """Thousands of instructions that finding a tile may take; by an index it is a few hundred instructions."""
 
 OPENING_STEPS = 100_000
-"""The same of a question about the whole file, some seconds."""
+"""Thousands of instructions that a question about the whole file may take, some seconds."""
 
 LONGEST_ATTRIBUTION, LONGEST_MARKUP = 200, 2000
 """Characters that are shown, and that are read, with tags."""
 
 LOOKUP_S, OPENING_S = 0.5, 10.0
-"""The same limits in time."""
+"""Limits of the time for one tile and for opening the file, s."""
 
 FUNCTIONS = frozenset({"min", "max"})
 """That a query may call: those of a file's views could take for ever."""
 
 KINDS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-"""Of pictures, by the bytes that they begin with."""
+"""Media types of pictures, by the bytes that they begin with."""
 
 SQLITE_BEGINNING = b"SQLite format 3\x00"
 
@@ -80,9 +80,9 @@ class TileSource:
     template: str
     """Address of a tile, with {z}, {x} and {y}."""
     least_zoom: int
-    """Of the tiles that there are."""
+    """Least zoom of the tiles in the file."""
     greatest_zoom: int
-    """The same."""
+    """Greatest zoom of the tiles in the file."""
     attribution: str
     """To be shown beside the map; plain text."""
     find: FindTile | None = None

@@ -48,9 +48,9 @@ class RecordingContents:
     start: Start
     """Who began it, and when."""
     telemetry: Telemetry
-    """Of its autopilot."""
+    """What its autopilot reported."""
     guidance: GuidanceTrack
-    """Of its companion, in s of the companion's own clock."""
+    """What its companion did, by the companion's own clock, s."""
     events: tuple[FlightEvent, ...] = ()
     """What its companion said, in s of its own clock."""
 

@@ -53,7 +53,7 @@ class Part:
     vehicle: VehicleRecord
     """Whose they are; its arrays hold the whole flight."""
     time_s: FloatArray
-    """Of the flight."""
+    """Time since the flight began, s."""
     numbers: dict[str, FloatArray]
     """The columns of `UNITS`; NaN where nothing is known."""
     modes: list[str]

@@ -11,7 +11,7 @@ from vfguide.lab.report.colours import vehicle_colours
 from vfguide.record.flight import FlightRecord
 
 MOST_POINTS = 100_000
-"""Of all tracks together: viewers draw no more without faltering."""
+"""Points of all tracks together, at most: viewers draw no more smoothly."""
 
 FINEST_STEP_S = 0.2
 

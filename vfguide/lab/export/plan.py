@@ -21,7 +21,7 @@ MOST_WAYPOINTS = 500
 """Autopilots keep some 700."""
 
 MOST_SAMPLES = 20_000
-"""Of the track, that are looked at."""
+"""Samples of the track that are used, at most."""
 
 WAYPOINT, GLOBAL, ABSOLUTE = 16, 0, 2
 """MAV_CMD_NAV_WAYPOINT, MAV_FRAME_GLOBAL, and QGroundControl's number for altitudes above sea level."""
@@ -135,7 +135,7 @@ def corners(track: FloatArray, near_m: float) -> BoolArray:
 
 
 def distances(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Of each point from the line between two others, m."""
+    """Distance of each point from the line between two others, m."""
     way = end - begin
     length_2 = float(way @ way)
     share = np.clip((points - begin) @ way / length_2, 0.0, 1.0) if length_2 > 0.0 else 0.0

@@ -86,7 +86,7 @@ class Radio:
     line_free_s: float = 0.0
     """When the line to it is free again, s of virtual time."""
     version: int = 0
-    """Of its next turn: earlier ones are void."""
+    """Version of its next turn; earlier ones are void."""
 
     def clock(self, now: float) -> float:
         """What the station's clock shows at a virtual time, s."""

@@ -29,7 +29,7 @@ OF_THE_VEHICLE = (
 """Fields that a vehicle and its emulator have alike."""
 
 ROUTE_POINTS = 361
-"""Of the path of a mission, where an aircraft flies it by itself."""
+"""Points of a mission's path, where an aircraft flies it by itself."""
 
 ROUTE_BEYOND_M = 1000.0
 """A path without end goes on for so much longer than the aircraft can fly."""

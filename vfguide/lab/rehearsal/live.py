@@ -125,7 +125,7 @@ class LiveFlight:
         self._epoch_s = 0.0
         self._companions_zero_s = 0.0
         self.keys = key_places(Path(self._state.name) / "rehearsal.yaml")
-        """Of this rehearsal alone: everybody's, and an operator's."""
+        """Keys of this rehearsal alone: one for each vehicle, and an operator's."""
         self._watched: WatchedFormation | None = None
 
     @property

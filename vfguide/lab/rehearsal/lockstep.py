@@ -48,7 +48,7 @@ class Outcome:
     """What one aircraft brings home."""
 
     name: str
-    """Of the vehicle."""
+    """Name of the vehicle."""
     record: VehicleRecord
     """Its part of the flight record."""
     events: list[Event]
@@ -225,7 +225,7 @@ def instants(mission: Mission) -> Iterator[float]:
 
 
 def windows(mission: Mission) -> Iterator[list[float]]:
-    """The same times, by windows of the exchange between followers."""
+    """Times of the steps, s, in windows of the exchange between followers."""
     remaining = instants(mission)
     length = window_length(mission.rehearsal.rate_hz)
     while window := list(islice(remaining, length)):

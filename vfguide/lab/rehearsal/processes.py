@@ -29,7 +29,7 @@ PATIENCE_S = 10.0
 """Real time that a process gets to end cleanly before it is killed."""
 
 PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl: a signal to this process when the one that started it is gone."""
+"""Linux's prctl option for a signal to this process when the process that started it is gone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,7 +114,7 @@ class Channels:
         )
 
     def trust(self, name: str, run: int, key: Ed25519PrivateKey | None = None) -> Trust:
-        """Of the member of this name, in its first or a later run."""
+        """Signatures of the member of this name, in its first or a later run."""
         seed = f"{self.mission.rehearsal.seed} {name} session {run or ''}".rstrip()
         return Trust(
             formation=self.mission.name,

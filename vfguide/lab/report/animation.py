@@ -34,7 +34,7 @@ USUAL_LENGTH_S = 12.0
 
 AFTER_SETTLING_S = 8.0
 SHORTEST_S, LONGEST_S = 15.0, 60.0
-"""Of the flight that is shown where nobody says which part."""
+"""Length of the part of the flight that is shown where none is chosen."""
 
 TRAIL_S = 15.0
 SMOOTHING_S = 4.0
@@ -59,7 +59,7 @@ class Frame:
     """What one picture shows: places in pixels, from metres."""
 
     sample: int
-    """Of the record."""
+    """Number of the record's sample."""
     east_m: float
     """The middle."""
     north_m: float

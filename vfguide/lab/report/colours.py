@@ -17,7 +17,7 @@ FOLLOWER_COLOURS = (
     "#8c564b",
     "#999933",
 )
-"""Of Okabe and Ito, told apart by colour-blind readers too; three more for large formations."""
+"""Colours of Okabe and Ito, which colour-blind readers distinguish too; three more for large formations."""
 
 DAY_COLOURS = (LEADER_COLOUR, *FOLLOWER_COLOURS)
 """On a light ground, the leader's first."""
@@ -34,7 +34,7 @@ NIGHT_COLOURS = (
     "#cf9a8b",
     "#cfcf62",
 )
-"""The same on a dark ground."""
+"""Colours of vehicles on a dark ground."""
 
 
 def colours_of(vehicles: Sequence[str], palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
@@ -47,5 +47,5 @@ def colours_of(vehicles: Sequence[str], palette: Sequence[str] = DAY_COLOURS) ->
 
 
 def vehicle_colours(record: FlightRecord, palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
-    """The same for the vehicles of a flight."""
+    """The colour of each vehicle of a flight, by its name."""
     return colours_of([vehicle.name for vehicle in record.vehicles], palette)

@@ -139,7 +139,7 @@ def summary_json(summary: Summary) -> dict[str, Any]:
 
 
 def _plain(value: object) -> object:
-    """The same with lists for tuples, and None for NaN and infinities, which JSON has no words for."""
+    """A value for JSON: lists for tuples, and None for NaN and infinities, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

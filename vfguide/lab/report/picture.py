@@ -39,7 +39,7 @@ def picture_of(figure: Figure, dots_per_inch: int) -> bytes:
 
 
 def with_palette(picture: Image.Image) -> Image.Image:
-    """The same picture in 256 colours, each pixel in the nearest of them.
+    """A picture in 256 colours, each pixel in the nearest of them.
 
     Half of the palette are the most frequent colours, half are spread so that none is far from all of them.
     The first keep backgrounds true and the second thin lines; each alone tints what the other keeps.

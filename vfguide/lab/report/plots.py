@@ -31,7 +31,7 @@ class Plot:
     """One of the plots of a report."""
 
     name: str
-    """Of the file, without its ending."""
+    """Name of the file, without its ending."""
     title: str
     """A heading."""
     caption: str

@@ -27,10 +27,10 @@ NARROW_LETTERS = 34
 """Letters of a title that fit into a line of a narrow figure."""
 
 LIMIT_COLOUR = "#c1121f"
-"""Of what a flight is held against."""
+"""Colour of limits."""
 
 QUIET_COLOUR = "#767676"
-"""Of what is there for comparison."""
+"""Colour of lines that are there for comparison."""
 
 STILL_AIR_M_S = 0.05
 """Wind below this has no direction worth drawing."""

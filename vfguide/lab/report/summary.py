@@ -88,7 +88,7 @@ class Summary:
     rate_hz: float
     """Guidance steps per second."""
     seed: int
-    """Of everything random."""
+    """Seed of everything random in the flight."""
     duration_s: float
     """Length of the flight."""
     wall_s: float | None

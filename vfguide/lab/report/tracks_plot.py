@@ -104,10 +104,10 @@ SNAPSHOTS = 7
 """How many formations are drawn at most."""
 
 LEAST_SHARE = 0.05
-"""Of the view that a formation spans if it is drawn to scale."""
+"""Share of the view that a formation spans at least if it is drawn to scale."""
 
 DRAWN_SHARE = 0.09
-"""Of the view that a smaller formation is made to span."""
+"""Share of the view that a smaller formation is enlarged to."""
 
 
 OUTLINE_SHARE = 0.3
@@ -121,11 +121,11 @@ class OutlineStyle:
     label: str
     """In the legend."""
     colour: str
-    """Of the line."""
+    """Colour of the line."""
     dashes: str | tuple[int, tuple[int, int]]
     """As Matplotlib has line styles."""
     marker: str | None = None
-    """Of each point, where they are no line."""
+    """Mark of each point; None: the points are joined by a line."""
 
 
 OUTLINES: dict[OutlineKind, OutlineStyle] = {

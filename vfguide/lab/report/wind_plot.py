@@ -65,7 +65,7 @@ class DrawnWind:
     label: str
     """For the legend."""
     colour: str
-    """Of the line."""
+    """Colour of the line."""
     north_m_s: FloatArray
     """Toward."""
     east_m_s: FloatArray

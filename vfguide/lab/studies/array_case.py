@@ -46,11 +46,11 @@ class Conditions:
     """What a batch of formations has in common."""
 
     task: LeaderTask
-    """Of every leader."""
+    """What every leader flies."""
     settings: GuidanceSettings
-    """Of every law."""
+    """Settings that all laws share."""
     law: type[Law]
-    """Of every follower."""
+    """Law of every follower."""
     airframe: Airframe
     """What the laws take the vehicles for."""
     plant: Airframe
@@ -60,9 +60,9 @@ class Conditions:
     rounded: bool
     """Whether reports and setpoints are rounded as MAVLink rounds them."""
     rate_hz: float
-    """Of the loop."""
+    """Steps per second."""
     duration_s: float
-    """Of the flights."""
+    """Length of each flight, s."""
     link_delay_s: float
     """Age of a leader state on arrival."""
     calibrates: bool = True
@@ -88,11 +88,11 @@ class Start:
     airspeed: float
     """m/s."""
     wind: SwingingWind
-    """Of each formation."""
+    """Wind of each formation."""
     slot: Slot[FloatArray]
     """Offsets, F by 1 or F by M."""
     gains: Section
-    """Of the followers' law; a value may be an array with one for each formation."""
+    """Gains of the followers' law; a value may be an array with one for each formation."""
 
 
 Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]
@@ -205,9 +205,9 @@ class Outcome:
     max_error_m: FloatArray
     """The greatest in the window."""
     settle_10m_s: FloatArray
-    """Last time anybody was 10 m or more from the slot; infinite: at the end still."""
+    """Last time a follower was 10 m or more from its slot, s; infinite: at the end still."""
     settle_1m_s: FloatArray
-    """The same for 1 m."""
+    """Last time a follower was 1 m or more from its slot, s; infinite: at the end still."""
     chatter_rad_s: FloatArray
     """Course setpoints' variation that is not net turning, per second; mean over followers."""
     speed_variation_m_s2: FloatArray
@@ -226,7 +226,7 @@ class Watch:
         self._greatest: FloatArray | float = 0.0
         self._out_10m: FloatArray | float = 0.0
         self._out_1m: FloatArray | float = 0.0
-        self._told: Setpoint[FloatArray] | None = None
+        self._setpoint: Setpoint[FloatArray] | None = None
         self._speeding: FloatArray | float = 0.0
         self._variation: FloatArray | float = 0.0
         self._turned: FloatArray | float = 0.0
@@ -247,12 +247,12 @@ class Watch:
         self._total = self._total + distances.mean(axis=0)
         self._greatest = np.maximum(self._greatest, farthest)
         self._limited = self._limited + np.mean(setpoint.limited, axis=0)
-        if self._told is not None:
-            change = wrap_angle(setpoint.course - self._told.course)
-            self._speeding = self._speeding + np.abs(setpoint.speed - self._told.speed)
+        if self._setpoint is not None:
+            change = wrap_angle(setpoint.course - self._setpoint.course)
+            self._speeding = self._speeding + np.abs(setpoint.speed - self._setpoint.speed)
             self._variation = self._variation + np.abs(change)
             self._turned = self._turned + change
-        self._told = setpoint
+        self._setpoint = setpoint
 
     def outcome(self) -> Outcome:
         """What it came to."""

@@ -139,24 +139,24 @@ class Stream:
     def __init__(self) -> None:
         self._content: FloatArray | None = None
         self._sent: FloatArray | None = None
-        self._told: FloatArray | None = None
+        self._held: FloatArray | None = None
 
-    def told(
+    def update(
         self, course: FloatArray, speed: FloatArray, now: float
     ) -> tuple[FloatArray, FloatArray]:
         """(course, speed) that the autopilots hold from now on."""
         degrees = np.round(np.degrees(course % TURN), 3) % 360.0
         fresh = np.stack([degrees, speed])
         content = decimals(fresh)
-        if self._content is None or self._sent is None or self._told is None:
-            self._content, self._told = content, fresh
+        if self._content is None or self._sent is None or self._held is None:
+            self._content, self._held = content, fresh
             self._sent = np.full_like(fresh, now)
         else:
             due = (content != self._content) | (now - self._sent >= ArduPlane.keep_alive_s)
             self._content = np.where(due, content, self._content)
             self._sent = np.where(due, now, self._sent)
-            self._told = np.where(due, fresh, self._told)
-        single = self._told.astype(np.float32).astype(np.float64)
+            self._held = np.where(due, fresh, self._held)
+        single = self._held.astype(np.float32).astype(np.float64)
         return np.radians(single[0]), single[1]
 
 
@@ -272,7 +272,7 @@ def fly_formations(
                 shown = speed / calibrations.scale
                 speed = clip(shown, airframe.airspeed_min, airframe.airspeed_max)
             if conditions.rounded:
-                course, speed = stream.told(course, speed, now)
+                course, speed = stream.update(course, speed, now)
             fleet.guide(*pushed(course, speed, conditions.push, now), now)
         watch(now, slot_distances(fleet, now, start.slot), following if step >= engaged else None)
 

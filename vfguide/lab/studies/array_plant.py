@@ -36,7 +36,7 @@ Report = tuple[FloatArray, FloatArray]
 """What a position report says: (latitude, longitude) in degrees, or (north, east) in m on the plane."""
 
 LONGEST_STEP_S = 0.05
-"""Of the integration, as in the emulator."""
+"""Longest step of the integration, s, as in the emulator."""
 
 LOITER_BANK = math.radians(15.0)
 """Bank to the right before the first setpoint, rad: what an emulated autopilot does unguided."""
@@ -104,13 +104,13 @@ class Ellipsoid:
     """
 
     latitude_deg: float
-    """Of the local frame's origin."""
+    """Latitude of the local frame's origin."""
     longitude_deg: float
-    """Of the local frame's origin."""
+    """Longitude of the local frame's origin."""
     origin_height_m: float
     """At which the local frame touches."""
     flying_height_m: float
-    """Of every vehicle."""
+    """Height that every vehicle flies at, m."""
 
     def place(self, north: FloatArray, east: FloatArray) -> Place:
         """Latitude and longitude of a position."""
@@ -228,9 +228,9 @@ class Motion(NamedTuple):
     """How vehicles move at one instant."""
 
     turn_rate: FloatArray
-    """Of the direction that the plant holds, rad/s."""
+    """Turn rate of the direction that the plant holds, rad/s."""
     acceleration: FloatArray
-    """Of the speed that it holds, m/s²."""
+    """Rate of change of the speed that it holds, m/s²."""
     north: FloatArray
     """Ground velocity, m/s."""
     east: FloatArray

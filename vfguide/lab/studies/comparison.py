@@ -50,7 +50,7 @@ COLUMNS = (
     "cut by limits",
     "nearest, m",
 )
-"""Of the long table: errors, settling, control, separation."""
+"""Columns of the long table: errors, settling, control, separation."""
 
 ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
@@ -76,7 +76,7 @@ class Extent:
     """How much is flown."""
 
     duration_s: float
-    """Of each flight."""
+    """Length of each flight, s."""
     seeds: int
     """Flights over the bad link for each mission, law and plant."""
     bad_link_plants: tuple[str, ...]
@@ -92,19 +92,19 @@ class Row:
     """One mission, law, plant and condition."""
 
     mission: str
-    """Of the four."""
+    """Name of one of the article's four missions."""
     law: str
-    """Of the followers."""
+    """Law of the followers."""
     plant: str
-    """Of the two."""
+    """Plant of all vehicles: `heading-hold` or `course-hold`."""
     condition: str
     """`shipped` or `bad link`."""
     flights: int
     """Over which the mean is taken."""
     mean: Figures
-    """Of each figure; settling: None if any flight did not."""
+    """Mean of each figure over the flights; of a settling time None if any flight did not settle."""
     half_width: dict[str, float | None]
-    """Of the 95 % confidence interval of each mean; None for a single flight."""
+    """Half width of each mean's 95 % confidence interval; None for a single flight."""
 
 
 def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:

@@ -184,11 +184,11 @@ class Case:
     """What is flown; can be handed to another process."""
 
     mission: str
-    """Of the article's four."""
+    """Name of one of the article's four missions."""
     controller: str
     """Name of the law by which followers kept their slots."""
     plant: str = "heading-hold"
-    """Of every vehicle."""
+    """Plant of every vehicle."""
     changes: Changes = field(default_factory=dict)
     """Fields of the mission, by section."""
     label: str = ""
@@ -224,15 +224,15 @@ class Figures:
     mean_error_m: float
     """Distance from the slot, all followers."""
     p95_error_m: float
-    """Its 95th percentile."""
+    """95th percentile of the formation error, m."""
     max_error_m: float
-    """The greatest."""
+    """Greatest formation error, m."""
     settle_10m_s: float | None
-    """Last time anybody was 10 m or more out."""
+    """Last time a follower was 10 m or more from its slot, s; None: at the end still."""
     settle_1m_s: float | None
-    """The same for 1 m."""
+    """Last time a follower was 1 m or more from its slot, s; None: at the end still."""
     min_separation_m: float
-    """Of any two vehicles on the whole flight."""
+    """Least distance between any two vehicles during the whole flight, m."""
     effort_m_s2: float
     """Control effort: root mean square of the followers' acceleration through the air."""
     course_variation_rad_s: float

@@ -43,7 +43,7 @@ class Subscriber:
 
     def __init__(self) -> None:
         self.ages: list[float] = []
-        """Of each state as it arrived, s."""
+        """Age of each state when it arrived, s."""
 
     def take(self, data: bytes) -> None:
         """Note the age of a state; both ends read the same clock."""

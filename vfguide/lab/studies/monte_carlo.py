@@ -26,7 +26,7 @@ BATCH = 1024
 DURATION_S = 120.0
 
 GREATEST_WIND = 0.4
-"""Of the leader's airspeed."""
+"""Strongest wind, in parts of the leader's airspeed."""
 
 GREATEST_SWING_RATE = 0.1
 """rad/s: the article's."""
@@ -57,17 +57,17 @@ class Batch:
     """Formations that share slots and gains; can be handed to another process."""
 
     law: str
-    """Of the followers."""
+    """Name of the law of the followers."""
     count: int
-    """Of formations."""
+    """Number of formations."""
     seed: tuple[int, ...]
-    """Of everything random in it."""
+    """Seed of everything random in it."""
     mission: str = "circle-wind"
     """Whose path is flown."""
     duration_s: float = DURATION_S
-    """Of the flights."""
+    """Length of each flight, s."""
     position_noise_m: float = 0.0
-    """Of the reports."""
+    """Standard deviation of reported positions, m per axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ SIZES = (2, 4, 8, 12)
 """Vehicles."""
 
 RATES_HZ = (20.0, 10.0, 5.0, 2.0)
-"""Of the leader."""
+"""Rates of the leader's states."""
 
 FOLLOWERS_HZ = 2.5
 
@@ -69,7 +69,7 @@ class RadioFigures:
     max_error_m: float
     """The greatest."""
     min_separation_m: float
-    """Of any two vehicles, on the whole flight."""
+    """Least distance between any two vehicles during the whole flight."""
     leader_age_s: float
     """Mean age of the newest leader state; NaN without a radio."""
     air_bytes_s: float

@@ -48,7 +48,7 @@ class Trials:
     error_m: FloatArray
     """Mean distance from the slots in calm air."""
     pushed_m: FloatArray
-    """The same after the push."""
+    """Mean distance from the slots after the push."""
     course_rad_s: FloatArray
     """Back and forth of the course setpoints in calm air."""
     speed_m_s2: FloatArray
@@ -140,7 +140,7 @@ def ranked(trials: Sequence[Trials]) -> list[int]:
     return sorted((int(one) for one in fine), key=lambda one: (worse[one], pushed[one]))
 
 
-def told(trials: Sequence[Trials], index: int) -> str:
+def trial_line(trials: Sequence[Trials], index: int) -> str:
     """What a candidate came to, mission by mission."""
     return "; ".join(
         f"{name} {one.error_m[index]:.4f} m, pushed {one.pushed_m[index]:.4f} m, "

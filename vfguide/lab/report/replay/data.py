@@ -15,7 +15,7 @@ from vfguide.lab.report.replay.events import describe_events, flown_paths
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 FORMAT = 1
-"""Of the data; the program that reads it is in the same page."""
+"""Version of the data's layout; the program that reads it is in the same page."""
 
 FINEST_STEP_S = 0.2
 """s between two samples at least. Between them the replay draws curves through positions and velocities."""

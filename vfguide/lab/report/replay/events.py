@@ -22,7 +22,7 @@ class ShownEvent:
     """One entry of the time line."""
 
     time_s: float
-    """Of the first who said it."""
+    """Time at which the first vehicle said it, s."""
     kind: str
     """`order`, `lead`, `warning` or `text`."""
     text: str
@@ -57,7 +57,7 @@ def kind_of(event: FlightEvent) -> str:
 
 
 def describe_events(record: FlightRecord) -> list[dict[str, object]]:
-    """The same, ready for JSON; vehicles by their numbers."""
+    """The events of a flight, ready for JSON; vehicles by their numbers."""
     rows = {vehicle.name: row for row, vehicle in enumerate(record.vehicles)}
     return [
         {
