@@ -15,8 +15,10 @@ from typing import Annotated, cast
 import typer
 
 from vfguide.commands.bench_options import bench
+from vfguide.commands.check import check
+from vfguide.commands.export import export
 from vfguide.commands.flight_options import emulate, fly, judge
-from vfguide.commands.inspection_options import analyse, check, console, export, report, status
+from vfguide.commands.inspection_options import analyse, console, report, status
 from vfguide.commands.shared_options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
 from vfguide.commands.vehicle_options import companion, identify, keys, order
@@ -97,11 +99,11 @@ EXAMPLES = {
         "    --start begin --out flights/judged",
     ),
     "emulate": (
-        "vfguide emulate mission.yaml f1 --mavlink udpout://companion-f1:14540 \\",
+        "vfguide emulate f1 --mission mission.yaml --mavlink udpout://companion-f1:14540 \\",
         "    --truth udpout://judge:14999 --start begin",
     ),
     "bench": ("vfguide bench --quick", "vfguide bench --json bench.json"),
-    "bench latency": ("vfguide bench latency --json latency.json",),
+    "bench latency": ("vfguide bench latency --seconds 30",),
     "bench trust": ("vfguide bench trust",),
     "bench radio": ("vfguide bench radio",),
     "bench ablations": ("vfguide bench ablations --quick",),

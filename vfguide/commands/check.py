@@ -2,14 +2,48 @@
 
 import json
 from collections.abc import Sequence
+from typing import Annotated
 
+import typer
+
+from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
+from vfguide.commands.shared_options import AsJson, Controller, MissionFile, Settings
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import VfguideError
+from vfguide.mission import MissionError, read_mission
+from vfguide.mission.feasibility import check_mission
 from vfguide.mission.finding import Fault, Finding, worst_first
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.model import Mission
 
 PASSED, WARNED, WRONG = 0, 1, 2
+
+
+def check(
+    mission: MissionFile,
+    *,
+    controller: Controller = None,
+    settings: Settings = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find out what can be known before take-off.
+
+    One line for each finding; what formation error to expect is flown, a minute in virtual time. Exit
+    status: 0 ready to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal
+    broke or was stopped.
+    """
+    try:
+        loaded = read_mission(mission)
+    except MissionError as error:
+        if not as_json:
+            raise
+        found = findings_of(error.faults)
+        raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
+    overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
+    chosen = apply_overrides(loaded.mission, overrides)
+    findings = with_expectation(check_mission(chosen, loaded.source), chosen, loaded.source)
+    raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
 
 
 def findings_of(faults: Sequence[Fault]) -> list[Finding]:

@@ -1,49 +1,73 @@
 """`vfguide export`: a flight as a file for other tools."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from vfguide.commands.output import refuse_file, whole_file
-from vfguide.commands.report import read_flight
+from vfguide.commands.shared_options import Force, directory
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.extras import missing_library
-from vfguide.mission.model import Mission
-from vfguide.record.flight import FlightRecord, Origin
+from vfguide.mission import read_mission
+
+if TYPE_CHECKING:
+    from vfguide.record.flight import FlightRecord
 
 ENDINGS = (".mcap", ".kml", ".kmz", ".csv", ".parquet", ".plan")
 
-Write = Callable[[FlightRecord, Path], None]
+Write = Callable[["FlightRecord", Path], None]
 
 
-def export_flight(
-    directories: Sequence[Path], out: Path, *, mission: Mission | None, force: bool
+def export(
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="What `vfguide fly --out DIR` wrote, or what companions recorded.",
+            parser=directory,
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="Where to; .mcap, .kml, .kmz, .csv, .parquet or .plan is the format.",
+        ),
+    ],
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MISSION", help="Says where a flight was whose record is of an earlier version."
+        ),
+    ] = None,
+    force: Force = False,
 ) -> None:
-    """Write the flight that some directories hold in the format that the file's name asks for.
+    """Write a flight for other tools: Foxglove, Google Earth, spreadsheets, pandas.
 
-    Args:
-        directories: as of a report.
-        out: where to.
-        mission: says where on the earth the flight was, if its record does not.
-        force: whether a file that is there may be replaced.
-
-    Raises:
-        InputError: there is no flight in them, the ending is unknown, or the file cannot be written.
+    Exit status: 0 written, 2 there is no readable record, or the file cannot be written.
     """
+    from vfguide.commands.report import read_flight
+    from vfguide.record.flight import Origin
+
+    flown = None if mission is None else read_mission(mission).mission
     write = writer_for(out)
     refuse_file(out, force=force)
     record = read_flight(directories)
     if record.time_s.size == 0:
         raise InputError(f"{directories[0]}: the flight broke at once: there is nothing to export")
-    if record.origin is None and mission is not None:
-        if mission.name != record.mission:
+    if record.origin is None and flown is not None:
+        if flown.name != record.mission:
             raise InputError(
-                f"the flight is of the mission {record.mission!r}, not {mission.name!r}; "
+                f"the flight is of the mission {record.mission!r}, not {flown.name!r}; "
                 "name its own with --mission"
             )
-        record = replace(record, origin=Origin(**mission.origin.model_dump()))
+        record = replace(record, origin=Origin(**flown.origin.model_dump()))
     with whole_file(out) as unfinished:
         write(record, unfinished)
     Terminal().tell(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
@@ -63,11 +87,11 @@ def writer_for(out: Path) -> Write:
 
                 return write_mcap
             case ".csv":
-                from vfguide.lab.export.comma_separated import write_csv
+                from vfguide.lab.export.tables import write_csv
 
                 return write_csv
             case ".parquet":
-                from vfguide.lab.export.parquet import write_parquet
+                from vfguide.lab.export.tables import write_parquet
 
                 return write_parquet
             case ".plan":

@@ -1,27 +1,22 @@
-"""The options of `vfguide status`, `console`, `check`, `report`, `export`, `analyse`: they steer nothing."""
+"""The options of `vfguide status`, `console`, `report`, `analyse`: they steer nothing."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from vfguide.commands.check import findings_of, report_findings, with_expectation
-from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.commands.shared_options import (
     AsJson,
-    Controller,
     Force,
     Insecure,
     KeyFile,
     LinkUrls,
     MissionFile,
     RosterFile,
-    Settings,
     directory,
 )
 from vfguide.errors import InputError
-from vfguide.mission import MissionError, read_mission
-from vfguide.mission.feasibility import check_mission
+from vfguide.mission import read_mission
 
 # What the commands do is imported where they are called: a daemon on an aircraft loads none of the others.
 
@@ -161,33 +156,6 @@ def console(
     )
 
 
-def check(
-    mission: MissionFile,
-    *,
-    controller: Controller = None,
-    settings: Settings = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings.")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Find out what can be known before take-off.
-
-    One line for each finding; what formation error to expect is flown, a minute in virtual time. Exit
-    status: 0 ready to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal
-    broke or was stopped.
-    """
-    try:
-        loaded = read_mission(mission)
-    except MissionError as error:
-        if not as_json:
-            raise
-        found = findings_of(error.faults)
-        raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
-    overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
-    chosen = apply_overrides(loaded.mission, overrides)
-    findings = with_expectation(check_mission(chosen, loaded.source), chosen, loaded.source)
-    raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
-
-
 def report(
     directories: Annotated[
         list[Path],
@@ -246,41 +214,6 @@ def report(
         raise InputError("--from and --to are of a moving picture; give --animate FILE, too")
     else:
         write_reports(directories, out, force=force)
-
-
-def export(
-    directories: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR...",
-            help="What `vfguide fly --out DIR` wrote, or what companions recorded.",
-            parser=directory,
-        ),
-    ],
-    *,
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="Where to; .mcap, .kml, .kmz, .csv, .parquet or .plan is the format.",
-        ),
-    ],
-    mission: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MISSION", help="Says where a flight was whose record is of an earlier version."
-        ),
-    ] = None,
-    force: Force = False,
-) -> None:
-    """Write a flight for other tools: Foxglove, Google Earth, spreadsheets, pandas.
-
-    Exit status: 0 written, 2 there is no readable record, or the file cannot be written.
-    """
-    from vfguide.commands.export import export_flight
-
-    flown = None if mission is None else read_mission(mission).mission
-    export_flight(directories, out, mission=flown, force=force)
 
 
 def analyse(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.commands.export import ENDINGS, export_flight
+from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
 from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord, Origin
@@ -23,31 +23,27 @@ def flown(make_flight: MakeFlight, tmp_path: Path) -> Path:
     return directory
 
 
-def export(flown: Path, out: Path, *, force: bool = False) -> None:
-    export_flight([flown], out, mission=None, force=force)
-
-
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_each_ending_is_a_format(flown: Path, tmp_path: Path, ending: str) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    export(flown, out / f"flight{ending}")
+    export([flown], out=out / f"flight{ending}")
     assert [one.name for one in out.iterdir()] == [f"flight{ending}"]
     assert [one.name for one in flown.iterdir()] == ["flight.npz"]
 
 
 def test_another_ending_is_refused(flown: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the ending is the format"):
-        export(flown, tmp_path / "flight.xlsx")
+        export([flown], out=tmp_path / "flight.xlsx")
 
 
 def test_a_file_that_is_there_stays_without_force(flown: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.csv"
     out.write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="--force"):
-        export(flown, out)
+        export([flown], out=out)
     assert out.read_text(encoding="utf-8") == "mine"
-    export(flown, out, force=True)
+    export([flown], out=out, force=True)
     assert out.read_text(encoding="utf-8").startswith("time_s,")
 
 
@@ -56,7 +52,7 @@ def test_no_link_is_written_through(flown: Path, tmp_path: Path) -> None:
     elsewhere.write_text("mine", encoding="utf-8")
     (tmp_path / "a.csv").symlink_to(elsewhere)
     with pytest.raises(InputError, match="symbolic link"):
-        export(flown, tmp_path / "a.csv", force=True)
+        export([flown], out=tmp_path / "a.csv", force=True)
     assert elsewhere.read_text(encoding="utf-8") == "mine"
 
 
@@ -68,13 +64,13 @@ def test_an_export_that_fails_leaves_nothing(
     out = tmp_path / "out"
     out.mkdir()
     with pytest.raises(InputError, match="damaged"):
-        export(flown, out / "a.mcap")
+        export([flown], out=out / "a.mcap")
     assert list(out.iterdir()) == []
 
 
 def test_a_directory_that_is_not_there_is_one_line(flown: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such directory"):
-        export(flown, tmp_path / "absent" / "a.csv")
+        export([flown], out=tmp_path / "absent" / "a.csv")
 
 
 def test_a_mission_says_where_an_old_record_was_flown(
@@ -83,7 +79,7 @@ def test_a_mission_says_where_an_old_record_was_flown(
     (flown / "flight.npz").unlink()
     make_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
     mission = load_mission(MISSIONS / "line-calm.yaml")
-    export_flight([flown], tmp_path / "a.csv", mission=mission, force=False)
+    export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
     latitude = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[1].split(",")[3]
     assert float(latitude) == pytest.approx(mission.origin.latitude_deg)
 
@@ -93,9 +89,8 @@ def test_the_mission_of_another_flight_is_refused(
 ) -> None:
     (flown / "flight.npz").unlink()
     make_flight(origin=None).save(flown / "flight.npz")
-    mission = load_mission(MISSIONS / "line-calm.yaml")
     with pytest.raises(InputError, match="not 'line-calm'"):
-        export_flight([flown], tmp_path / "a.csv", mission=mission, force=False)
+        export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
 
 
 def test_place_and_time_are_kept_in_the_record(make_flight: MakeFlight, tmp_path: Path) -> None:
