@@ -160,20 +160,27 @@ class Sightings:
             passed_s: since this was done last.
         """
         wind, fresh = here.wind, age <= WIND_S
-        # That of then: in a wind that swings it is another one two seconds later.
-        carried = (wind - self.wind) * np.minimum(age, passed_s)
+        # The usual case: while all are heard nobody has been carried anywhere.
+        all_fresh = bool(np.logical_and.reduce(fresh))
+        if not all_fresh:
+            # That of then: in a wind that swings it is another one two seconds later.
+            self.carried += (wind - self.wind) * np.minimum(age, passed_s)
+        self.carried[fresh] = 0.0
         self.wind[fresh] = wind
         found = np.abs(self.speed * self.ahead - self.wind)
         mean = np.where(np.isnan(self.airspeed), found, self.airspeed)
         self.airspeed[:] = mean + self.news / (self.news + AIRSPEED_S) * (found - mean)
         self.news[:] = 0.0
-        last = found + self.acceleration * np.minimum(age, LAST_TURN_S)
-        self.flies[:] = self.airspeed if here.gusts > 0.0 else last
+        if here.gusts > 0.0:
+            self.flies[:] = self.airspeed
+        else:
+            self.flies[:] = found + self.acceleration * np.minimum(age, LAST_TURN_S)
         speed = ground_speed_held(self.flies, self.held, wind)
-        run = self.run + speed * np.minimum(age, passed_s)
-        self.run[:] = np.where(fresh | np.isnan(self.run), speed * age, run)
-        self.carried += carried
-        self.carried[fresh] = 0.0
+        if all_fresh:
+            self.run[:] = speed * age
+        else:
+            run = self.run + speed * np.minimum(age, passed_s)
+            self.run[:] = np.where(fresh | np.isnan(self.run), speed * age, run)
 
     def rows(self, begin: int, end: int) -> "Sightings":
         """The rows from one to before another: the same memory."""

@@ -306,7 +306,9 @@ class Traffic:
         """Let the wind carry those who are silent until now."""
         passed_s = here.time_s - self._carried_s
         self._carried_s, self._wind = here.time_s, here.wind
-        self._heard.carry(here.time_s - self._heard.time, here, max(0.0, passed_s))
+        doubted = np.maximum.reduce(self._doubted.time, initial=-np.inf) > -np.inf
+        heard = self._heard if doubted else self._believed
+        heard.carry(here.time_s - heard.time, here, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray) -> BoolArray:
         """Whether the link has worked since those who are missing were heard: another was, all the time.

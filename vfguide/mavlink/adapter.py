@@ -388,13 +388,13 @@ class SetpointStream:
 
 def kind_of(message: MAVLink_message) -> Kind:
     """What a message replaces: the one before of the same number and, for commands, the same command."""
-    return message.get_msgId(), getattr(message, "command", 0)
+    return message.id, getattr(message, "command", 0)
 
 
 def content_of(message: MAVLink_message) -> Content:
     """The fields of a message, as finely as they matter."""
-    values = map(vars(message).__getitem__, message.fieldnames)
+    values = vars(message)
+    fields = [values[name] for name in message.fieldnames]
     return tuple(
-        round(value, DIGITS) if type(value) is float and isfinite(value) else value
-        for value in values
+        [round(one, DIGITS) if type(one) is float and isfinite(one) else one for one in fields]
     )
