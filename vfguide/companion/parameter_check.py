@@ -5,10 +5,12 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.narrowed_limits import narrowed_limits
 from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_parameters
 from vfguide.mavlink.reports import ParameterReport
+from vfguide.state import Airframe
 
 TRIES = 4
 """How often a parameter is asked for, once a second: autopilots do not answer for names they do not know."""
@@ -26,6 +28,7 @@ class ParameterCheck:
         self._known: dict[str, float] = {}
         self._tries = 0
         self._told = False
+        self._too_tight: list[str] = []
 
     def take(self, report: ParameterReport) -> None:
         """Take a parameter, asked for by whomever."""
@@ -38,7 +41,8 @@ class ParameterCheck:
         """What of them speaks against taking off, by their newest values; nothing before all were asked."""
         if not self._told:
             return []
-        return self._adapter.parameter_faults(self._known, flight_needs(self.plan))
+        faults = self._adapter.parameter_faults(self._known, flight_needs(self.plan))
+        return faults + self._too_tight
 
     def requests(self, tell: Tell) -> list[MAVLink_message]:
         """What to ask now; to be called once a second while the autopilot is heard."""
@@ -57,37 +61,61 @@ class ParameterCheck:
             )
         if self.plan.asks_response:
             response = self._adapter.response(self._known, flight_needs(self.plan))
-            self.plan = flown_by(self.plan, response)
-            tell(response_sentence(response, self.plan))
+            declared, self.plan = self.plan, flown_by(self.plan, response)
+            tell(response_sentence(response, declared, self.plan))
+            narrowed = narrowed_limits(declared, self.plan)
+            self._too_tight = [narrowed.sentence] if narrowed.too_tight else []
         for warning in self._adapter.parameter_warnings(self._known, flight_needs(self.plan)):
             tell(warning)
         return []
 
 
-def response_sentence(response: AutopilotResponse, plan: FlightPlan) -> str:
-    """What is flown by, for the pilot."""
-    airframe = plan.airframe
+def response_sentence(response: AutopilotResponse, declared: FlightPlan, flown: FlightPlan) -> str:
+    """What is flown by, and what of it costs accuracy, for the pilot.
+
+    Args:
+        response: what the autopilot's parameters tell.
+        declared: with the mission's response and limits.
+        flown: with those that are flown by.
+    """
+    airframe = flown.airframe
     alpha, beta = f"alpha {airframe.alpha:.2f}", f"beta {airframe.beta:.2f} 1/s"
+    roll = roll_words(declared.airframe, airframe)
     limits = (
         f"{airframe.airspeed_min:g} to {airframe.airspeed_max:g} m/s,"
         f" {math.degrees(airframe.max_bank):.0f} degrees of bank"
     )
+    narrowed = narrowed_limits(declared, flown).sentence
+    tighter = f"; {narrowed}" if narrowed else ""
     if response.alpha is None and response.beta is None:
         return (
             "the autopilot's parameters do not tell how it answers: flown by what the mission declares,"
-            f" {alpha} and {beta}; see that they fit, by `vfguide identify`"
+            f" {alpha} and {beta}{roll}; see that they fit, by `vfguide identify`{tighter}"
         )
     if response.alpha is None:
         return (
-            f"flown by the autopilot's own parameters: {beta}, {limits}; how it takes up a course they do not"
-            f" tell, {alpha} 1/s is the mission's: see that it fits, by `vfguide identify`"
+            f"flown by the autopilot's own parameters: {beta}{roll}, {limits}; how it takes up a course they"
+            f" do not tell, {alpha} 1/s is the mission's: see that it fits, by `vfguide identify`{tighter}"
         )
     if response.beta is None:
         return (
-            f"flown by the autopilot's own parameters: {alpha} 1/s, {limits}; how its speed answers they do"
-            f" not tell, {beta} is the mission's: see that it fits, by `vfguide identify`"
+            f"flown by the autopilot's own parameters: {alpha} 1/s{roll}, {limits}; how its speed answers"
+            f" they do not tell, {beta} is the mission's: see that it fits, by `vfguide identify`{tighter}"
         )
-    return f"flown by the autopilot's own parameters: {alpha}, {beta}, {limits}; nothing to do"
+    return (
+        f"flown by the autopilot's own parameters: {alpha}, {beta}{roll}, {limits}"
+        f"{tighter or '; nothing to do'}"
+    )
+
+
+def roll_words(declared: Airframe, flown: Airframe) -> str:
+    """What is taken for how late the roll is, where the mission does not declare it."""
+    words = ""
+    if flown.course_lag != declared.course_lag:
+        words += f", {flown.course_lag:.2f} s of roll lag"
+    if flown.course_dead_time != declared.course_dead_time:
+        words += f", {flown.course_dead_time:.2f} s of dead time"
+    return words
 
 
 def flight_needs(plan: FlightPlan) -> FlightNeeds:

@@ -234,6 +234,8 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=min(airframe.max_bank, response.max_bank or math.inf),
+        climb_max=min(airframe.climb_max, response.climb_max or math.inf),
+        sink_max=min(airframe.sink_max, response.sink_max or math.inf),
         course_dead_time=airframe.course_dead_time or response.course_dead_time or 0.0,
         course_lag=airframe.course_lag or response.course_lag or 0.0,
         speed_hold=response.speed_hold or airframe.speed_hold,

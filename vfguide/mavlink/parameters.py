@@ -48,6 +48,10 @@ class AutopilotResponse:
     """m/s."""
     max_bank: float | None = None
     """rad."""
+    climb_max: float | None = None
+    """Fastest climb that it flies to another height, m/s."""
+    sink_max: float | None = None
+    """Fastest descent, m/s, above zero."""
     course_dead_time: float | None = None
     """From a course setpoint to the first change of the bank, s."""
     course_lag: float | None = None
@@ -73,6 +77,11 @@ def request_parameters(
 def first_known(parameters: dict[str, float], *names: str) -> tuple[str, float] | None:
     """The first of these parameters that was answered, with its name: names change with the version."""
     return next(((name, parameters[name]) for name in names if name in parameters), None)
+
+
+def above_zero(value: float | None) -> float | None:
+    """A limit; None where it is not known, or is none."""
+    return value if value is not None and value > 0.0 else None
 
 
 def airspeed_warnings(

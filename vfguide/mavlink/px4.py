@@ -46,6 +46,7 @@ from vfguide.mavlink.adapter import (
 from vfguide.mavlink.parameters import (
     AutopilotResponse,
     FlightNeeds,
+    above_zero,
     airspeed_warnings,
     bank_warning,
     first_known,
@@ -64,6 +65,7 @@ NAMES = (
     *("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_DLL_EXCEPT", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"),
     *("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_R_LIM", "FW_R_TC", "NPFG_PERIOD", "NPFG_DAMPING"),
     *("FW_T_TAS_TC", "FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX"),
+    *("FW_T_CLMB_MAX", "FW_T_CLMB_R_SP", "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
 )
 """Those that matter here."""
 
@@ -180,6 +182,8 @@ def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=math.radians(bank) if bank > 0.0 else None,
+        climb_max=least_rate(known, "FW_T_CLMB_MAX", "FW_T_CLMB_R_SP"),
+        sink_max=least_rate(known, "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
         course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,
         course_lag=roll if roll > 0.0 else None,
         # Of every PX4: it has no other.
@@ -191,6 +195,12 @@ def alpha_of(parameters: Mapping[str, float]) -> float | None:
     """4 pi NPFG_DAMPING / NPFG_PERIOD, 1/s; None where they do not tell."""
     period_s, damping = parameters.get("NPFG_PERIOD", 0.0), parameters.get("NPFG_DAMPING", 0.0)
     return 4.0 * math.pi * damping / period_s if period_s > 0.0 and damping > 0.0 else None
+
+
+def least_rate(parameters: Mapping[str, float], *names: str) -> float | None:
+    """How fast the height goes to a new altitude, m/s: the lowest of these rates; None if none is known."""
+    rates = (above_zero(parameters.get(name)) for name in names)
+    return min((rate for rate in rates if rate is not None), default=None)
 
 
 def beta_of(parameters: Mapping[str, float]) -> float | None:

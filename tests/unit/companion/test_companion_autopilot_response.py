@@ -8,10 +8,11 @@ import pytest
 
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
-from vfguide.companion.parameter_check import response_sentence
+from vfguide.companion.parameter_check import TRIES, ParameterCheck, response_sentence
 from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.parameters import AutopilotResponse
+from vfguide.mavlink.reports import ParameterReport
 from vfguide.mission.model import Mission
 
 Make = Callable[..., Any]
@@ -53,7 +54,12 @@ def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(
     told, words = next((time, text) for time, text in flown.texts() if WORDS in text)
     assert told < 10.0
     # The emulated loops' 1.2 1/s as NPFG_PERIOD and NPFG_DAMPING, limits of both.
-    assert "alpha 1.20, beta 3.00 1/s, 12 to 32 m/s, 45 degrees" in words
+    assert "alpha 1.20, beta 3.00 1/s, 0.40 s of roll lag, 0.20 s of dead time, 12 to 32" in words
+    # Its climb of 3 m/s is less than the mission's 4.
+    assert words.endswith(
+        "45 degrees of bank; tighter than the mission's limits: climbs of 3 m/s, not 4; less is left to"
+        " come back to the slot with"
+    )
     assert flown.modes[-1][1] in {Mode.JOINING, Mode.TRACKING}
 
 
@@ -74,7 +80,7 @@ def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(
 def test_what_the_parameters_leave_open_is_said(
     asking: FlightPlan, told: AutopilotResponse, words: str
 ) -> None:
-    assert words in response_sentence(told, flown_by(asking, told))
+    assert words in response_sentence(told, asking, flown_by(asking, told))
 
 
 def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: FlightPlan) -> None:
@@ -85,6 +91,50 @@ def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: Fli
     measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
     airframe = flown_by(replace(asking, airframe=measured), told).airframe
     assert (airframe.course_dead_time, airframe.course_lag) == (0.3, 0.6)
+
+
+def test_a_roll_that_the_mission_declares_is_not_told_again(asking: FlightPlan) -> None:
+    told = AutopilotResponse(alpha=0.9, beta=1.5, course_dead_time=0.2, course_lag=0.4)
+    measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
+    declared = replace(asking, airframe=measured)
+    sentence = response_sentence(told, declared, flown_by(declared, told))
+    assert "roll" not in sentence
+    assert sentence.endswith("45 degrees of bank; nothing to do")
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        AutopilotResponse(max_bank=0.5),
+        AutopilotResponse(alpha=0.9, max_bank=0.5),
+        AutopilotResponse(beta=0.9, max_bank=0.5),
+        AutopilotResponse(alpha=0.9, beta=0.9, max_bank=0.5),
+    ],
+)
+def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(
+    asking: FlightPlan, told: AutopilotResponse
+) -> None:
+    """0.5 rad are 28.6 degrees; the slot beside a straight path takes no bank."""
+    sentence = response_sentence(told, asking, flown_by(asking, told))
+    assert sentence.endswith(
+        "tighter than the mission's limits: 29 degrees of bank, not 45; less is left to come back to the"
+        " slot with"
+    )
+    assert "nothing to do" not in sentence
+
+
+def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_taking_off(
+    asking: FlightPlan, mission: Callable[[str], Mission]
+) -> None:
+    """Its 18 m/s are less than the leader's 20."""
+    check = ParameterCheck(asking, adapter_of(mission("line-calm").vehicles["f1"]))
+    check.take(ParameterReport(name="AIRSPEED_MAX", value=18.0, whole=None))
+    texts: list[str] = []
+    for _ in range(TRIES + 1):
+        check.requests(texts.append)
+    words = "up to 18 m/s, not 32 (its slot takes 20); the slot cannot be held"
+    assert any(words in text for text in texts)
+    assert any(words in fault for fault in check.faults())
 
 
 def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(
@@ -102,9 +152,16 @@ def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(
 
 def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:
     told = AutopilotResponse(
-        alpha=0.5, beta=0.4, airspeed_min=14.0, airspeed_max=40.0, max_bank=0.5
+        alpha=0.5,
+        beta=0.4,
+        airspeed_min=14.0,
+        airspeed_max=40.0,
+        max_bank=0.5,
+        climb_max=2.5,
+        sink_max=6.0,
     )
     airframe = flown_by(asking, told).airframe
+    assert (airframe.climb_max, airframe.sink_max) == (2.5, asking.airframe.sink_max)
     assert (airframe.alpha, airframe.beta, airframe.max_bank) == (0.5, 0.4, 0.5)
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, asking.airframe.airspeed_max)
 

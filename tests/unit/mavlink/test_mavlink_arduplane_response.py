@@ -46,5 +46,12 @@ def test_limits_are_told_under_both_names(parameters: dict[str, float]) -> None:
     )
 
 
+def test_the_height_goes_to_another_as_fast_as_the_tecs_lets_it() -> None:
+    response = arduplane_response({"TECS_CLMB_MAX": 3.5, "TECS_SINK_MAX": 2.5}, NEEDS)
+    assert (response.climb_max, response.sink_max) == (3.5, 2.5)
+    nothing = arduplane_response({"TECS_CLMB_MAX": 0.0, "TECS_SINK_MAX": math.nan}, NEEDS)
+    assert (nothing.climb_max, nothing.sink_max) == (None, None)
+
+
 def test_what_was_not_answered_is_not_known() -> None:
     assert arduplane_response({}, NEEDS) == AutopilotResponse()

@@ -59,6 +59,31 @@ def test_what_the_parameters_tell_is_taken() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("parameters", "climb", "sink"),
+    [
+        # As PX4 comes: it may climb at 5 m/s, and goes to a new altitude at 3.
+        (
+            {
+                "FW_T_CLMB_MAX": 5.0,
+                "FW_T_CLMB_R_SP": 3.0,
+                "FW_T_SINK_MAX": 5.0,
+                "FW_T_SINK_R_SP": 2.0,
+            },
+            3.0,
+            2.0,
+        ),
+        ({"FW_T_CLMB_MAX": 2.5, "FW_T_CLMB_R_SP": 3.0, "FW_T_SINK_MAX": 1.5}, 2.5, 1.5),
+        ({"FW_T_CLMB_R_SP": 0.0}, None, None),
+    ],
+)
+def test_the_height_goes_to_another_at_the_lower_of_two_rates(
+    parameters: Mapping[str, float], climb: float | None, sink: float | None
+) -> None:
+    response = px4_response(parameters)
+    assert (response.climb_max, response.sink_max) == (climb, sink)
+
+
 def test_what_was_not_answered_is_not_known() -> None:
     assert px4_response({}) == AutopilotResponse()
 
