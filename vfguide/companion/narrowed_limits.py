@@ -1,6 +1,7 @@
 """Limits of the autopilot that are tighter than the mission's, and what the flight takes of them."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +55,13 @@ def flight_demand(path: Path, airspeed: float, slot: Slot[float]) -> FlightDeman
     """
     places = path.at(path.outline(PLACES))
     turn_rate = airspeed * np.asarray(places.curvature, dtype=float)
-    speed = np.hypot(*slot_velocity(airspeed, turn_rate, slot))
+    all_along = np.full_like(turn_rate, 1.0)
+    along, right = slot_velocity(
+        airspeed * all_along,
+        turn_rate,
+        Slot(forward=slot.forward * all_along, right=slot.right * all_along),
+    )
+    speed = np.hypot(along, right)
     climb = airspeed * np.asarray(places.slope, dtype=float)
     return FlightDemand(
         bank=float(np.max(np.arctan(speed * np.abs(turn_rate) / GRAVITY))),
@@ -112,6 +119,10 @@ class Limit:
 def limits_of(declared: FlightPlan, flown: FlightPlan) -> tuple[Limit, ...]:
     """Every limit of a mission, and what became of it."""
     before, now, demand = declared.airframe, flown.airframe, demand_of(declared)
+
+    def taken(value: Callable[[FlightDemand], float]) -> float | None:
+        return None if demand is None else value(demand)
+
     bank_words = "{:.0f} degrees of bank, not {:.0f}"
     if demand is None:
         radius = now.cruise**2 / (GRAVITY * math.tan(now.max_bank))
@@ -121,32 +132,32 @@ def limits_of(declared: FlightPlan, flown: FlightPlan) -> tuple[Limit, ...]:
             bank_words,
             math.degrees(before.max_bank),
             math.degrees(now.max_bank),
-            demand and math.degrees(demand.bank),
+            taken(lambda one: math.degrees(one.bank)),
         ),
         Limit(
             "up to {:g} m/s, not {:g}",
             before.airspeed_max,
             now.airspeed_max,
-            demand and demand.fastest,
+            taken(lambda one: one.fastest),
         ),
         Limit(
             "down to {:g} m/s, not {:g}",
             before.airspeed_min,
             now.airspeed_min,
-            demand and demand.slowest,
+            taken(lambda one: one.slowest),
             is_least=True,
         ),
         Limit(
             "climbs of {:g} m/s, not {:g}",
             before.climb_max,
             now.climb_max,
-            demand and demand.climb,
+            taken(lambda one: one.climb),
         ),
         Limit(
             "descents of {:g} m/s, not {:g}",
             before.sink_max,
             now.sink_max,
-            demand and demand.sink,
+            taken(lambda one: one.sink),
         ),
     )
 
