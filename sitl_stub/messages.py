@@ -4,18 +4,16 @@ Nothing else knows these units. Height above the ellipsoid and above mean sea le
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from sitl_stub.commands import SystemStatus
 from sitl_stub.flight import Flight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.motion import Motion
-
-if TYPE_CHECKING:
-    from sitl_stub.personality import Personality
 
 SATELLITES = 14
 """Satellites of a good fix."""
@@ -46,6 +44,25 @@ EKF_FLYING = 0x33F
 """Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
 
 
+class Identity(Protocol):
+    """What an autopilot says of itself: a part of `sitl_stub.personality.Personality`."""
+
+    @property
+    def firmware(self) -> int:
+        """MAV_AUTOPILOT in the heartbeat."""
+
+    @property
+    def version(self) -> int:
+        """Version in AUTOPILOT_VERSION, one byte each for major, minor, patch and type."""
+
+    @property
+    def capabilities(self) -> int:
+        """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION."""
+
+    def system_status(self, flight: Flight) -> SystemStatus:
+        """MAV_STATE in the heartbeat."""
+
+
 class Report(NamedTuple):
     """What all messages of one instant are made from, so that they agree."""
 
@@ -64,7 +81,7 @@ class Report(NamedTuple):
     longitude_rad: float
     """As measured."""
 
-    personality: "Personality"
+    personality: Identity
     """Which autopilot speaks."""
 
     altitude_error_m: float = 0.0

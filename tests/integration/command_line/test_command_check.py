@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from vfguide.commands import inspection_options
+from vfguide.commands import check
 
 Make = Callable[..., Any]
 
@@ -24,7 +24,7 @@ def test_every_shipped_mission_is_ready_without_a_warning(
 ) -> None:
     if mission.stem not in FLOWN_BY_CHECK:
         # The missions are flown in tests/closed_loop.
-        monkeypatch.setattr(inspection_options, "with_expectation", lambda found, *_: found)
+        monkeypatch.setattr(check, "with_expectation", lambda found, *_: found)
     outcome = command("check", mission, "--strict")
     assert outcome.status == 0
     assert outcome.err == ""

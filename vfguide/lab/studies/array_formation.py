@@ -11,7 +11,8 @@ formation.
 
 import math
 from collections import deque
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -31,7 +32,7 @@ from vfguide.laws.leader import leader_step
 from vfguide.mavlink.adapter import DIGITS
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mission.quantity import Section
-from vfguide.state import LeaderState, Setpoint, VehicleState
+from vfguide.state import Gusts, LeaderState, Setpoint, VehicleState
 
 
 class Followers(Protocol):
@@ -102,16 +103,24 @@ class SeparateFollowers:
             keeper.reset()
 
 
-One = TypeVar("One", VehicleState[Any], LeaderState[Any])
+One = TypeVar("One", VehicleState[Any], LeaderState[Any], Gusts[Any])
 
 
-def one_of(states: One, place: tuple[int, ...]) -> One:
+def one_of(state: One, place: tuple[int, ...]) -> One:
     """One vehicle's state out of many; what is no array is everybody's."""
-    values = {name: getattr(states, name) for name in type(states).__dataclass_fields__}
-    taken: dict[str, Any] = {
-        name: float(value[place]) for name, value in values.items() if isinstance(value, np.ndarray)
-    }
-    return replace(states, **taken)
+    return picked(state, lambda values: float(values[place]))
+
+
+def picked(state: One, pick: Callable[[FloatArray], float | FloatArray]) -> One:
+    """A state of some of its vehicles: its arrays, and those of the states within it, by `pick`."""
+    taken: dict[str, Any] = {}
+    for field in fields(state):
+        value = getattr(state, field.name)
+        if isinstance(value, np.ndarray):
+            taken[field.name] = pick(value)
+        elif isinstance(value, Gusts):
+            taken[field.name] = picked(value, pick)
+    return replace(state, **taken)
 
 
 def gains_of_one(gains: Section, column: int) -> Section:
@@ -346,12 +355,7 @@ def reported(
 def rows(state: VehicleState[FloatArray], wanted: int | slice) -> VehicleState[FloatArray]:
     """Some rows of a state."""
     # Heights are those of all: the array form flies level.
-    taken: dict[str, Any] = {
-        name: value[wanted]
-        for name in VehicleState.__dataclass_fields__
-        if isinstance(value := getattr(state, name), np.ndarray)
-    }
-    return replace(state, **taken)
+    return picked(state, lambda values: values[wanted])
 
 
 def slot_distances(fleet: Fleet, time_s: float, slot: Slot[FloatArray]) -> FloatArray:
