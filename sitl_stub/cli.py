@@ -7,6 +7,7 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Coroutine
+from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as version_of
 from pathlib import Path
 from types import NoneType
@@ -124,8 +125,16 @@ def tell_version(wanted: bool) -> None:
         typer.Exit: if it was asked for.
     """
     if wanted:
-        sys.stdout.write(f"sitl-stub {version_of('vfguide')}\n")
+        sys.stdout.write(f"sitl-stub {own_version()}\n")
         raise typer.Exit
+
+
+def own_version() -> str:
+    """The version of vfguide, or of the emulator where that is installed alone."""
+    try:
+        return version_of("vfguide")
+    except PackageNotFoundError:
+        return version_of("sitl-stub")
 
 
 def fly(
