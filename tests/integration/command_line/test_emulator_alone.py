@@ -16,7 +16,8 @@ FLIGHT = """
 import importlib.util, math
 assert importlib.util.find_spec("vfguide") is None
 from sitl_stub import Autopilot, Settings
-flown = Autopilot(Settings(system_id=1).config())
+settings = Settings(system_id=1, airborne=True)
+flown = Autopilot(settings.config(), settings.air())
 start = flown.truth()
 flown.advance(1.0)
 end = flown.truth()
