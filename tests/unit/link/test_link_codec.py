@@ -41,7 +41,9 @@ def with_checksum(body: bytes) -> bytes:
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(message=SOUND)
 def test_what_goes_in_comes_out(message: LeaderMessage) -> None:
-    assert decode(encode(message)) == message
+    assert repr(decode(encode(message))) == repr(
+        message
+    )  # a course setpoint that is not known is NaN
 
 
 def test_a_leader_state_is_104_bytes_laid_out_as_documented(leader_message: Make) -> None:
@@ -164,4 +166,4 @@ def test_whether_the_sender_is_under_guidance_crosses_the_link(
 def test_flags_that_are_not_known_yet_change_nothing(leader_message: Make) -> None:
     data = bytearray(encode(leader_message())[:100])
     data[5] = 0xF8
-    assert decode(with_checksum(bytes(data))) == leader_message()
+    assert repr(decode(with_checksum(bytes(data)))) == repr(leader_message())

@@ -7,6 +7,7 @@ read-only, its schema is not trusted, and a query that takes too long or finds t
 
 import re
 import sqlite3
+import weakref
 from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -159,6 +160,7 @@ class TileFile:
             self._file = sqlite3.connect(
                 f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True
             )
+            weakref.finalize(self, self._file.close)
             self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_TILE)
             self._file.executescript("PRAGMA query_only = ON; PRAGMA trusted_schema = OFF;")
             self._file.set_authorizer(authorize)
