@@ -2,6 +2,7 @@
 
 import math
 import socket
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -29,13 +30,52 @@ LISTENS_S = 4.0
 """To a link for companions that was asked for nothing."""
 
 
+class CompanionLink:
+    """The port to which a PX4 sends for companions: what it says there unasked, and its texts."""
+
+    def __init__(self, port: int) -> None:
+        """Listen, and be there as a companion is: with a heartbeat a second."""
+        self.heard: Counter[int] = Counter()
+        """How many of each message came, by number."""
+        self.texts: list[str] = []
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", port))
+        self._socket.settimeout(0.5)
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End it."""
+        self._ends.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _listen(self) -> None:
+        writer = mavlink.MAVLink(None, srcSystem=200, srcComponent=191)
+        present = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+        sent_s = -math.inf
+        while not self._ends.is_set():
+            try:
+                datagram, peer = self._socket.recvfrom(65_536)
+            except TimeoutError:
+                continue
+            if time.monotonic() - sent_s > 1.0:
+                sent_s = time.monotonic()
+                self._socket.sendto(present.pack(writer), peer)
+            for frame in filter(None, frames_of(datagram)):
+                self.heard[frame.message_id] += 1
+                if frame.message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
+                    self.texts.append(frame.content.decode("ascii", "replace"))
+
+
 class RealPx4:
     """One PX4 in the air, as `px4_manners` asks for it."""
 
-    def __init__(self, simulator: Px4, port: int) -> None:
-        """Take an aircraft that flies, and the port to which it sends for companions."""
+    def __init__(self, simulator: Px4, link: CompanionLink) -> None:
+        """Take an aircraft that flies, and the link to its companion."""
         self.station = simulator.station
-        self._port = port
+        self._link = link
 
     @property
     def system_id(self) -> int:
@@ -62,7 +102,7 @@ class RealPx4:
         return custom_mode >> 16 & 0xFF, custom_mode >> 24
 
     def texts(self) -> list[str]:
-        return [text for _, text in self.station.texts]
+        return self._link.texts
 
     def parameter(self, name: str) -> float | None:
         station = self.station
@@ -75,16 +115,13 @@ class RealPx4:
         return station.parameters.get(name)
 
     def unasked_hz(self) -> Mapping[str, float]:
-        names = {number: kind.msgname for number, kind in mavlink.mavlink_map.items()}
-        heard: Counter[str] = Counter()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-            link.bind(("127.0.0.1", self._port))
-            link.settimeout(0.5)
-            ends = time.monotonic() + LISTENS_S
-            while time.monotonic() < ends:
-                frames = frames_of(link.recv(65_536))
-                heard.update(names.get(one.message_id, "") for one in frames if one is not None)
-        return {name: count / LISTENS_S for name, count in heard.items()}
+        before = self._link.heard.copy()
+        time.sleep(LISTENS_S)
+        heard = self._link.heard - before
+        return {
+            name: heard[number] / LISTENS_S
+            for number, name in ((one, kind.msgname) for one, kind in mavlink.mavlink_map.items())
+        }
 
 
 @pytest.fixture(scope="module")
@@ -101,15 +138,17 @@ def px4(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealPx4]:
         height_m=HEIGHT_M,
         conditions=Conditions(factory=True),
     )
+    link = CompanionLink(14_540 + instance)
     simulator.program.start()
     try:
         station = simulator.station
         simulator.take_off()
         station.wait(lambda: station.altitude_amsl_m > 0.8 * HEIGHT_M, "not up", CLIMB_S)
         simulator.enter("LOITER")
-        yield RealPx4(simulator, 14_540 + instance)
+        yield RealPx4(simulator, link)
     finally:
         simulator.close()
+        link.close()
 
 
 def test_a_real_px4_behaves_as_is_emulated(px4: RealPx4) -> None:
