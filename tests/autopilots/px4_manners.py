@@ -206,7 +206,9 @@ def unasked(subject: Subject) -> object:
 
 
 BEHAVIOURS = (
-    Behaviour("it says nothing to a companion of its take-off", lambda subject: subject.texts(), []),
+    Behaviour(
+        "it says nothing to a companion of its take-off", lambda subject: subject.texts(), []
+    ),
     Behaviour("telemetry comes unasked", unasked, dict.fromkeys(RATES_HZ, True)),
     Behaviour("it banks by FW_R_LIM", lambda subject: subject.parameter("FW_R_LIM"), 50.0),
     Behaviour("an unknown parameter is an error", lambda subject: subject.parameter("NOPE"), None),
@@ -219,5 +221,7 @@ BEHAVIOURS = (
     Behaviour("a position counts as the stream", position_is_a_stream, ACCEPTED),
     Behaviour("no stream, COM_OBL_RC_ACT 5: hold", stream_ends(5), ((6, 0), (4, 3))),
     Behaviour("no stream, COM_OBL_RC_ACT 0: return", stream_ends(0), ((6, 0), (4, 5))),
-    Behaviour("it says nothing to a companion of a lost stream", lambda subject: subject.texts(), []),
+    Behaviour(
+        "it says nothing to a companion of a lost stream", lambda subject: subject.texts(), []
+    ),
 )

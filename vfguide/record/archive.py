@@ -7,6 +7,7 @@ import json
 import os
 import struct
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -42,6 +43,7 @@ UNREADABLE = (
     MemoryError,
     NotImplementedError,
     RuntimeError,
+    UserWarning,
     SyntaxError,
     TypeError,
     ValueError,
@@ -88,10 +90,14 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
                     f"{path}: is no flight record: unpacked it would be {size / 1e6:.0f} MB, "
                     f"more than {GREATEST_SIZE / 1e6:.0f} MB; {REMEDY}"
                 )
-            stored = np.load(stream, allow_pickle=False)
-            if not isinstance(stored, np.lib.npyio.NpzFile):
-                raise InputError(f"{path}: is no flight record, but a single NumPy array; {REMEDY}")
-            arrays: dict[str, AnyArray] = {name: stored[name] for name in stored.files}
+            # NumPy warns where it guesses what a header means that Python 2 wrote: no record of ours has one.
+            with warnings.catch_warnings(action="error", category=UserWarning):
+                stored = np.load(stream, allow_pickle=False)
+                if not isinstance(stored, np.lib.npyio.NpzFile):
+                    raise InputError(
+                        f"{path}: is no flight record, but a single NumPy array; {REMEDY}"
+                    )
+                arrays: dict[str, AnyArray] = {name: stored[name] for name in stored.files}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; {REMEDY}") from error
     except UNREADABLE as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.errors import InputError
@@ -242,6 +242,7 @@ def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path: Path, data: st.
 @settings(
     max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
+@example(header=b"0L")  # a number of Python 2
 def test_an_array_with_a_wrong_header_is_refused(tmp_path: Path, header: bytes) -> None:
     path = tmp_path / "flight.npz"
     with zipfile.ZipFile(path, "w") as archive:
