@@ -50,6 +50,44 @@ LIGHT = (
 )
 """Of the live ones those that fly for seconds, or ask for little processor: they may fly beside any other."""
 
+FLYING = (
+    "unit/report",
+    "unit/identification",
+    "unit/bench",
+    "unit/basics/test_api_pages.py",
+    "unit/formation/test_formation_order_desk.py",
+    "unit/guidance/test_guidance_racetrack.py",
+    "unit/guidance/test_guidance_routes.py",
+    "unit/link/test_link_radio.py",
+    "unit/link/test_link_radio_hostile.py",
+    "unit/mission/test_mission_file_fuzz.py",
+    "unit/mission/test_mission_hold_heights.py",
+    "unit/sitl_stub/test_stub_px4.py",
+    *(
+        f"unit/companion/test_companion_{name}.py"
+        for name in (
+            "avoidance",
+            "consent",
+            "engaging",
+            "fail_safe",
+            "fuzz",
+            "hostile_link",
+            "last_words",
+            "late_telemetry",
+            "leader_loss",
+            "leader_return",
+            "million_frames",
+            "offboard",
+            "recognition",
+            "replaced",
+            "roles",
+            "steering",
+            "unseen_pilot",
+        )
+    ),
+)
+"""Unit tests that fly a closed loop, draw, or try thousands of inputs: `make test-fast` leaves them out."""
+
 LONGEST = (
     "autopilots/test_formations.py",
     "integration/live",
@@ -93,6 +131,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.flaky(reruns=reruns, reruns_delay=PAUSE_S))
         if any(is_below(item, place) for place in LIVE):
             item.add_marker("live")
+        if any(is_below(item, place) for place in FLYING):
+            item.add_marker("flies")
     items.sort(key=rank)
 
 
