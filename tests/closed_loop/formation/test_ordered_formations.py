@@ -148,6 +148,22 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     assert nearest(record, 15.0) >= 7.0
 
 
+def test_who_comes_back_while_another_shape_is_flown_joins_that(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered(
+        {"at_s": 15.0, "leave": ["f3"]},
+        {"at_s": 21.0, "shape": "trail", "spacing_m": 20},
+        {"at_s": 42.0, "join": ["f3"]},
+    )
+    flight.until(160.0)
+    assert flight.numbers() == [3, 3, 3, 3]
+    record = flight.record()
+    # Behind the two others; its place in the mission would be 40 m to the right.
+    assert places(record)["f3"] == pytest.approx((-60.0, 0.0), abs=1.0)
+    assert nearest(record, 10.0) >= 7.0
+
+
 def test_those_who_leave_one_after_another_loiter_at_heights_of_their_own(
     ordered: Callable[..., Flown],
 ) -> None:
