@@ -10,7 +10,7 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.wind_triangle import compose
-from vfguide.paths import Course, Curve, PathShape, Position, Positive, path
+from vfguide.paths import Course, Curve, Number, PathShape, Position, Positive, path
 
 
 class LissajousShape(PathShape):
@@ -24,6 +24,9 @@ class LissajousShape(PathShape):
 
     half_width_m: Positive = 200.0
     """The same across, m."""
+
+    bridge_m: Number = 0.0
+    """So much higher it passes over its middle the second time than the first, m; 0 flies it level."""
 
     course_deg: Course = 0.0
     """Toward the end that is flown round clockwise, degrees clockwise from north."""
@@ -42,3 +45,7 @@ class Lissajous(Curve):
         across = shape.half_width_m * np.sin(2.0 * angle)
         north, east = compose(along, across, np.full_like(share, np.radians(shape.course_deg)))
         return shape.centre.north_m + north, shape.centre.east_m + east
+
+    def height(self, shape: LissajousShape, share: FloatArray) -> FloatArray:
+        """Heights of its points, m above the mission's flying height; what is left out here is level."""
+        return shape.bridge_m * 0.5 * (1.0 - np.cos(2.0 * np.pi * share))

@@ -170,6 +170,8 @@ class AirState:
     """Over ground."""
     altitude_amsl_m: float
     """m."""
+    climb_m_s: float
+    """Positive up: what a climb takes of the energy is missing for the speed."""
     memory: tuple[float, ...]
     """What the loops remember."""
 
@@ -230,6 +232,7 @@ class AirPlant(Plant):
             airspeed_m_s=state.speed_m_s,
             course_rad=0.0,
             altitude_amsl_m=state.altitude_amsl_m,
+            climb_m_s=state.climb_m_s,
             memory=state.memory or self.memory,
         )
         north, east = over_ground(seen, wind_m_s)

@@ -19,6 +19,7 @@ from vfguide.companion.order_limits import (
     age_objection,
     ceiling_objection,
     circle_objection,
+    climb_objection,
     joining_objection,
     lead_objection,
     nearness_objection,
@@ -490,7 +491,9 @@ class Arrangements:
         height = self._plan.height - self._plan.up
         if self.leader_height is not None:
             height = self.leader_height(ahead_s)
-        objection = ceiling_objection(order, place, self._plan, height, self.flight.ceiling)
+        objection = ceiling_objection(
+            order, place, self._plan, height, self.flight.ceiling
+        ) or climb_objection(order, self._plan, height, self.flight.chosen_path)
         if objection is not None or place is None:
             return objection
         objection = joining_objection(order, place, self.joining_m, self._leader)

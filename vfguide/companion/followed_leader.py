@@ -7,6 +7,7 @@ from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
+from vfguide.companion.planned_height import PlannedHeight
 from vfguide.companion.state_publisher import GAP_S
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SharedClock
@@ -20,7 +21,6 @@ from vfguide.guidance.height import (
     followed_height,
     height_deviation,
     held_height,
-    path_height,
 )
 from vfguide.guidance.intended_motion import (
     CALM_RAD,
@@ -94,7 +94,7 @@ class FollowedLeader:
         self._intended: IntendedMotion | None = None
         self._intended_path: Path | None = None
         self._deviation: HeightDeviation | None = None
-        self._height: float | None = None
+        self._planned = PlannedHeight(plan.climb_limits)
         self._wind = (0.0, 0.0)
         self.gusts = 0.0
         """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
@@ -198,7 +198,7 @@ class FollowedLeader:
             return
         measured, heard = heard, self._with_height(heard)
         planned = planned_motion(heard, known, self._wind)
-        at_once = self._planned_height(heard, planned.point, 0.0)
+        at_once = self._planned_height(heard, planned.point, 0.0, steered=heard.steered)
         self._note_height(measured, at_once, PLANNED_S if heard.steered else UNPLANNED_S)
         passed_s = math.inf if before is None else heard.time_s - before.motion.time_s
         slot_frame = self._plan.settings.slot_frame
@@ -222,7 +222,7 @@ class FollowedLeader:
         """
         if math.isfinite(heard.height):
             return heard
-        planned = self._task.leader.height if self._height is None else self._height
+        planned = self._task.leader.height if self._planned.height is None else self._planned.height
         off = 0.0 if self._deviation is None else self._deviation.height
         return replace(heard, height=planned + off)
 
@@ -234,28 +234,45 @@ class FollowedLeader:
             self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
 
     def _planned_height(
-        self, leader: LeaderState[float], point: PathPoint[float], ahead_s: float
+        self,
+        leader: LeaderState[float],
+        point: PathPoint[float],
+        ahead_s: float,
+        *,
+        steered: bool,
     ) -> HeightTarget:
         """What the mission says of the leader's height; on the circle of a hold, the one where it began."""
         known = self._routed_leader()
         if isinstance(known, ForeignLeader):
             return held_height(known.height)
-        if self._arrangements.flight.circle is not None and self._height is not None:
-            return held_height(self._height)
-        found = path_height(known.path, point, leader, flying=known.height, ahead_s=ahead_s)
-        self._height = found.height
-        return found
+        if self._arrangements.flight.circle is not None:
+            return self._planned.hold(leader)
+        return self._planned.along(
+            known.path,
+            point,
+            leader,
+            flying=known.height,
+            ahead_s=ahead_s,
+            steered=steered,
+        )
 
     def height(self, leader: LeaderState[float], now: float, ahead_s: float) -> HeightTarget:
         """How high it flies: now, and in so many seconds, when a setpoint takes effect."""
         known = self._known_leader()
         planned = held_height(known.height)
         if not isinstance(known, ForeignLeader):
-            intended = None if self._carried is not None else self._intended
-            point = known.point_beside(leader) if intended is None else intended.planned.point
-            # As it was heard, gusts included: the leader looks ahead by that, too.
-            motion = leader if intended is None else self._followed.newest or leader
-            planned = self._planned_height(motion, point, now - motion.time_s + ahead_s)
+            heard, intended = self._followed.newest, self._intended
+            # What was found along another path, before an order, says nothing of this one.
+            on_path = self._carried is None and self._intended_path is known.path
+            if heard is None or intended is None or not on_path:
+                motion, point = leader, known.point_beside(leader)
+            else:
+                # As it was heard, gusts included: the leader looks ahead by that, too.
+                motion, point = heard, intended.planned.point
+            steered = self._carried is not None or heard is None or heard.steered
+            planned = self._planned_height(
+                motion, point, now - motion.time_s + ahead_s, steered=steered
+            )
         deviation = self._deviation or HeightDeviation(time_s=now)
         if now - deviation.time_s > self._plan.timeouts.leader_s:
             # Nothing is heard of how it goes on beside its plan.
@@ -274,6 +291,7 @@ class FollowedLeader:
         carried = self._carried
         if carried is None:
             carried = extrapolate_by_rates(heard, min(now, heard.time_s + GAP_S))
+        before = carried
         # One step, or many after a gap in telemetry.
         count = min(math.ceil((now - carried.time_s) / CARRY_S), MOST_STEPS)
         for left in range(count, 0, -1):
@@ -281,8 +299,24 @@ class FollowedLeader:
             carried = extrapolate_along_path(
                 carried, replace(navigated.state, time_s=time_s), known
             )
-        self._carried = carried
-        return carried
+        self._carried = self._on_its_way(before, carried, known)
+        return self._carried
+
+    def _on_its_way(
+        self, before: LeaderState[float], carried: LeaderState[float], known: KnownLeader
+    ) -> LeaderState[float]:
+        """A leader that is carried on, which climbs with its planned height while that changes."""
+        if not self._planned.changes:
+            return carried
+        begin, end = (
+            self._planned_height(one, known.point_beside(one), 0.0, steered=True)
+            for one in (before, carried)
+        )
+        return replace(
+            carried,
+            height=before.height + end.height - begin.height,
+            climb_rate=end.climb_rate,
+        )
 
     def watch_route(self, leader: LeaderState[float]) -> None:
         """See whether the leader, as it is heard or carried on, is at the end of its path."""

@@ -12,12 +12,13 @@ from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
+from vfguide.companion.planned_height import PlannedHeight
 from vfguide.companion.role import Role, RoleStep
 from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.height import HeightTarget, held_height, path_height
+from vfguide.guidance.height import HeightTarget
 from vfguide.guidance.path import PathPoint, desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -58,7 +59,7 @@ class LeaderRole(Role):
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
         self._height = HeightKeeper(plan)
-        self._planned_height: float | None = None
+        self._planned = PlannedHeight(plan.climb_limits)
 
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle."""
@@ -89,23 +90,9 @@ class LeaderRole(Role):
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         distance = abs(guidance.cross_track_error)
-        if self._arrangements.flight.circle is None:
-            target = path_height(
-                self._task.path,
-                guidance.point,
-                motion,
-                flying=self._task.height,
-                ahead_s=self._height.delay_s(navigated),
-            )
-            self._planned_height = target.height if mode.steers else None
-        else:
-            # Where the hold began; of a companion that was started anew since then, where it is.
-            if self._planned_height is None:
-                self._planned_height = navigated.state.height
-            target = held_height(self._planned_height)
-        self._arrangements.leader_height = partial(
-            self._height_in, guidance.point, motion, target.height
-        )
+        planned = partial(self._planned_height, guidance.point, motion, steered=mode.steers)
+        target = planned(self._height.delay_s(navigated))
+        self._arrangements.leader_height = lambda ahead_s: planned(ahead_s).ahead
         avoidance = self._keep_clear.step(
             navigated,
             motion.turn_rate,
@@ -131,18 +118,25 @@ class LeaderRole(Role):
             motion=motion,
         )
 
-    def _height_in(
+    def _planned_height(
         self,
         point: PathPoint[float],
         motion: LeaderState[float],
-        present: float,
         ahead_s: float,
-    ) -> float:
-        """Height in so many seconds, m above the origin; on the circle of a hold the present one."""
+        *,
+        steered: bool,
+    ) -> HeightTarget:
+        """Its height: now, and in so many seconds; on the circle of a hold that where it began."""
         if self._arrangements.flight.circle is not None:
-            return present
-        flying = self._task.height
-        return path_height(self._task.path, point, motion, flying=flying, ahead_s=ahead_s).ahead
+            return self._planned.hold(motion)
+        return self._planned.along(
+            self._task.path,
+            point,
+            motion,
+            flying=self._task.height,
+            ahead_s=ahead_s,
+            steered=steered,
+        )
 
     def _ordered_task(self, now: float) -> LeaderTask:
         """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""

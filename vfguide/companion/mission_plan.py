@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-
 from vfguide.companion.plan import (
     STOPPED_S,
     FlightPlan,
@@ -34,16 +32,13 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mission.controller import gains_of
 from vfguide.mission.fence_check import top_of
-from vfguide.mission.flight_path import PathShape, path_of
+from vfguide.mission.flight_limits import climb_limits
+from vfguide.mission.flight_path import PathShape, height_span, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe
-
-PLACES = 500
-"""At which a path is looked at for its lowest."""
-
 
 CREWED_M = 65.0
 """Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
@@ -102,6 +97,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         lead=lead_plan(mission, name) if mission.deputies else None,
         loiter_up=loiter_step(mission) * formation_of(mission).index(name),
         loiter_room=fence_room(mission) - loiter_step(mission) * len(mission.followers),
+        climb_limits=climb_limits(mission),
         paths=paths,
         ceiling=top_of((mission.fence, mission.path.fence)),
     )
@@ -134,18 +130,14 @@ def known_paths(mission: Mission) -> dict[str, KnownPath]:
 
 def known_path(shape: PathShape) -> KnownPath:
     """A path of a mission, and the field around it."""
-    return KnownPath(
-        path_of(shape), PathGains(gain=shape.gain, approach_angle=shape.approach_angle)
-    )
+    path = path_of(shape)
+    gains = PathGains(gain=shape.gain, approach_angle=shape.approach_angle)
+    return KnownPath(path, gains, heights=height_span(path))
 
 
 def lowest_of(paths: Mapping[str, KnownPath]) -> float:
     """The lowest place of any path, m above the flying height; 0 where none is known or all are higher."""
-    lowest = [0.0]
-    for known in paths.values():
-        places = known.path.at(known.path.outline(PLACES))
-        lowest.append(float(np.min(places.height, initial=0.0)))
-    return min(lowest)
+    return min([0.0, *(known.heights[0] for known in paths.values())])
 
 
 def lead_plan(mission: Mission, name: str) -> LeadPlan:

@@ -7,6 +7,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Place, Point
 from vfguide.formation.transition import JOIN_M, LEADER, approach_of, approaches
 from vfguide.guidance.airframe import GRAVITY
+from vfguide.guidance.height_change import SHARE
 from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
 
@@ -150,6 +151,36 @@ def ceiling_objection(
         f"{plan.name} would fly {leader_height + highest:.0f} m above the origin, and the fence ends at"
         f" {allowed:g} m"
     )
+
+
+def climb_objection(
+    order: Arrangement, plan: FlightPlan, leader_height: float, path: str
+) -> str | None:
+    """Why a vehicle cannot keep up with its formation to the height of another path; None if it can.
+
+    All go there at a rate that the mission tells. The autopilot's own limits may be tighter.
+
+    Args:
+        order: that is to be flown.
+        plan: of the vehicle.
+        leader_height: of the leader when it begins, m above the origin.
+        path: name of the path that is followed until then.
+    """
+    known = plan.paths.get(order.path)
+    if known is None or order.path == path:
+        return None
+    lowest, highest = (plan.height - plan.up + height - leader_height for height in known.heights)
+    all_, own = plan.climb_limits, plan.airframe
+    for change, rate, limit, verb in (
+        (highest, SHARE * all_.climb, own.climb_max, "climb"),
+        (-lowest, SHARE * all_.sink, own.sink_max, "sink"),
+    ):
+        if change > HELD_M and rate > ROUNDED * limit:
+            return (
+                f"{plan.name} would have to {verb} at {rate:.1f} m/s to the height of {order.path!r}, and"
+                f" its limit is {limit:g} m/s"
+            )
+    return None
 
 
 def slot_objection(

@@ -212,12 +212,17 @@ class OrderedFlight:
         """Name of the path that the leader follows; None in a hold, and once all was called off."""
         if self.circle is not None or self.called_off is not None:
             return None
+        return self.chosen_path
+
+    @property
+    def chosen_path(self) -> str:
+        """Name of the path that the leader follows, or goes back to after a hold."""
         return MAIN_PATH if self.flown is None else self.flown.path
 
     @property
     def ceiling(self) -> float:
         """Greatest height that the fence allows now, m above the origin; infinite without one."""
-        return self._plan.ceiling_along(MAIN_PATH if self.flown is None else self.flown.path)
+        return self._plan.ceiling_along(self.chosen_path)
 
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
         """Take where the leader is on its path, and say whether the flight has ended there just now.

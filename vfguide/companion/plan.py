@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from vfguide.companion.supervisor import Timeouts
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
+from vfguide.guidance.height_change import ClimbLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import (
@@ -61,6 +62,8 @@ class KnownPath:
     """The leader turns no tighter onto it, m; 0 where that is left to the field."""
     check: int = 0
     """What tells it from any other of its name (`Mission.path_checks`); 0 if none can be ordered."""
+    heights: tuple[float, float] = (0.0, 0.0)
+    """Of its lowest and its highest place, m above the mission's flying height."""
     ceiling: float = math.inf
     """Greatest height that the fence allows along it, m above the origin; infinite without one."""
 
@@ -179,6 +182,8 @@ class FlightPlan:
     """Whether flight has shown it."""
     coordinated_alpha: float | None = None
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
+    climb_limits: ClimbLimits = field(default_factory=ClimbLimits)
+    """What every vehicle of the formation keeps up, as the mission declares it."""
     paths: Mapping[str, KnownPath] = field(default_factory=dict)
     """All paths of the mission by name; none behind a leader without a companion."""
     ceiling: float = math.inf

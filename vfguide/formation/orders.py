@@ -25,6 +25,7 @@ from vfguide.formation.arrangement import (
     Point,
     ends,
 )
+from vfguide.formation.joining import joined_places
 from vfguide.formation.shapes import Offset, Shape, shape_slots
 from vfguide.formation.transition import (
     JOIN_M,
@@ -317,8 +318,7 @@ def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) ->
 def _ends(order: Order, formation: Formation) -> dict[str, Point]:
     """Where everybody is to be."""
     end = {name: point for name, point in formation.slots.items() if name not in order.leave}
-    for name in order.join:
-        end[name] = formation.home[name]
+    end |= _joined(order, formation, end)
     if order.shape is not None:
         end = _shaped(order, formation, end)
     elif order.spacing is not None:
@@ -337,6 +337,16 @@ def _ends(order: Order, formation: Formation) -> dict[str, Point]:
     if formation.flown is Manoeuvre.HOLD or order.action == "resume":
         return {name: replace(point, up=formation.home[name].up) for name, point in end.items()}
     return end
+
+
+def _joined(order: Order, formation: Formation, present: Mapping[str, Point]) -> dict[str, Point]:
+    """The slots of those who join: what the present formation leaves free, each at its height."""
+    home = {name: (point.forward, point.right) for name, point in formation.home.items()}
+    flown = {name: (point.forward, point.right) for name, point in present.items()}
+    return {
+        name: Point(*place, formation.home[name].up)
+        for name, place in joined_places(order.join, flown, home).items()
+    }
 
 
 def _shaped(order: Order, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:

@@ -17,6 +17,7 @@ import numpy as np
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate
 from vfguide.guidance.formation import Slot
+from vfguide.guidance.height_change import ClimbLimits
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location
@@ -118,6 +119,15 @@ def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[F
         lowest, highest = mission.vehicles[name].climb_range_m_s
         for needed, limit, doing in ((climb, highest, "climbs"), (sink, -lowest, "descends")):
             yield from _finding(mission, name, needed, limit, doing)
+
+
+def climb_limits(mission: Mission) -> ClimbLimits:
+    """What all vehicles of the formation keep up."""
+    names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
+    ranges = [mission.vehicles[name].climb_range_m_s for name in names]
+    return ClimbLimits(
+        climb=min(climb for _, climb in ranges), sink=min(-sink for sink, _ in ranges)
+    )
 
 
 def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field, ValidationError, create_model
 from pydantic_core import InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import ErrorType
@@ -24,6 +25,9 @@ from vfguide.guidance.path import Path
 from vfguide.mission.place import Fence, Place
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
+
+PLACES = 500
+"""At which a path is looked at for its lowest and its highest."""
 
 Location = tuple[str | int, ...]
 """Names of fields and indices of list entries from the top of the file, such as ("path", "type")."""
@@ -184,6 +188,12 @@ def path_of(shape: PathShape) -> Path:
 def made_path(kind: type[Path], shape: PathShape) -> Path:
     """A path of a kind; a curve takes a while to look at."""
     return kind.of(shape)
+
+
+def height_span(path: Path) -> tuple[float, float]:
+    """The lowest and the highest place of a path, m above the flying height, as far as its outline shows."""
+    heights = np.atleast_1d(path.at(path.outline(PLACES)).height)
+    return float(heights.min()), float(heights.max())
 
 
 def curve_check(shape: PathShape, origin: Section, height: float) -> int:

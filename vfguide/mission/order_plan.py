@@ -11,6 +11,7 @@ from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transi
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
+from vfguide.guidance.height_change import SHARE
 from vfguide.guidance.path import PathPoint
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
@@ -171,11 +172,16 @@ def resolve(
     slots = {name: [point] for name, point in after.items()}
     for place in found.places:
         slots[place.vehicle].append(place.begin)
-    return attempt(motion_limits(mission, slots, conditions))
+    share = 1.0 if order.path is None else 1.0 - SHARE
+    return attempt(motion_limits(mission, slots, conditions, climb_share=share))
 
 
 def motion_limits(
-    mission: Mission, slots: Mapping[str, Iterable[Point]], conditions: Conditions
+    mission: Mission,
+    slots: Mapping[str, Iterable[Point]],
+    conditions: Conditions,
+    *,
+    climb_share: float = 1.0,
 ) -> MotionLimits:
     """How fast slots may move: by what each aircraft has beyond what its slots need, in every wind and turn.
 
@@ -183,6 +189,7 @@ def motion_limits(
         mission: the mission.
         slots: those of each follower, before and after.
         conditions: every course and turn of the path in every wind.
+        climb_share: of the vehicles' climb and sink limits; the rest may be needed for the path's height.
     """
     cruise = mission.leader.airspeed_m_s
     forward = back = FASTEST_M_S
@@ -191,7 +198,7 @@ def motion_limits(
         vehicle = mission.vehicles[name]
         lowest, highest = vehicle.airspeed_range_m_s
         sink, rise = vehicle.climb_range_m_s
-        climb = min(climb, rise, -sink)
+        climb = min(climb, climb_share * rise, -climb_share * sink)
         acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.max_acceleration_m_s2)
         for point in points:
             needed = conditions.slot_airspeed(

@@ -20,7 +20,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray, Number
 from vfguide.errors import InputError, described_error
 from vfguide.guidance.path import Path, PathPlace, PathPoint
-from vfguide.paths.climb import HeightProfile
+from vfguide.paths.climb import ClosedHeights, HeightProfile
 from vfguide.paths.pieces import GAUSS, Pieces, PieceTree, displacement
 
 FEW = 16
@@ -50,6 +50,9 @@ TRACED_POINTS = 4
 
 CORNER_RAD = 0.5
 """A greater turn from one point to the next is a corner: a radius of 2 m."""
+
+STEEPENING_1_M = 0.02
+"""A slope that changes by more for each metre is an edge: 8 m/s² at 20 m/s."""
 
 CLOSED_M = 1e-3
 """m: between the beginning and the end of a curve that is closed."""
@@ -236,7 +239,7 @@ class ChainedPath(Path):
 
     chain: Chain
 
-    heights: HeightProfile | None = None
+    heights: HeightProfile | ClosedHeights | None = None
     """None where all of it is as high as the mission's flying height."""
 
     @property
@@ -309,7 +312,8 @@ class Curve(ChainedPath):
         count = int(min(max(length / SPACING_M, FEWEST_POINTS), MOST_POINTS / TRACED_POINTS))
         spacing = length / count
         progress = np.linspace(0.0, length, count + 1)
-        points = np.column_stack(self._traced(shape, np.interp(progress, run, share)))
+        shares = np.interp(progress, run, share)
+        points = np.column_stack(self._traced(shape, shares))
         points[-1] = points[0]
         (north, east), first, second = points[:-1].T, *closed_spline(points[:-1], spacing)
         (north_1, east_1), (north_2, east_2) = first.T, second.T
@@ -333,6 +337,54 @@ class Curve(ChainedPath):
                 length=np.full(count, spacing),
             )
         )
+        self.heights = self._closed_heights(shape, shares, spacing)
+
+    def _closed_heights(
+        self,
+        shape: Any,  # noqa: ANN401
+        shares: FloatArray,
+        spacing: float,
+    ) -> ClosedHeights | None:
+        """Heights at shares that are so far (m) from each other; None where all are 0.
+
+        Raises:
+            InputError: they end elsewhere than they begin, or have an edge.
+        """
+        heights = self._heights_at(shape, shares)
+        if not heights.any():
+            return None
+        step = float(heights[-1] - heights[0])
+        if abs(step) > CLOSED_M:
+            raise InputError(
+                f"path {self.name}: it ends {step:.3g} m above where it begins; mend height()"
+            )
+        slopes = closed_spline(heights[:-1, np.newaxis], spacing)[0][:, 0]
+        steepening = np.abs(np.diff(np.append(slopes, slopes[0]))) / spacing
+        if steepening.max() > STEEPENING_1_M:
+            north, east, _, _ = self.chain.at(spacing * float(steepening.argmax()))
+            raise InputError(
+                f"path {self.name}: its height has an edge near north {north:.0f} m, east"
+                f" {east:.0f} m; round it off"
+            )
+        return ClosedHeights(heights[:-1], slopes, spacing)
+
+    def _heights_at(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
+        """What the subclass says of heights.
+
+        Raises:
+            InputError: it fails, or does not give a height for each share.
+        """
+        try:
+            heights = np.asarray(self.height(shape, share), dtype=float)
+        except Exception as error:
+            reason = described_error(error)
+            raise InputError(f"path {self.name}: height() fails ({reason}); mend it") from error
+        if heights.shape != share.shape or not np.all(np.isfinite(heights)):
+            raise InputError(
+                f"path {self.name}: height() gives {heights.shape} for {share.shape} shares, or a"
+                " height that is not finite; give one for each"
+            )
+        return heights
 
     def _traced(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
         """What the subclass traces.
@@ -383,3 +435,15 @@ class Curve(ChainedPath):
             shape: an instance of `Shape`.
             share: any number of them.
         """
+
+    def height(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
+        """Heights at shares of the curve, m above the mission's flying height; all 0 unless a subclass says.
+
+        They have to be as smooth as the curve, and to end where they begin.
+
+        Args:
+            shape: an instance of `Shape`.
+            share: any number of them.
+        """
+        del shape
+        return np.zeros_like(share)

@@ -1,4 +1,4 @@
-"""Heights along a path: one steady climb, or even climbs between waypoints.
+"""Heights along a path: one steady climb, even climbs between waypoints, or those of a curve.
 
 Even climbs are joined by vertical curves as on roads. Along a vertical curve the slope changes evenly, so
 that it never jumps: an aircraft goes over into a climb about as it goes over into a turn. It cuts the
@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 from pydantic_core import PydanticCustomError
 
-from vfguide.elementwise import Number, clip, like
+from vfguide.elementwise import FloatArray, Number, clip, like
 from vfguide.mission import quantity
 
 EASE_M = 100.0
@@ -158,3 +158,36 @@ class HeightProfile:
         )
         height = self._height[index] + run * (slope + 0.5 * growth * run)
         return height, slope + growth * run
+
+
+class ClosedHeights:
+    """Heights all round a closed curve, by the cubics between points that are evenly spread."""
+
+    def __init__(self, heights: FloatArray, slopes: FloatArray, spacing: float) -> None:
+        """Join heights.
+
+        Args:
+            heights: m, one for each point from progress 0 on, without the first one again at the end.
+            slopes: there.
+            spacing: from each point to the next, m.
+        """
+        self._heights, self._slopes, self._spacing = heights, slopes, spacing
+
+    def at(self, progress: Number) -> tuple[Number, Number]:
+        """(height in m, slope) at a progress (m)."""
+        spacing, count = self._spacing, len(self._heights)
+        place = np.asarray(progress, dtype=float) / spacing
+        before = np.nan_to_num(np.floor(place))
+        share = place - before
+        index = before.astype(int) % count
+        after = (index + 1) % count
+        begin, end = self._heights[index], self._heights[after]
+        # Cubic of Hermite: both heights and both slopes.
+        rise = (end - begin) / spacing
+        first, last = self._slopes[index], self._slopes[after]
+        bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+        height = begin + spacing * share * (first + share * (bend + share * twist))
+        slope = first + share * (2.0 * bend + 3.0 * share * twist)
+        if isinstance(progress, float):
+            return float(height), float(slope)
+        return height, slope

@@ -1,93 +1,34 @@
 """Orders through MAVLink bytes: over links that lose, with companions that die and pilots that take over."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
 import vfguide.lab.rehearsal.aircraft
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.elementwise import FloatArray
-from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from tests.closed_loop.formation.ordered_flights import (
+    LOITER,
+    Flown,
+    height,
+    leaders,
+    nearest,
+    places,
+    select,
+)
+from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error
+from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
-from vfguide.link.memory import Mail
 from vfguide.mission import Mission
-from vfguide.record.flight import FlightRecord
 
 MissionWith = Callable[..., Mission]
 
-SET_MODE, LOITER, GUIDED = 176, 12, 15
 AT_S = 25.0
 
 RATE_HZ = 10.0
 """Half the shipped rate: what is ordered is seen as well, in half the time."""
-
-
-class Flown:
-    """A formation that is flown with the orders of its mission, and what may happen to it meanwhile."""
-
-    def __init__(self, mission: Mission) -> None:
-        self.mission = mission
-        self.names = [mission.leader.vehicle, *mission.followers_by_name]
-        self.aircraft = {name: Aircraft(mission, name) for name in self.names}
-        self.times: list[float] = []
-        self._mail = list[Mail]()
-
-    def until(self, end_s: float) -> None:
-        """Fly on."""
-        rate_hz = self.mission.rehearsal.rate_hz
-        while len(self.times) <= round(end_s * rate_hz):
-            now = len(self.times) / rate_hz
-            self._mail = step_all(list(self.aircraft.values()), now, self._mail)
-            self.times.append(now)
-
-    def restart(self, name: str) -> None:
-        """Its companion dies, and another one begins that knows nothing of the flight."""
-        plan = flight_plan(self.mission, name)
-        adapter = adapter_of(self.mission.vehicles[name])
-        self.aircraft[name].companion = Companion(plan, adapter, engage=True)
-
-    def numbers(self) -> list[int]:
-        """Of the order that each flies."""
-        found = [one.companion.arrangement for one in self.aircraft.values()]
-        return [0 if one is None else one.number for one in found]
-
-    def words(self, name: str) -> str:
-        """All that its companion has said."""
-        return "\n".join(event.text for event in self.aircraft[name].events)
-
-    def record(self) -> FlightRecord:
-        """What was flown."""
-        records = [one.recorder.record() for one in self.aircraft.values()]
-        return flight_record(self.mission, self.times, records, wall_s=0.0)
-
-
-def nearest(record: FlightRecord, from_s: float) -> float:
-    """Least distance of any two from a time on, m."""
-    later = record.time_s >= from_s
-    return min(float(pair.distance_m[later].min()) for pair in pair_separations(record))
-
-
-def places(record: FlightRecord) -> dict[str, tuple[float, float]]:
-    """(forward, right) of each follower at the end, m."""
-    found = {}
-    for follower in record.followers:
-        forward, right = seen_from_leader(record.leader, follower)
-        found[follower.name] = float(forward[-1]), float(right[-1])
-    return found
-
-
-def height(record: FlightRecord, name: str) -> FloatArray:
-    """Of a follower above the leader over time, m."""
-    follower = next(one for one in record.followers if one.name == name)
-    return follower.altitude_amsl_m - record.leader.altitude_amsl_m
 
 
 @pytest.fixture
@@ -172,7 +113,7 @@ def test_a_pilot_who_takes_over_in_a_transition_wins_and_is_kept_clear_of(
     monkeypatch.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", note)
     flight = ordered({"at_s": AT_S, "shape": "echelon-left", "spacing_m": 15})
     flight.until(33.0)
-    select(made["f1"], LOITER)
+    select(made["f1"], LOITER, system=2)
     flight.until(75.0)
     assert made["f1"].truth().mode == "LOITER"
     record = flight.record()
@@ -205,6 +146,22 @@ def test_who_leaves_loiters_and_who_is_ordered_back_joins_again(
     record = flight.record()
     assert places(record)["f3"] == pytest.approx((-40.0, 40.0), abs=1.0)
     assert nearest(record, 15.0) >= 7.0
+
+
+def test_who_comes_back_while_another_shape_is_flown_joins_that(
+    ordered: Callable[..., Flown],
+) -> None:
+    flight = ordered(
+        {"at_s": 15.0, "leave": ["f3"]},
+        {"at_s": 21.0, "shape": "trail", "spacing_m": 20},
+        {"at_s": 42.0, "join": ["f3"]},
+    )
+    flight.until(160.0)
+    assert flight.numbers() == [3, 3, 3, 3]
+    record = flight.record()
+    # Behind the two others; its place in the mission would be 40 m to the right.
+    assert places(record)["f3"] == pytest.approx((-60.0, 0.0), abs=1.0)
+    assert nearest(record, 10.0) >= 7.0
 
 
 def test_those_who_leave_one_after_another_loiter_at_heights_of_their_own(
@@ -248,13 +205,6 @@ def test_a_hold_circles_in_stacked_heights_and_an_abort_ends_everything(
     modes = {one.companion.flight_mode for one in flight.aircraft.values()}
     assert modes == {"LOITER"}
     assert nearest(flight.record(), 15.0) >= 7.0
-
-
-def select(autopilot: sitl_stub.Autopilot, mode: int) -> Sequence[object]:
-    """Select a mode as a pilot's ground station does."""
-    selected = mavlink.MAVLink_command_long_message(2, 1, SET_MODE, 0, 1, mode, 0, 0, 0, 0, 0)
-    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    return mavlink.MAVLink(None).parse_buffer(autopilot.receive(selected.pack(station))) or []
 
 
 def test_the_leader_goes_to_another_path_and_nobody_is_lost_on_the_turn(
@@ -324,11 +274,6 @@ def test_a_deputy_that_leads_goes_into_a_hold_and_out_of_it_in_turns_that_an_air
     moved = record.time_s >= 40.0
     errors = [slot_error(record.reference, one).distance_m[moved] for one in record.followers]
     assert max(float(one.max()) for one in errors) < 10.0
-
-
-def leaders(flight: Flown) -> list[str]:
-    """Who leads, as each says of itself."""
-    return [name for name, one in flight.aircraft.items() if one.companion.snapshot.lead]
 
 
 @pytest.mark.parametrize("deputies", [[], ["f1"]])

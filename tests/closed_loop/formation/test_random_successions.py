@@ -12,10 +12,17 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from tests.closed_loop.formation.ordered_flights import GUIDED, LOITER, select
 from vfguide.companion.succession import DEAF_S
-from vfguide.lab.rehearsal.aircraft import Aircraft, Mail
-from vfguide.link.memory import LinkQuality
+from vfguide.errors import VfguideError
+from vfguide.formation.orders import Order
+from vfguide.lab.order_desk import OrderDesk
+from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft
+from vfguide.link.codec import is_leaders
+from vfguide.link.memory import LinkQuality, Mail
+from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, encode_order
 from vfguide.mission import Mission, load_mission
+from vfguide.mission.order_plan import resolve
 from vfguide.mission.rehearsal import Loss
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -26,6 +33,25 @@ SETTLED_S = DEAF_S + 5.0
 """A part that stays as it is has one leader after this; alone, a deputy takes itself for deaf at first."""
 
 DEPUTIES = ("f1", "f2")
+
+LEAD_S = 6.0
+"""From when an order is given to its time, as `vfguide order` does."""
+
+DECIDED_S = 1.0
+"""So long after its time it is known whether an order is flown, where everybody is heard."""
+
+ORDERS = (
+    Order(shape="vee", spacing=28.0),
+    Order(shape="trail", spacing=20.0),
+    Order(shape="line-abreast", spacing=25.0),
+    Order(spacing=25.0),
+    Order(swap=("f1", "f2")),
+    Order(swap=("f2", "f3")),
+    Order(leave=("f3",)),
+    Order(join=("f3",)),
+    Order(action="hold"),
+    Order(action="resume"),
+)
 
 
 def mission(name: str) -> Mission:
@@ -45,7 +71,10 @@ class Flight(RuleBasedStateMachine):
     def launch(self) -> None:
         self.mission = mission(self.flown)
         self.names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
-        self.aircraft = {name: Aircraft(self.mission, name) for name in self.names}
+        # An operator's mail comes with everybody else's.
+        self.aircraft = {
+            name: Aircraft(self.mission, name, orders=[(math.inf, b"")]) for name in self.names
+        }
         self.group = dict.fromkeys(self.names, 0)
         self.down: set[str] = set()
         self.mail: list[Mail] = []
@@ -74,9 +103,9 @@ class Flight(RuleBasedStateMachine):
         self.fly(SETTLED_S + 0.5)
 
     def step(self) -> None:
-        mail, self.mail = self.mail, []
+        mail, self.mail = [*self.mail, *self.operators_mail()], []
         for name, one in self.aircraft.items():
-            heard = [sent for sent in mail if self.group[sent[0]] == self.group[name]]
+            heard = [sent for sent in mail if self.group.get(sent[0], 0) == self.group[name]]
             self.mail += one.step(self.now, heard)
         self.steps += 1
         truths = [one._emulator.truth() for one in self.aircraft.values()]  # noqa: SLF001
@@ -89,6 +118,10 @@ class Flight(RuleBasedStateMachine):
         terms = list(self.leaders().values())
         if len(terms) != len(set(terms)):
             self.two_leaders = f"{self.leaders()} at {self.now:.2f} s"
+
+    def operators_mail(self) -> list[Mail]:
+        """What an operator says now, who is in the first part of the formation."""
+        return []
 
     @precondition(lambda self: not self.down)
     @rule(data=st.data())
@@ -153,6 +186,99 @@ class Flight(RuleBasedStateMachine):
                 assert len(leaders) == 1
 
 
+class Ordered(Flight):
+    """The same, with an operator in one part of it, and pilots who take over in the midst of anything."""
+
+    @initialize()
+    def launch(self) -> None:
+        self.given_until, self.said = -math.inf, b""
+        self.pilots: dict[str, float] = {}
+        self.desk = None
+        super().launch()
+        self.desk = OrderDesk(self.mission, clock=lambda: self.now)
+        self.fly(2.0)
+
+    def operators_mail(self) -> list[Mail]:
+        if self.desk is None:
+            return []
+        for sender, data in self.mail:
+            if self.group[sender] == 0:
+                self.hear(sender, data)
+        if self.now > self.given_until or self.steps % 10 != 0:
+            return []
+        return [(OPERATOR, self.said)]
+
+    def hear(self, sender: str, data: bytes) -> None:
+        """As the operator's program."""
+        if data.startswith(ORDER_MAGIC):
+            self.desk.heard_order(data, data, repeated=True)
+        elif data.startswith(REPLY_MAGIC):
+            self.desk.heard_reply(sender, data)
+        elif is_leaders(data):
+            self.desk.heard_lead(sender, data)
+        else:
+            self.desk.heard_state(sender, data)
+
+    @rule(order=st.sampled_from(ORDERS), later_s=st.floats(0.0, 12.0))
+    def order(self, order: Order, later_s: float) -> None:
+        """Give an order where it is possible, and fly on into it."""
+        if self.now < self.given_until + DECIDED_S:
+            return
+        time_s = self.now + LEAD_S
+        try:
+            found, _ = resolve(
+                self.mission,
+                order,
+                self.desk.formation(),
+                number=self.desk.newest_number + 8,
+                time_s=time_s,
+                leader=self.desk.leader_place(time_s),
+            )
+        except VfguideError:
+            return
+        self.given_until, self.said = time_s, encode_order(found)
+        self.desk.note_order(found)
+        self.changed_s = self.now
+        self.fly(LEAD_S + later_s)
+
+    @precondition(lambda self: not self.pilots)
+    @rule(data=st.data(), for_s=st.floats(1.0, 10.0))
+    def take_over(self, data: st.DataObject, for_s: float) -> None:
+        """A pilot selects the autopilot's loiter."""
+        name = data.draw(st.sampled_from(self.names))
+        self.select(name, LOITER)
+        self.pilots[name] = self.now
+        self.fly(for_s)
+
+    @precondition(lambda self: self.pilots)
+    @rule()
+    def give_back(self) -> None:
+        name, _ = self.pilots.popitem()
+        self.select(name, GUIDED)
+
+    def select(self, name: str, mode: int) -> None:
+        system = self.mission.vehicles[name].system_id
+        select(self.aircraft[name]._emulator, mode, system=system)  # noqa: SLF001
+        self.changed_s = self.now
+
+    @invariant()
+    def a_pilot_who_has_taken_over_has_the_vehicle(self) -> None:
+        for name in getattr(self, "pilots", ()):
+            assert self.aircraft[name]._emulator.truth().mode == "LOITER"  # noqa: SLF001
+
+    @invariant()
+    def those_who_hear_each_other_fly_by_one_order_in_time(self) -> None:
+        if not hasattr(self, "names") or self.now - self.changed_s < SETTLED_S + DECIDED_S:
+            return
+        for group in set(self.group.values()):
+            flown = {
+                one.arrangement.number if one.arrangement else 0
+                for name, one in ((n, self.aircraft[n].companion) for n in self.names)
+                if self.group[name] == group and name not in self.down and one.snapshot.mode.steers
+            }
+            assert len(flown) <= 1
+
+
 class Circling(Flight):
     """The same on a circle in the article's wind, where two parts measure it differently."""
 
@@ -165,6 +291,10 @@ Flight.TestCase.settings = settings(
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )
+Ordered.TestCase.settings = settings(
+    Flight.TestCase.settings, max_examples=6, stateful_step_count=10
+)
 Circling.TestCase.settings = settings(Flight.TestCase.settings, max_examples=2)
 TestFlight = Flight.TestCase
+TestOrdered = Ordered.TestCase
 TestCircling = Circling.TestCase

@@ -39,6 +39,19 @@ def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(
     assert summary["vehicles"]["leader"]["cross_track_error_m"]["max"] < 0.05
 
 
+def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run: Run) -> None:
+    bridge = ("--set", "path={type: lissajous, bridge_m: 40}", "--set", "rehearsal.start={}")
+    flown = run("fly", "circle-calm", *bridge, "--duration", "200", "--json")
+    assert flown.returncode == 0, flown.stderr
+    summary = json.loads(flown.stdout)
+    assert summary["formation"]["mean_error_m"] < 0.05
+    assert summary["formation"]["mean_error_3d_m"] < 0.1
+    # Ten times as high on the same way is ten times as steep.
+    checked = run("check", "circle-calm", "--set", "path={type: lissajous, bridge_m: 400}")
+    assert checked.returncode == 2
+    assert "the path climbs at up to" in checked.stdout
+
+
 def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
     mission = yaml.safe_load((ROOT / "missions" / "circle-calm.yaml").read_text())
     mission["path"] = {"type": "lissajous", "half_length_m": 600}

@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.companion.ordered_companions import NAMES, Formation, MakePlan
 from vfguide.companion.mission_plan import flight_plan
-from vfguide.companion.order_limits import ceiling_objection
+from vfguide.companion.order_limits import ceiling_objection, climb_objection
 from vfguide.companion.steering import SetpointGuard
 from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
@@ -82,6 +82,38 @@ def test_a_path_whose_fence_the_leader_is_above_is_refused(plan: MakePlan) -> No
     text = ceiling_objection(order, None, leader, 200.0, one.ceiling)
     assert text == "leader would fly 200 m above the origin, and the fence ends at 120 m"
     assert ceiling_objection(order, None, leader, 110.0, one.ceiling) is None
+
+
+@pytest.mark.parametrize(
+    ("leader_height", "limits", "said"),
+    [
+        # Half of the 4 m/s that all of the mission climb by, and of the 3 m/s that they descend by.
+        (
+            100.0,
+            {"climb_max": 1.9},
+            "climb at 2.0 m/s to the height of 'high', and its limit is 1.9 m/s",
+        ),
+        (100.0, {"climb_max": 2.0, "sink_max": 1.0}, None),
+        (
+            220.0,
+            {"sink_max": 1.0},
+            "sink at 1.5 m/s to the height of 'high', and its limit is 1 m/s",
+        ),
+        (160.0, {"climb_max": 1.0, "sink_max": 1.0}, None),
+    ],
+)
+def test_a_path_at_another_height_is_refused_by_who_cannot_climb_there_with_the_others(
+    plan: MakePlan, leader_height: float, limits: dict[str, float], said: str | None
+) -> None:
+    one = plan(vehicle="f1")
+    # The mission flies at 100 m: this path at 160 m.
+    high = replace(one.paths["main"], heights=(60.0, 60.0))
+    paths = {**one.paths, "high": high}
+    f1 = replace(one, paths=paths, airframe=replace(one.airframe, **limits))
+    order = Arrangement(number=1, time_s=10.0, across_s=10.0, places=(), path="high")
+    text = climb_objection(order, f1, leader_height, "main")
+    assert text == (None if said is None else f"f1 would have to {said}")
+    assert climb_objection(order, f1, leader_height, "high") is None
 
 
 def test_the_guard_asks_for_no_height_above_the_fence(plan: MakePlan) -> None:

@@ -30,6 +30,15 @@ class Eight(Curve):
         return shape * np.sin(angle), shape * np.sin(angle) * np.cos(angle)
 
 
+class Bridge(Eight):
+    """The same, 40 m higher on its second way over its middle than on its first."""
+
+    name = "bridge"
+
+    def height(self, shape: float, share: FloatArray) -> FloatArray:
+        return 0.05 * shape * (1.0 - np.cos(2.0 * np.pi * share))
+
+
 class Round(Curve):
     """A circle of 200 m, clockwise from due north, its shares not in proportion to the distance."""
 
@@ -61,6 +70,7 @@ PATHS: dict[str, Path] = {
         north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=1
     ),
     "eight": EIGHT,
+    "eight with a bridge": Bridge(400.0),
     "figure-eight": path_of(shape_of({"type": "figure-eight", "half_length_m": 500})),
     "waypoints": path_of(
         shape_of({"type": "waypoints", "waypoints": CORNERS, "end": "repeat", "radius_m": 90})
@@ -119,8 +129,9 @@ def test_arrays_are_found_as_each_of_their_places_alone(name: str) -> None:
     many = path.nearest(north, east, course)
     for index in range(40):
         one = path.nearest(float(north[index]), float(east[index]), float(course[index]))
-        for field in ("course", "cross_track_error", "curvature", "progress"):
-            assert getattr(many, field)[index] == pytest.approx(getattr(one, field), abs=1e-9)
+        for field in ("course", "cross_track_error", "curvature", "progress", "height", "slope"):
+            found = np.broadcast_to(getattr(many, field), 40)[index]
+            assert found == pytest.approx(getattr(one, field), abs=1e-9)
 
 
 @pytest.mark.parametrize(("course_deg", "runs_deg"), [(50.0, 45.0), (120.0, 135.0), (160.0, 135.0)])
@@ -167,6 +178,51 @@ def test_a_place_that_is_not_known_has_no_nearest_point() -> None:
     found = EIGHT.nearest(np.array([math.nan, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 0.8]))
     assert math.isnan(found.cross_track_error[0])
     assert math.isfinite(found.cross_track_error[1])
+
+
+@pytest.mark.parametrize(("course_deg", "height"), [(45.0, 0.0), (135.0, 40.0)])
+def test_where_a_curve_crosses_itself_each_branch_has_its_height(
+    course_deg: float, height: float
+) -> None:
+    point = PATHS["eight with a bridge"].nearest(1.0, 1.0, math.radians(course_deg))
+    assert point.height == pytest.approx(height, abs=0.01)
+
+
+def test_a_curve_climbs_as_its_heights_do() -> None:
+    path = PATHS["eight with a bridge"]
+    outline = path.at(np.linspace(0.0, path.length, 4000))
+    # Half way round it is highest; the share is that of the angle, not of the way.
+    assert float(np.max(outline.height)) == pytest.approx(40.0, abs=1e-3)
+    steps = np.gradient(outline.height, path.length / 3999.0)
+    assert outline.slope == pytest.approx(steps, abs=1e-3)
+    assert EIGHT.at(300.0).height == 0.0
+
+
+class Ramp(Round):
+    """It climbs by 10 m all the way round."""
+
+    name = "ramp"
+
+    def height(self, shape: float, share: FloatArray) -> FloatArray:
+        return 0.05 * shape * share
+
+
+class Roof(Round):
+    """It climbs evenly and descends evenly, by half of its radius."""
+
+    name = "roof"
+
+    def height(self, shape: float, share: FloatArray) -> FloatArray:
+        return 0.5 * shape - np.abs(shape * (share - 0.5))
+
+
+class Headless(Round):
+    """Its heights cannot be told."""
+
+    name = "headless"
+
+    def height(self, shape: float, share: FloatArray) -> FloatArray:
+        return share[int(shape) :]
 
 
 class Spiral(Curve):
@@ -239,6 +295,9 @@ def test_a_place_beyond_all_bounds_raises_nothing() -> None:
         (Failing, math.nan, r"trace\(\) fails \(ValueError in test_paths.py:\d+"),
         (Spiral, 100.0, "path spiral: the curve that it traces ends"),
         (Round, 0.0, "has no length"),
+        (Ramp, 200.0, r"path ramp: it ends 10 m above where it begins; mend height\(\)"),
+        (Roof, 200.0, r"path roof: its height has an edge near north -?\d+ m, east -?\d+ m; round"),
+        (Headless, 200.0, r"path headless: height\(\) gives \(1057,\) for \(1257,\) shares"),
         (Eight, math.nan, "not finite"),
     ],
 )

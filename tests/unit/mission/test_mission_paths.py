@@ -13,7 +13,7 @@ from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
 from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
-from vfguide.mission.flight_path import PathShape, curve_check
+from vfguide.mission.flight_path import PathShape, curve_check, height_span, path_of
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -224,6 +224,16 @@ def test_a_time_table_is_flown_until_its_last_order_has_settled() -> None:
     assert flown_s(mission({})) == 60.0
     late = {"at_s": 900, "shape": "trail", "spacing_m": 20}
     assert flown_s(mission({}, late)) == 600.0
+
+
+def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path() -> None:
+    high = {"type": "line", "course_deg": 0}
+    high |= {"point": {"north_m": 0, "east_m": 100}, "climb_deg": 5, "end_height_m": 60}
+    found = mission({"high": high}, {"at_s": 50, "path": "high"})
+    low, top = height_span(path_of(found.paths["high"]))
+    assert (low, top) == (pytest.approx(0.0), pytest.approx(60.0))
+    # 30 s at half of 4 m/s, 5 s to begin and to end it, 5 s for the last decimetres, and 15 s more.
+    assert flown_s(found) == pytest.approx(50.0 + 30.0 + 5.0 + 5.0 + 15.0)
 
 
 def check_of(paths: dict[str, Any], **sections: Any) -> int:  # noqa: ANN401

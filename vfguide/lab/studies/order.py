@@ -11,6 +11,7 @@ from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.guidance.height_change import change_duration
 from vfguide.guidance.wind_triangle import resolve
 from vfguide.lab.rehearsal.aircraft import (
     LEAD_S,
@@ -26,8 +27,15 @@ from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.lab.studies.flown_fence import beyond_when_flown
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
+from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.model import Follower, Mission
-from vfguide.mission.order_plan import LeaderPlace, height_of, on_path, point_beside
+from vfguide.mission.order_plan import (
+    LeaderPlace,
+    height_of,
+    on_path,
+    planned_place,
+    point_beside,
+)
 from vfguide.mission.orders import Slot
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.record.flight import FlightRecord
@@ -99,6 +107,7 @@ def rehearsed(
         order.duration_s + AFTER_S,
         _way_into_slots_s(starts),
         _way_onto_path_s(mission, formation, order, leader) + AFTER_S,
+        _height_change_s(mission, formation, order, leader) + AFTER_S,
     )
     copy = _at_present(mission, formation, order, starts=starts, leader=leader, end_s=end_s)
     data = encode_order(order)
@@ -209,6 +218,18 @@ def _way_onto_path_s(
     away = abs(point_beside(on_path(mission, order.path), leader).cross_track_error)
     turns = math.pi * order.turn_radius_m
     return min((away + turns) / mission.leader.airspeed_m_s, LONGEST_WAY_S)
+
+
+def _height_change_s(
+    mission: Mission, formation: Formation, order: Arrangement, leader: LeaderPlace | None
+) -> float:
+    """How long all climb or descend to another path, about, s; 0 where the path stays."""
+    if order.path == formation.path:
+        return 0.0
+    leader = leader or planned_place(on_path(mission, formation.path), BEGINS_S)
+    after = point_beside(on_path(mission, order.path), leader).height
+    change = mission.height_above_origin_m + float(after) - height_of(mission, leader)
+    return min(change_duration(change, climb_limits(mission)), LONGEST_WAY_S)
 
 
 def _check_fence(mission: Mission, record: FlightRecord, moved: BoolArray) -> None:

@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement
+from vfguide.guidance.height_change import change_duration
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.studies.flown_fence import beyond_when_flown
 from vfguide.mission.finding import Finding
-from vfguide.mission.flight_path import path_of
+from vfguide.mission.flight_limits import climb_limits
+from vfguide.mission.flight_path import height_span, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import on_path, timetable
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
@@ -176,8 +178,25 @@ def flown_s(mission: Mission) -> float:
     """How long a mission is flown, s: a minute, and until its last order has settled."""
     if not mission.orders:
         return FLOWN_S
-    last, _ = timetable(mission)[-1]
-    return min(max(FLOWN_S, ends_at(last)), LONGEST_S)
+    found = [order for order, _ in timetable(mission)]
+    path, ends = MAIN_PATH, [FLOWN_S, ends_at(found[-1])]
+    for order in found:
+        if order.path != path:
+            ends.append(order.time_s + height_change_s(mission, path, order.path) + SETTLED_S)
+        path = order.path
+    return min(max(ends), LONGEST_S)
+
+
+def height_change_s(mission: Mission, before: str, after: str) -> float:
+    """How long all climb or descend from one path to another at most, s."""
+    (low, high), (lower, higher) = (
+        height_span(path_of(on_path(mission, name).path)) for name in (before, after)
+    )
+    limits = climb_limits(mission)
+    return max(
+        change_duration(max(higher - low, 0.0), limits),
+        change_duration(min(lower - high, 0.0), limits),
+    )
 
 
 def ends_at(order: Arrangement) -> float:

@@ -1,0 +1,174 @@
+"""A path that is ordered at another height: all climb to it together, as fast as all of them can."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sitl_stub
+import vfguide.lab.rehearsal.aircraft
+from tests.closed_loop.formation.ordered_flights import (
+    GUIDED,
+    LOITER,
+    Flown,
+    height,
+    leaders,
+    nearest,
+    select,
+)
+from vfguide.elementwise import FloatArray
+from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.mission import Mission
+from vfguide.record.vehicle import VehicleRecord
+
+MissionWith = Callable[..., Mission]
+Fly = Callable[..., Flown]
+
+AT_S = 20.0
+RATE_HZ = 10.0
+
+CLIMB_M_S, SINK_M_S = 2.0, 1.5
+"""Half of what the vehicles of a mission climb and descend by, that does not say otherwise."""
+
+HOLD_M_S = 0.1
+"""The height hold may be so much faster than the height that it is asked for."""
+
+ACCELERATION_M_S2 = 0.7
+"""0.5 m/s², and what the height hold adds to that."""
+
+
+def beside_the_main_path(up_m: float) -> dict[str, Any]:
+    """A path that leads north-east as the mission's does, 35 m to the right of it, and so much higher."""
+    corners = [{"north_m": 0, "east_m": 50}, {"north_m": 4000, "east_m": 4050}]
+    return {"type": "waypoints", "waypoints": [{**corner, "up_m": up_m} for corner in corners]}
+
+
+@pytest.fixture
+def fly(mission_with: MissionWith) -> Fly:
+    """A flight of the mission `shapes` that goes to another path, everybody in its slot at its beginning."""
+
+    def make(other: dict[str, Any], /, *later: dict[str, Any], **changes: object) -> Flown:
+        start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+        mission = mission_with("shapes", rehearsal={"start": start, "rate_hz": RATE_HZ})
+        content = mission.model_dump(exclude_unset=True)
+        content |= {"paths": {"other": other}}
+        content |= {"orders": [{"at_s": AT_S, "path": "other"}, *later], **changes}
+        return Flown(Mission.model_validate(content))
+
+    return make
+
+
+def up(flight: Flown, vehicle: VehicleRecord) -> FloatArray:
+    """Height of a vehicle above the mission's flying height, m, from just before the order on."""
+    origin = flight.mission.origin.altitude_amsl_m + flight.mission.height_above_origin_m
+    return vehicle.altitude_amsl_m[round((AT_S - 2.0) * RATE_HZ) :] - origin
+
+
+def climb_rates(flight: Flown, vehicle: VehicleRecord) -> FloatArray:
+    """Climb rate of a vehicle, m/s, from just before the order on."""
+    return np.diff(up(flight, vehicle)) * RATE_HZ
+
+
+def slot_heights(flight: Flown) -> float:
+    """How far any follower is from its slot in height at most, m, from just before the order on."""
+    record = flight.record()
+    leader = up(flight, record.leader)
+    # All slots of this mission are as high as the leader.
+    return max(float(np.abs(up(flight, one) - leader).max()) for one in record.followers)
+
+
+@pytest.mark.parametrize(("change", "until_s"), [(60.0, 65.0), (-60.0, 75.0)])
+def test_all_go_to_the_height_of_another_path_together_and_no_faster_than_all_can(
+    fly: Fly, change: float, until_s: float
+) -> None:
+    flight = fly(beside_the_main_path(change))
+    flight.until(until_s)
+    assert flight.numbers() == [1, 1, 1, 1]
+    record = flight.record()
+    fastest = CLIMB_M_S if change > 0.0 else SINK_M_S
+    for vehicle in record.vehicles:
+        assert up(flight, vehicle)[-1] == pytest.approx(change, abs=0.1)
+        rates = climb_rates(flight, vehicle)
+        assert fastest - HOLD_M_S <= np.abs(rates).max() <= fastest + HOLD_M_S
+        assert np.abs(np.diff(rates)).max() * RATE_HZ <= ACCELERATION_M_S2
+    assert slot_heights(flight) < 0.3
+    assert nearest(record, 15.0) >= 20.0
+
+
+def test_the_rate_of_a_climb_goes_over_into_that_of_the_change(fly: Fly) -> None:
+    # At 20 s the leader climbs at 2.7 m/s, 44 m above the beginning: 16 m are left.
+    climb = {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 45, "gain": 0.03}
+    flight = fly(beside_the_main_path(60.0), path={**climb, "climb_deg": 8})
+    flight.until(55.0)
+    leader = flight.record().leader
+    rates = climb_rates(flight, leader)
+    assert rates[0] == pytest.approx(2.7, abs=0.3)
+    assert rates.min() >= -HOLD_M_S
+    assert np.abs(np.diff(rates)).max() * RATE_HZ <= ACCELERATION_M_S2
+    assert up(flight, leader)[-1] == pytest.approx(60.0, abs=0.1)
+    assert slot_heights(flight) < 0.3
+
+
+@pytest.mark.parametrize("pilot", [False, True])
+def test_who_takes_the_leader_up_again_goes_on_from_its_height(
+    fly: Fly, monkeypatch: pytest.MonkeyPatch, *, pilot: bool
+) -> None:
+    made: dict[str, sitl_stub.Autopilot] = {}
+
+    def note(mission: Mission, name: str) -> sitl_stub.Autopilot:
+        return made.setdefault(name, emulator_of(mission, name))
+
+    monkeypatch.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", note)
+    flight = fly(beside_the_main_path(60.0))
+    flight.until(35.0)
+    if pilot:
+        select(made["leader"], LOITER, system=1)
+        flight.until(45.0)
+        select(made["leader"], GUIDED, system=1)
+    else:
+        flight.restart("leader")
+    flight.until(100.0)
+    record = flight.record()
+    for vehicle in record.vehicles:
+        assert up(flight, vehicle)[-1] == pytest.approx(60.0, abs=0.1)
+        assert climb_rates(flight, vehicle).max() <= CLIMB_M_S + HOLD_M_S
+    # A pilot's loiter stops the climb at once, and is heard of 0.1 s later.
+    assert slot_heights(flight) < (2.5 if pilot else 0.3)
+    assert nearest(record, 15.0) >= 10.0
+
+
+def test_a_deputy_that_leads_on_takes_all_to_the_height_that_was_ordered(fly: Fly) -> None:
+    lost = {"vehicle": "leader", "at_s": 32.0, "what": "companion"}
+    rehearsal = {"duration_s": 200, "rate_hz": RATE_HZ, "link_delay_s": 0.1, "losses": [lost]}
+    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
+    flight = fly(
+        beside_the_main_path(60.0), deputies=["f1"], rehearsal={**rehearsal, "start": start}
+    )
+    flight.until(75.0)
+    assert leaders(flight) == ["f1"]
+    record = flight.record()
+    ends = [float(up(flight, one)[-1]) for one in record.followers]
+    assert ends == pytest.approx([60.0] * 3, abs=0.5)
+    apart = height(record, "f1") - height(record, "f3")
+    assert np.abs(apart[round(AT_S * RATE_HZ) :]).max() < 0.5
+    for vehicle in record.followers:
+        assert climb_rates(flight, vehicle).max() <= CLIMB_M_S + HOLD_M_S
+
+
+def test_after_a_hold_all_climb_back_to_the_path_together(fly: Fly) -> None:
+    # The hold begins in the middle of the climb, at 20 m or so, and ends there.
+    flight = fly(
+        beside_the_main_path(60.0),
+        {"at_s": 36.0, "action": "hold"},
+        {"at_s": 80.0, "action": "resume"},
+    )
+    flight.until(140.0)
+    assert flight.numbers() == [3, 3, 3, 3]
+    record = flight.record()
+    resumed = record.time_s >= 80.0
+    rates = np.diff(record.leader.altitude_amsl_m[resumed]) * RATE_HZ
+    assert rates.max() <= CLIMB_M_S + HOLD_M_S
+    assert slot_heights(flight) == pytest.approx(45.0, abs=1.0)
+    assert up(flight, record.leader)[-1] == pytest.approx(60.0, abs=0.2)
+    assert nearest(record, 15.0) >= 10.0
