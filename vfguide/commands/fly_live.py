@@ -24,7 +24,7 @@ from vfguide.errors import InputError, VfguideError
 from vfguide.extras import CONSOLE, require
 from vfguide.lab.console.tiles import TileSource, open_tiles
 from vfguide.lab.live_timetable import timetable_given
-from vfguide.lab.rehearsal.live import live_flight, watched_by_anybody
+from vfguide.lab.rehearsal.live import companions_lost, live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.processes import broker_process
 from vfguide.lab.report.geometry import slot_error
@@ -228,16 +228,16 @@ def check_live(mission: Mission, *, speedup: float = 1.0) -> None:
     """See that nothing happens to a mission at times that its programs could not keep.
 
     Raises:
-        InputError: it has companions or links that are lost, or orders while time runs faster or slower.
+        InputError: it has links that are lost, or orders while time runs faster or slower.
     """
     if mission.orders and speedup != 1.0:
         raise InputError(
             "orders: are timed in real time; leave --speedup out, or take them out of the mission"
         )
-    if mission.rehearsal.losses:
+    if any(one.what == "link" for one in mission.rehearsal.losses):
         raise InputError(
-            "rehearsal.losses: only a flight in virtual time has them; leave --live out, or take them out of"
-            " the mission and end the companion's process yourself"
+            "rehearsal.losses: only a flight in virtual time loses a link; leave --live out, or have it lose"
+            " the companion (what: companion), whose process is killed"
         )
 
 
@@ -292,8 +292,11 @@ async def flown_live(
                 console_of(mission, flight.watched, tell, operator=operator, tiles=tiles)
             )
         before, flies, interrupted = flight.accounts(), False, False
-        async with timetable_given(
-            mission, flight.watched, time_s=lambda: flight.truth_collector.time_s, tell=tell
+        async with (
+            companions_lost(flight),
+            timetable_given(
+                mission, flight.watched, time_s=lambda: flight.truth_collector.time_s, tell=tell
+            ),
         ):
             while (
                 now_s := flight.truth_collector.time_s

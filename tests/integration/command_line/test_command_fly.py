@@ -153,7 +153,10 @@ def test_a_flight_that_breaks_ends_with_3(
     ("words", "text"),
     [
         (("shapes", "--speedup", "4"), "orders: are timed in real time; leave --speedup out"),
-        (("leader-lost",), "rehearsal.losses: only a flight in virtual time"),
+        (
+            ("leader-lost", "--set", "rehearsal.losses=[{vehicle: f1, at_s: 90, what: link}]"),
+            "rehearsal.losses: only a flight in virtual time loses a link",
+        ),
     ],
 )
 def test_what_cannot_be_kept_to_live_is_refused(command: Make, words: Any, text: str) -> None:  # noqa: ANN401

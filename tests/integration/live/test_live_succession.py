@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from vfguide.lab.rehearsal.live import LiveFlight, live_flight
+from vfguide.lab.rehearsal.live import LiveFlight, companions_lost, live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.mission import Mission
 
@@ -109,5 +109,37 @@ def test_a_deputy_leads_when_the_leaders_companion_is_killed(
             await logs.until(lambda: LEAD in logs.of("leader"))
             await logs.until(lambda: logs.times_steering("leader") > steering)
             assert "breakaway" not in "".join(logs.of(name) for name in flight.names)
+
+    asyncio.run(fly())
+
+
+def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
+    with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
+) -> None:
+    content = with_deputies.model_dump(exclude_unset=True)
+    lost_s, back_s = 10.0, 16.0
+    loss = {"vehicle": "f3", "at_s": lost_s, "for_s": back_s - lost_s}
+    content["rehearsal"] = {**content["rehearsal"], "losses": [loss]}
+
+    async def fly() -> None:
+        async with (
+            broker_in(tmp_path) as broker,
+            live_flight(
+                Mission.model_validate(content),
+                directory=tmp_path,
+                links=[broker.url],
+                speedup=speedup,
+            ) as flight,
+            companions_lost(flight),
+        ):
+            logs, companion = Logs(flight, tmp_path), flight.companions["f3"]
+            await logs.until(lambda: not companion.running)
+            assert companion.exit_code == -9
+            assert flight.time_s >= lost_s
+            flight.check()
+            steering = logs.times_steering("f3")
+            await logs.until(lambda: companion.running)
+            assert flight.time_s >= back_s
+            await logs.until(lambda: logs.times_steering("f3") > steering)
 
     asyncio.run(fly())

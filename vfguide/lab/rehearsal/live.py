@@ -29,6 +29,7 @@ from vfguide.link.keys import (
 )
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission.model import Mission
+from vfguide.mission.rehearsal import Loss
 from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance, read_newest
@@ -227,6 +228,20 @@ class LiveFlight:
                 while any(one.running and not one.last_words() for one in self.companions.values()):
                     await asyncio.sleep(LOOK_S)
 
+    async def lose(self, loss: Loss) -> None:
+        """Kill a companion when the rehearsal loses it, and start it again where it comes back."""
+        companion = self.companions[loss.vehicle]
+        await self._until(loss.at_s)
+        await companion.kill()
+        if loss.for_s is not None:
+            await self._until(loss.at_s + loss.for_s)
+            await companion.start()
+
+    async def _until(self, time_s: float) -> None:
+        """Wait for a simulation time, s."""
+        while (left_s := time_s - self.time_s) > 0.0:
+            await asyncio.sleep(left_s / self._speedup)
+
     async def stop_companions(self) -> None:
         """Have companions hand their vehicles back, and write down what they did."""
         await asyncio.gather(*(one.stop() for one in self.companions.values()))
@@ -317,3 +332,15 @@ async def live_flight(
     finally:
         await flight.stop()
         transport.close()
+
+
+@asynccontextmanager
+async def companions_lost(flight: LiveFlight) -> AsyncIterator[None]:
+    """Have a flight lose its companions as its mission says, for as long as the context lasts."""
+    tasks = [asyncio.create_task(flight.lose(one)) for one in flight.mission.rehearsal.losses]
+    try:
+        yield
+    finally:
+        for one in tasks:
+            one.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
