@@ -10,7 +10,7 @@ from vfguide.commands.logs import LogFormat, log_to_standard_error
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Surroundings, run_until_stopped
-from vfguide.companion.ground_orders import order_codes
+from vfguide.companion.ground_orders import ground_orders_of
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.order_program import OrderProgram
 from vfguide.errors import InputError
@@ -97,7 +97,7 @@ def run_companion(
         leader=heard_at,
         followers=sends_to,
         order_program=ordering,
-        order_codes=order_codes(mission),
+        ground_orders=None if ordering is None else ground_orders_of(mission),
     )
     plan = flight_plan(mission, vehicle)
     asyncio.run(run_until_stopped(plan, adapter_of(mission.vehicles[vehicle]), surroundings))

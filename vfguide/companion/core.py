@@ -6,7 +6,6 @@ leads to one guidance step and one pair of setpoints at once.
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
@@ -16,7 +15,7 @@ from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.flight_phase import FlightPhase
-from vfguide.companion.ground_orders import GroundOrders, Words
+from vfguide.companion.ground_orders import GroundOrders
 from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
@@ -65,7 +64,7 @@ class Companion:
         inspect: bool = False,
         signing: Signing | None = None,
         sends_target: bool = False,
-        order_codes: Mapping[int, Words] | None = None,
+        ground_orders: GroundOrders | None = None,
         greeting_s: float = 0.0,
         role: RoleMaker = role_of,
     ) -> None:
@@ -80,7 +79,7 @@ class Companion:
             inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
             signing: of the connection to the autopilot, if it is signed.
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
-            order_codes: what ground stations may order by number; None to hear none of that.
+            ground_orders: what ground stations may order; None to hear none of that.
             greeting_s: for so long after the leader it waits to hear all others before it joins them, s.
             role: makes its part in the formation; the plan's own if absent.
         """
@@ -101,7 +100,7 @@ class Companion:
         self._wakefulness = Wakefulness()
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
-        self.ground_orders = None if order_codes is None else GroundOrders(order_codes)
+        self.ground_orders = ground_orders
         """What ground stations request; None where that is not heard."""
         self._codec = Codec(
             plan.system_id,

@@ -5,9 +5,9 @@ import gc
 import logging
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from random import Random
@@ -16,7 +16,7 @@ from typing import Protocol
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.ground_orders import Words
+from vfguide.companion.ground_orders import GroundOrders, Words
 from vfguide.companion.order_program import OrderProgram
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
@@ -100,8 +100,8 @@ class Surroundings:
     """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
     order_program: OrderProgram | None = None
     """Gives orders that ground stations request; None to hear no such requests."""
-    order_codes: Mapping[int, Words] = field(default_factory=dict)
-    """What they may request, by number."""
+    ground_orders: GroundOrders | None = None
+    """What they may request."""
 
 
 class Leaving(Protocol):
@@ -162,7 +162,7 @@ class Daemon:
             inspect=True,
             signing=signing,
             sends_target=surroundings.followers is not None,
-            order_codes=None if surroundings.order_program is None else surroundings.order_codes,
+            ground_orders=surroundings.ground_orders,
             greeting_s=greeting_of(surroundings.links),
         )
         self._orders = set[asyncio.Task[None]]()

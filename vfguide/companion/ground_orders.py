@@ -1,8 +1,9 @@
 """Orders that a ground station requests of this companion, by a MAVLink command that any of them can send.
 
-MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 the spacing. Nothing in
-MAVLink shows who has sent it, unless the connection is signed. So a companion hears it only where it was told
-to and has an operator's key; what is requested is given as any order: rehearsed, signed, agreed on by all.
+MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 to param4 the spacing, the
+vehicles by their MAVLink systems, or a slot. Nothing in MAVLink shows who has sent it, unless the connection
+is signed. So a companion hears it only where it was told to and has an operator's key; what is requested is
+given as any order: rehearsed, signed, agreed on by all.
 """
 
 import math
@@ -23,10 +24,16 @@ ABORT: Words = ("abort",)
 FIRST_SHAPE, SPACING, FIRST_PATH, FIRST_LEADER = 10, 20, 30, 60
 """Codes: of the shapes in their order, of the spacing alone, of paths and of who may lead."""
 
+FOLLOWER_ORDERS = {4: "join", 5: "leave", 6: "swap", 7: "slot"}
+"""Codes of orders for followers that param2 names by its MAVLink system."""
+
 AGAIN_S = 10.0
 """A ground station that hears no answer sends a command again; so long it is the same one."""
 
 SPACINGS_M = (1.0, 1000.0)
+
+FARTHEST_SLOT_M = 5000.0
+"""A slot that is farther off is a slip of the keys."""
 
 
 def order_codes(mission: Mission) -> dict[int, Words]:
@@ -39,13 +46,20 @@ def order_codes(mission: Mission) -> dict[int, Words]:
     return codes | {FIRST_LEADER + index: ("lead", name) for index, name in enumerate(may_lead)}
 
 
+def ground_orders_of(mission: Mission) -> "GroundOrders":
+    """What ground stations may order of a mission's formation."""
+    systems = {mission.vehicles[name].system_id: name for name in mission.followers_by_name}
+    return GroundOrders(order_codes(mission), systems)
+
+
 class GroundOrders:
     """Requests of one companion's ground stations: answered at once, and handed on."""
 
-    def __init__(self, codes: Mapping[int, Words]) -> None:
-        """Know what each code orders; nothing was requested yet."""
+    def __init__(self, codes: Mapping[int, Words], followers: Mapping[int, str]) -> None:
+        """Know what each code orders, and the followers by their systems; nothing was requested yet."""
         self._codes = codes
-        self._last: tuple[tuple[int, int], float, float] | None = None
+        self._followers = followers
+        self._last: tuple[object, ...] | None = None
         self._last_s = -math.inf
         self._answer = 0
         self._under_way: set[Words] = set()
@@ -56,7 +70,7 @@ class GroundOrders:
         Returns:
             The answer to it, and the order that is to be given; None where there is none.
         """
-        same = (request.sender, request.code, request.spacing)
+        same = (request.sender, request.code, request.values)
         if request.confirmation > 0 and same == self._last and now - self._last_s < AGAIN_S:
             return [answer(request, self._answer)], None
         self._last, self._last_s = same, now
@@ -68,20 +82,49 @@ class GroundOrders:
         self._under_way.discard(words)
 
     def _decide(self, request: OrderRequest) -> tuple[int, Words | None]:
-        words = self._codes.get(round(request.code)) if abs(request.code) < 1e3 else None
-        shaped = words is not None and words[0] in {*SHAPES, "spacing"}
-        if words is None or round(request.code) != request.code:
+        if not (abs(request.code) < 1e3 and round(request.code) == request.code):
+            return mavlink.MAV_RESULT_UNSUPPORTED, None
+        code = round(request.code)
+        if code in FOLLOWER_ORDERS:
+            words = self._for_followers(FOLLOWER_ORDERS[code], request.values)
+        elif code in self._codes:
+            words = with_spacing(self._codes[code], request.values)
+        else:
             return mavlink.MAV_RESULT_UNSUPPORTED, None
         # What calls everything off waits for nothing but another of its kind.
         waits_for = self._under_way & {ABORT} if words == ABORT else self._under_way
         if waits_for:
             return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, None
-        if request.spacing != 0.0 or words[0] == "spacing":
-            if not (shaped and SPACINGS_M[0] <= request.spacing <= SPACINGS_M[1]):
-                return mavlink.MAV_RESULT_DENIED, None
-            words = (*words, "--spacing", f"{request.spacing:g}")
+        if words is None:
+            return mavlink.MAV_RESULT_DENIED, None
         self._under_way.add(words)
         return mavlink.MAV_RESULT_ACCEPTED, words
+
+    def _for_followers(self, order: str, values: tuple[float, float, float]) -> Words | None:
+        """An order for the follower of the first number; None where the numbers do not fit."""
+        name, *rest = self._followers.get(int(values[0])), *values[1:]
+        if name is None or int(values[0]) != values[0]:
+            return None
+        if order == "slot":
+            near = all(abs(one) <= FARTHEST_SLOT_M for one in rest)
+            return ("slot", f"{name}={rest[0]:g},{rest[1]:g}") if near else None
+        if order == "swap":
+            other = self._followers.get(int(rest[0]))
+            fits = other not in {None, name} and (int(rest[0]), 0.0) == (rest[0], rest[1])
+            return ("swap", name, other) if fits and other is not None else None
+        return (order, name) if rest == [0.0, 0.0] else None
+
+
+def with_spacing(words: Words, values: tuple[float, float, float]) -> Words | None:
+    """An order with the spacing of a request; None where the numbers do not fit."""
+    spacing, *rest = values
+    if rest != [0.0, 0.0]:
+        return None
+    if spacing == 0.0 and words[0] != "spacing":
+        return words
+    if words[0] not in {*SHAPES, "spacing"} or not SPACINGS_M[0] <= spacing <= SPACINGS_M[1]:
+        return None
+    return (*words, "--spacing", f"{spacing:g}")
 
 
 def answer(request: OrderRequest, result: int) -> MAVLink_message:

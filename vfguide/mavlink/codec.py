@@ -187,13 +187,14 @@ def command_report(message: MAVLink_message) -> CommandReport:
 
 def order_request(message: MAVLink_message) -> OrderRequest | None:
     """COMMAND_LONG with MAV_CMD_USER_1, or None of any other command and where a number is none."""
-    known = math.isfinite(message.param1) and math.isfinite(message.param2)
+    values = message.param2, message.param3, message.param4
+    known = all(map(math.isfinite, (message.param1, *values)))
     if message.command != mavlink.MAV_CMD_USER_1 or not known:
         return None
     return OrderRequest(
         sender=(message.get_srcSystem(), message.get_srcComponent()),
         code=message.param1,
-        spacing=message.param2,
+        values=values,
         confirmation=message.confirmation,
     )
 

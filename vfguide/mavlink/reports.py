@@ -87,14 +87,14 @@ class LandedReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderRequest:
-    """COMMAND_LONG with MAV_CMD_USER_1 for a companion, of a ground station: an order in two numbers."""
+    """COMMAND_LONG with MAV_CMD_USER_1 for a companion, of a ground station: an order in numbers."""
 
     sender: tuple[int, int]
     """MAVLink system and component that it comes from."""
     code: float
     """param1: which order."""
-    spacing: float
-    """param2: between neighbours, m; 0 to leave it as it is."""
+    values: tuple[float, float, float]
+    """param2 to param4: a spacing in metres, vehicles, or a slot; 0 where there is nothing to say."""
     confirmation: int
     """0 the first time it is sent, then rising."""
 

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion import order_program
 from vfguide.companion.core import Companion
-from vfguide.companion.ground_orders import GroundOrders, order_codes
+from vfguide.companion.ground_orders import ground_orders_of, order_codes
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
 from vfguide.companion.plan import FlightPlan
@@ -42,8 +42,7 @@ def mission() -> Mission:
 
 def command(
     code: float,
-    spacing: float = 0.0,
-    *,
+    *values: float,
     number: int = USER_1,
     target: tuple[int, int] = (2, 191),
     confirmation: int = 0,
@@ -53,7 +52,7 @@ def command(
     station = mavlink.MAVLink(None, srcSystem=STATION[0], srcComponent=STATION[1])
     if key is not None:
         Signing(key, lambda: 1.8e9).prepare(station)
-    parameters = (code, spacing, 0, 0, 0, 0, 0)
+    parameters = (code, *values, *(0.0,) * (6 - len(values)))
     message = mavlink.MAVLink_command_long_message(*target, number, confirmation, *parameters)
     return bytes(message.pack(station))
 
@@ -70,7 +69,7 @@ def heard(plan: Callable[..., FlightPlan], mission: Mission) -> Hear:
             adapter_of(mission.vehicles["f1"]),
             engage=False,
             signing=None if key is None else Signing(key, lambda: 1.8e9),
-            order_codes=order_codes(mission) if takes_orders else None,
+            ground_orders=ground_orders_of(mission) if takes_orders else None,
         )
         answers, requested = [], []
         for number, datagram in enumerate(datagrams):
@@ -105,19 +104,23 @@ def test_each_code_is_one_order(mission: Mission) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "spacing", "words"),
+    ("code", "values", "words"),
     [
-        (10, 30.0, ("vee", "--spacing", "30")),
-        (14, 0.0, ("trail",)),
-        (20, 25.5, ("spacing", "--spacing", "25.5")),
-        (1, 0.0, ("abort",)),
-        (31, 0.0, ("path", "survey")),
+        (4, (4,), ("join", "f3")),
+        (5, (2,), ("leave", "f1")),
+        (6, (2, 4), ("swap", "f1", "f3")),
+        (7, (3, -20.5, 40), ("slot", "f2=-20.5,40")),
+        (10, (30,), ("vee", "--spacing", "30")),
+        (14, (), ("trail",)),
+        (20, (25.5,), ("spacing", "--spacing", "25.5")),
+        (1, (), ("abort",)),
+        (31, (), ("path", "survey")),
     ],
 )
 def test_a_request_is_accepted_and_handed_on_as_an_order(
-    heard: Hear, code: float, spacing: float, words: tuple[str, ...]
+    heard: Hear, code: float, values: tuple[float, ...], words: tuple[str, ...]
 ) -> None:
-    answers, requested = heard(command(code, spacing))
+    answers, requested = heard(command(code, *values))
     assert requested == [words]
     (answer,) = answers
     assert (answer.command, answer.result) == (USER_1, ACCEPTED)
@@ -127,18 +130,29 @@ def test_a_request_is_accepted_and_handed_on_as_an_order(
 
 
 @pytest.mark.parametrize(
-    ("code", "spacing", "result"),
+    ("code", "values", "result"),
     [
-        (99, 0.0, UNSUPPORTED),
-        (10.5, 0.0, UNSUPPORTED),
-        (20, 0.0, DENIED),
-        (10, 2000.0, DENIED),
-        (10, -5.0, DENIED),
-        (2, 30.0, DENIED),
+        (99, (), UNSUPPORTED),
+        (10.5, (), UNSUPPORTED),
+        (20, (), DENIED),
+        (10, (2000.0,), DENIED),
+        (10, (-5.0,), DENIED),
+        (10, (30.0, 1.0), DENIED),
+        (2, (30.0,), DENIED),
+        (4, (), DENIED),
+        (4, (1,), DENIED),  # the leader has no slot
+        (5, (2.5,), DENIED),
+        (5, (2, 3), DENIED),
+        (6, (2,), DENIED),
+        (6, (2, 2), DENIED),
+        (6, (2, 3, 4), DENIED),
+        (7, (2, 1e6, 0), DENIED),
     ],
 )
-def test_what_is_no_order_is_refused(heard: Hear, code: float, spacing: float, result: int) -> None:
-    answers, requested = heard(command(code, spacing))
+def test_what_is_no_order_is_refused(
+    heard: Hear, code: float, values: tuple[float, ...], result: int
+) -> None:
+    answers, requested = heard(command(code, *values))
     assert [one.result for one in answers] == [result]
     assert requested == []
 
@@ -191,16 +205,17 @@ def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wai
     assert requested == [("hold",), ("abort",)]
 
 
-@given(st.lists(st.tuples(st.floats(width=32), st.floats(width=32), st.integers(0, 255))))
+NUMBERS = st.floats(width=32, allow_nan=False, allow_infinity=False) | st.integers(0, 9).map(float)
+
+
+@given(st.lists(st.tuples(NUMBERS, st.tuples(NUMBERS, NUMBERS, NUMBERS), st.integers(0, 255))))
 def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(
-    mission: Mission, numbers: list[tuple[float, float, int]]
+    mission: Mission, numbers: list[tuple[float, tuple[float, float, float], int]]
 ) -> None:
-    requests = GroundOrders(order_codes(mission))
+    requests = ground_orders_of(mission)
     handed_on = []
-    for now, (code, spacing, confirmation) in enumerate(numbers):
-        request = OrderRequest(
-            sender=STATION, code=code, spacing=spacing, confirmation=confirmation
-        )
+    for now, (code, values, confirmation) in enumerate(numbers):
+        request = OrderRequest(sender=STATION, code=code, values=values, confirmation=confirmation)
         answers, words = requests.take(request, float(now))
         assert len(answers) == 1
         handed_on += [] if words is None else [words]
@@ -208,9 +223,9 @@ def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(
 
 
 def test_the_next_order_is_accepted_once_one_is_given(mission: Mission) -> None:
-    requests = GroundOrders(order_codes(mission))
-    first = OrderRequest(sender=STATION, code=2.0, spacing=0.0, confirmation=0)
-    second = OrderRequest(sender=STATION, code=3.0, spacing=0.0, confirmation=0)
+    requests = ground_orders_of(mission)
+    first = OrderRequest(sender=STATION, code=2.0, values=(0.0, 0.0, 0.0), confirmation=0)
+    second = OrderRequest(sender=STATION, code=3.0, values=(0.0, 0.0, 0.0), confirmation=0)
     assert requests.take(first, 1.0)[1] == ("hold",)
     requests.finish(("hold",))
     assert requests.take(second, 2.0)[1] == ("resume",)
