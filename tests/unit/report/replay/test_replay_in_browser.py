@@ -110,6 +110,25 @@ def test_the_table_has_the_numbers_of_the_moment(
     assert cell(page, "Mode", 0).startswith("tracking")
 
 
+def test_the_age_of_what_was_heard_is_shown_where_it_was_recorded(
+    page: Page, circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
+) -> None:
+    plotted = page.get_by_label("Plotted quantity")
+    assert page.get_by_role("row", name="Leader's state, s old").count() == 0
+    assert "Age of the leader's state" not in plotted.inner_text()
+    leader, first, *others = circle_flight.vehicles
+    ages = np.where(circle_flight.time_s < 100.0, 0.12, 1.5)
+    aged = replace(first, leader_age_s=ages)
+    known = open_page(write_page(replace(circle_flight, vehicles=(leader, aged, *others))))
+    seek(known, 50.0)
+    assert [cell(known, "Leader's state", column) for column in (0, 1)] == ["\u2013", "0.12"]
+    seek(known, 200.0)
+    assert cell(known, "Leader's state", 1) == "1.50"
+    before = picture(known, "timeline")
+    known.get_by_label("Plotted quantity").select_option("age")
+    assert picture(known, "timeline") != before
+
+
 def test_between_samples_aircraft_are_on_the_curve(page: Page, circle_flight: FlightRecord) -> None:
     """The replay knows every fourth sample; two steps after one of them the record knows better."""
     sample = 100 * 20 + 2

@@ -150,7 +150,8 @@ class Cards {
   #showWords(card, state, words) {
     const parts = [];
     if (this.flight.live) parts.push(`heard ${old(state.age_s)}`);
-    if (words && words.hears_s !== null) parts.push(`hears the leader ${words.hears_s.toFixed(2)} s old`);
+    const hears = this.flight.live ? (words?.hears_s ?? NaN) : state.leader_age_s;
+    if (Number.isFinite(hears)) parts.push(`hears the leader ${hears.toFixed(2)} s old`);
     if (words?.autopilot) parts.push(words.autopilot);
     const battery = words ? batteryWords(words) : "";
     if (battery) parts.push(battery);
