@@ -84,7 +84,8 @@ class Surroundings:
         # Files are made whole in a directory beside them.
         partial = str(self.root / PARTIAL)
         good = (str(self.out), partial, str(self.root / "temporary"), *NO_FILES)
-        assert [line for line in told if not line.partition(" ")[2].startswith(good)] == []
+        elsewhere = [line for line in told if not line.partition(" ")[2].startswith(good)]
+        assert not elsewhere, elsewhere
         for name in ("home", "temporary", "here"):
             assert list((self.root / name).iterdir()) == [], name
         assert list(self.root.glob(f"{PARTIAL}*")) == []

@@ -49,7 +49,16 @@ COMMANDS: dict[str, Words] = {
         for ending in ("mcap", "kml", "kmz", "csv", "parquet", "plan")
     },
     "bench": lambda _, out: (
-        *("bench", "monte-carlo", "--formations", "20", "--processes", "1", "--json", out),
+        *(
+            "bench",
+            "monte-carlo",
+            "--formations",
+            "20",
+            "--processes",
+            "1",
+            "--json",
+            out / "figures.json",
+        ),
     ),
     "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
 }
