@@ -110,6 +110,38 @@ def test_a_recorded_flight_plays_and_its_names_stay_text(
     asyncio.run(look())
 
 
+TRACE = "document.querySelector('canvas.trace').toDataURL()"
+
+
+async def trace_after(page: Page, *times_s: float) -> str:
+    """Pixels of a card's trace some time after the last of some moments was looked at."""
+    await page.evaluate(
+        "times => times.forEach(time => document.getElementById('replay').player.seek(time))",
+        list(times_s),
+    )
+    await page.wait_for_timeout(1500)
+    return str(await page.evaluate(TRACE))
+
+
+def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
+    record: FlightRecord, open_page: OpenPage
+) -> None:
+    async def look() -> None:
+        async with (
+            served(RecordedFlight(record), Address(port=0), title="a") as url,
+            open_page(url) as page,
+        ):
+            await expect(page.locator("canvas.trace").first).to_be_visible()
+            await page.evaluate("document.getElementById('replay').player.pause()")
+            early, late = await trace_after(page, 2.0), await trace_after(page, 10.0)
+            assert early != late
+            # Faster than traces are drawn.
+            assert await trace_after(page, 2.0, 10.0) == late
+            assert await trace_after(page, 10.0, 2.0) == early
+
+    asyncio.run(look())
+
+
 def map_of(path: Path, mission: Mission) -> Path:
     """One green picture at zoom 10, where the mission is."""
     origin, count = mission.origin, 2**10

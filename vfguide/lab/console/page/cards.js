@@ -50,6 +50,7 @@ class Cards {
     this.flight = flight;
     this.words = null;
     this.tracedAt = -Infinity;
+    this.later = undefined;
     this.cards = flight.vehicles.map((vehicle) => this.#make(vehicle, choose));
     box.replaceChildren(...this.cards.map((card) => card.box));
     box.classList.toggle("many", this.cards.length > 8);
@@ -111,9 +112,21 @@ class Cards {
       this.#showMargins(card, state);
       this.#showWords(card, state, words);
     }
-    const now = performance.now();
-    if (now - this.tracedAt < TRACE_EVERY_MS) return;
-    this.tracedAt = now;
+    this.shown = { time, theme };
+    this.#drawTraces();
+  }
+
+  /** Traces of the moment that is shown: now and then while it goes on, and also of the last one where it stops. */
+  #drawTraces() {
+    const wait = this.tracedAt + TRACE_EVERY_MS - performance.now();
+    if (wait > 0) {
+      clearTimeout(this.later);
+      this.later = setTimeout(() => this.#drawTraces(), wait);
+      return;
+    }
+    clearTimeout(this.later);
+    this.tracedAt = performance.now();
+    const { time, theme } = this.shown;
     for (const card of this.cards) if (card.trace) this.#drawTrace(card, time, theme);
   }
 
