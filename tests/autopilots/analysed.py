@@ -17,10 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from tests.autopilots.formation import RECORDED, TRUE_TRACKS
-from vfguide.commands.report import answers_of
+from vfguide.commands.report import answers_of, slips_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.identification.flown import Answer, answer_sentence
+from vfguide.identification.flown_slip import SlipAnswer, slip_sentence
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
@@ -42,6 +43,9 @@ KNOWN = {
 """Bandwidths, 1/s, from the least to the greatest that is known otherwise: ArduPlane's course by long steps
 and by steady turns with GUIDED_P 12000, the others as the missions say. PX4 holds no speed by a loop of
 first order."""
+
+KNOWN_SLIP = {"ardupilot": 0.745}
+"""What each turns of g tan(bank) / V, as its mission says."""
 
 AGREES_M = 0.1
 """Mean slot errors by a log and by the truth may be so far apart, as far as the estimates are right."""
@@ -187,6 +191,14 @@ def contains(answer: Answer, known: tuple[float, float]) -> bool:
     return value - half <= known[1] and known[0] <= value + half
 
 
+def contains_slip(answer: SlipAnswer, known: float) -> bool:
+    """Whether what is known otherwise is within the stated uncertainty."""
+    if answer.slip is None:
+        return True
+    found = answer.slip.efficiency
+    return abs(found.value - known) <= found.half_width
+
+
 def compare(directory: Path) -> bool:
     """Print tables and sentences; whether everything agrees."""
     mission = load_mission(directory / "mission.yaml")
@@ -209,6 +221,16 @@ def compare(directory: Path) -> bool:
                 verdict = "within" if within else "NOT WITHIN"
                 sentences.append(
                     f"{title}: {answer_sentence(answer)} [known otherwise: {said}: {verdict}]"
+                )
+            for slip in slips_of(mission, flight):
+                share = KNOWN_SLIP.get(mission.vehicles[slip.vehicle].autopilot)
+                if share is None:
+                    continue
+                within = contains_slip(slip, share)
+                good &= within
+                verdict = "within" if within else "NOT WITHIN"
+                sentences.append(
+                    f"{title}: {slip_sentence(slip)} [known otherwise: {share:g}: {verdict}]"
                 )
     sys.stdout.write("\n".join((*TABLE, *rows, "", *sentences)) + "\n")
     return good and bool(rows)

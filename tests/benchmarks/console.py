@@ -1,10 +1,10 @@
 """What the console takes: its server's share of a core, the browser's, pictures and bytes a second.
 
-    python tests/benchmarks/console.py [--aircraft 30] [--seconds 20] [--chromium PROGRAM]
+    python tests/benchmarks/console.py [--aircraft 30] [--link mqtt|udp] [--seconds 20] [--chromium PROGRAM]
 
 A program in the place of the companions sends signed states of all aircraft ten times a second, over a
-broker. The console runs as a program of its own, with one page open in Chromium. Fails if the server takes a
-tenth of a core or more.
+broker or by UDP. The console runs as a program of its own, with one page open in Chromium. Fails if the
+server takes a tenth of a core or more.
 """
 
 import argparse
@@ -13,12 +13,13 @@ import cmath
 import math
 import re
 import shutil
+import socket
 import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 
 import aiomqtt
@@ -27,6 +28,7 @@ import yaml
 from playwright.async_api import Page, async_playwright
 
 from vfguide.companion.mission_plan import local_frame
+from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.studies.programs import broker
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
@@ -136,22 +138,42 @@ class Formation:
             )
         )
 
-    async def fly(self, port: int) -> None:
-        """Send states and presences until cancelled, evenly spread over time."""
-        pause_s = 1.0 / RATE_HZ / len(self.names)
+    async def fly_by_broker(self, port: int) -> None:
+        """Publish states and presences until cancelled."""
         async with aiomqtt.Client("127.0.0.1", port) as client:
-            began_s, count = time.monotonic(), 0
-            while True:
-                name = self.names[count % len(self.names)]
-                now = time.monotonic()
-                data = self._trusts[name].seal(Kind.STATE, self.state(name, now), time_s=now)
-                await client.publish(self._topics[name].state(name), data)
-                if count // len(self.names) % int(RATE_HZ) == 0:
-                    await self._announce(client, name, now)
-                count += 1
-                await asyncio.sleep(max(began_s + count * pause_s - time.monotonic(), 0.0))
 
-    async def _announce(self, client: aiomqtt.Client, name: str, now: float) -> None:
+            async def say(name: str, kind: Kind, data: bytes) -> None:
+                topics, kept = self._topics[name], kind is Kind.PRESENCE
+                topic = topics.presence(name) if kept else topics.state(name)
+                await client.publish(topic, data, retain=kept)
+
+            await self._fly(say)
+
+    async def fly_by_udp(self, port: int) -> None:
+        """Send states and presences to a port of this computer until cancelled."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+
+            async def say(_name: str, _kind: Kind, data: bytes) -> None:
+                with suppress(ConnectionRefusedError):
+                    sender.sendto(data, ("127.0.0.1", port))
+
+            await self._fly(say)
+
+    async def _fly(self, say: Callable[[str, Kind, bytes], Awaitable[None]]) -> None:
+        """Say states and presences until cancelled, evenly spread over time."""
+        pause_s = 1.0 / RATE_HZ / len(self.names)
+        began_s, count = time.monotonic(), 0
+        while True:
+            name = self.names[count % len(self.names)]
+            now = time.monotonic()
+            state = self._trusts[name].seal(Kind.STATE, self.state(name, now), time_s=now)
+            await say(name, Kind.STATE, state)
+            if count // len(self.names) % int(RATE_HZ) == 0:
+                await say(name, Kind.PRESENCE, self._presence(name, now))
+            count += 1
+            await asyncio.sleep(max(began_s + count * pause_s - time.monotonic(), 0.0))
+
+    def _presence(self, name: str, now: float) -> bytes:
         presence = Presence(
             status="online",
             mode="tracking",
@@ -161,16 +183,15 @@ class Formation:
             autopilot="GUIDED",
             figures={"leader_age_ms_last": 50.0, "wind_north_m_s": 3.0, "wind_east_m_s": 1.0},
         )
-        data = self._trusts[name].seal(Kind.PRESENCE, encode_presence(presence), time_s=now)
-        await client.publish(self._topics[name].presence(name), data, retain=True)
+        return self._trusts[name].seal(Kind.PRESENCE, encode_presence(presence), time_s=now)
 
 
 @asynccontextmanager
-async def console(file: Path, port: int) -> AsyncIterator[tuple[str, psutil.Process]]:
+async def console(file: Path, link: str) -> AsyncIterator[tuple[str, psutil.Process]]:
     """The console as a program; yields its address and its process."""
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "vfguide", "console", str(file)),
-        *("--link", f"mqtt://127.0.0.1:{port}", "--port", "0"),
+        *("--link", link, "--port", "0"),
         stdout=asyncio.subprocess.PIPE,
     )
     assert process.stdout is not None
@@ -203,13 +224,18 @@ def bytes_of(url: str, seconds: float) -> tuple[int, float]:
     return head, count / passed_s
 
 
-async def measure(page: Page, url: str, process: psutil.Process, seconds: float) -> bool:
+async def measure(
+    page: Page, url: str, process: psutil.Process, *, aircraft: int, seconds: float
+) -> bool:
     """Print what it takes; whether that is little enough."""
     began_s = time.monotonic()
     await page.goto(url)
     await page.get_by_text("live,").wait_for()
     first_s = time.monotonic() - began_s
     await asyncio.sleep(WARM_UP_S)
+    shown = await page.locator("article.card .mode", has_text="tracking").count()
+    if shown != aircraft:
+        raise SystemExit(f"only {shown} of {aircraft} aircraft are shown")
     own = psutil.Process()
     browsers = [one for one in own.children(recursive=True) if "chrom" in one.name()]
     server_s, browser_s, began_s = processor_s([process]), processor_s(browsers), time.monotonic()
@@ -229,6 +255,7 @@ async def main() -> int:
     """Measure; exit status 1 if the server takes too much."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--aircraft", type=int, default=30)
+    parser.add_argument("--link", choices=["mqtt", "udp"], default="mqtt")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--chromium", default=shutil.which("chromium") or "chromium")
     options = parser.parse_args()
@@ -236,15 +263,24 @@ async def main() -> int:
         file = Path(scratch) / "mission.yaml"
         file.write_text(yaml.safe_dump(mission_of(options.aircraft)), encoding="utf-8")
         formation = Formation(load_mission(file), file)
-        async with broker(Path(scratch)) as (_, port), console(file, port) as (url, process):
-            flying = asyncio.create_task(formation.fly(port))
+        async with AsyncExitStack() as stack:
+            if options.link == "mqtt":
+                _, port = await stack.enter_async_context(broker(Path(scratch)))
+                link, fly = f"mqtt://127.0.0.1:{port}", formation.fly_by_broker
+            else:
+                port, other = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
+                link, fly = f"udp://127.0.0.1:{other}?port={port}", formation.fly_by_udp
+            url, process = await stack.enter_async_context(console(file, link))
+            flying = asyncio.create_task(fly(port))
             async with async_playwright() as playwright:
                 browser = await playwright.chromium.launch(
                     executable_path=options.chromium, args=["--disable-dev-shm-usage"]
                 )
                 page = await browser.new_page(viewport={"width": 1280, "height": 900})
-                tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz")
-                good = await measure(page, url, process, options.seconds)
+                tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz by {options.link}")
+                good = await measure(
+                    page, url, process, aircraft=options.aircraft, seconds=options.seconds
+                )
                 await browser.close()
             flying.cancel()
             with suppress(asyncio.CancelledError):

@@ -29,10 +29,13 @@ from vfguide.mission.model import Mission
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
+from vfguide.record.vehicle import VehicleRecord
 from vfguide.regular_file import open_regular
 
 if TYPE_CHECKING:
+    from vfguide.elementwise import BoolArray
     from vfguide.identification.flown import Answer
+    from vfguide.identification.flown_slip import SlipAnswer
     from vfguide.lab.debrief.logged_flight import LoggedFlight
 
 
@@ -188,35 +191,61 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
     write_report_of(flight.record, out)
     with whole_file(out / RECORD_NAME) as partial:
         flight.record.save(partial)
-    tell_responses(answers_of(mission, flight))
+    tell_responses(answers_of(mission, flight), slips_of(mission, flight))
 
 
 def answers_of(mission: Mission, flight: "LoggedFlight") -> list["Answer"]:
     """How course and speed of each vehicle answered."""
     from vfguide.identification.flown import flown_responses
-    from vfguide.lab.debrief.logged_flight import LOGGED_MODES
 
     record = flight.record
-    guided = record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
     return [
         answer
         for vehicle in record.vehicles
         for answer in flown_responses(
             record.time_s,
             vehicle,
-            vehicle.mode == guided,
+            guided(record, vehicle),
             flight_plan(mission, vehicle.name).airframe,
             flight.setpoints[vehicle.name],
         )
     ]
 
 
-def tell_responses(answers: list["Answer"]) -> None:
+def slips_of(mission: Mission, flight: "LoggedFlight") -> list["SlipAnswer"]:
+    """How each vehicle turned by its bank."""
+    from vfguide.identification.flown_slip import flown_slip
+
+    record = flight.record
+    return [
+        flown_slip(
+            record.time_s,
+            vehicle,
+            guided(record, vehicle),
+            flight_plan(mission, vehicle.name).airframe,
+            mission.vehicles[vehicle.name].slips,
+        )
+        for vehicle in record.vehicles
+    ]
+
+
+def guided(record: FlightRecord, vehicle: VehicleRecord) -> "BoolArray":
+    """At which samples setpoints were flown, as a log tells it."""
+    from vfguide.lab.debrief.logged_flight import LOGGED_MODES
+
+    flown: BoolArray = vehicle.mode == record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
+    return flown
+
+
+def tell_responses(answers: list["Answer"], slips: list["SlipAnswer"]) -> None:
     """Print how each autopilot answered, how sure that is, and lines for the mission file."""
     from vfguide.identification.flown import answer_sentence, flown_profile
+    from vfguide.identification.flown_slip import known_slips, slip_sentence
 
     output = Terminal()
     for answer in answers:
         output.tell(answer_sentence(answer))
-    if profile := flown_profile(answers):
+    for slip in slips:
+        output.tell(slip_sentence(slip))
+    if profile := flown_profile(answers, known_slips(slips)):
         output.tell(f"to be put under `vehicles` in the mission:\n{profile}")

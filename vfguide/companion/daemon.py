@@ -441,7 +441,7 @@ class Daemon:
     def _step(self) -> GuidanceStep:
         """What the companion did last, for the record."""
         now = self._clock.now()
-        step = self._companion.snapshot.guidance_step(now)
+        step = self._companion.snapshot.guidance_step(now, self._companion.leader_age(now))
         return replace(step, formation_time_s=self._shared_clock.from_own(now))
 
     def _tell_of_record(self) -> None:

@@ -216,11 +216,12 @@ class Snapshot:
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""
 
-    def guidance_step(self, now: float) -> GuidanceStep:
+    def guidance_step(self, now: float, leader_age: float) -> GuidanceStep:
         """As an entry of the log.
 
         Args:
             now: s of the companion's clock.
+            leader_age: of the leader's newest state then, s; infinite where there is none.
         """
         setpoint = self.setpoint
         slot = {}
@@ -249,6 +250,7 @@ class Snapshot:
             speed_m_s=math.nan if setpoint is None else setpoint.speed,
             limited=setpoint is not None and bool(setpoint.limited),
             lyapunov_m2=self.lyapunov,
+            leader_age_s=leader_age if math.isfinite(leader_age) else math.nan,
             left=self.left,
             path=self.path,
             **slot,

@@ -5,6 +5,7 @@ nothing can be told.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
@@ -22,7 +23,8 @@ from vfguide.identification.fit import (
     smoothed,
     speed_response,
 )
-from vfguide.identification.profile import response_lines
+from vfguide.identification.profile import response_lines, slip_line
+from vfguide.identification.slip import Slip
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
@@ -139,14 +141,25 @@ def fitted_stretch(time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray
         vehicle.airspeed_setpoint_m_s,
     ):
         known &= np.isfinite(values)
+    return evenly(time_s, *longest_run(known), LONGEST_S)
+
+
+def longest_run(known: BoolArray) -> tuple[int, int]:
+    """Where the longest run of what is true begins and ends; (0, 0) without any."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
-    if not len(begins) or len(time_s) < 2:
-        return slice(0, 0)
+    if not len(begins):
+        return 0, 0
     longest = int(np.argmax(ends - begins))
+    return int(begins[longest]), int(ends[longest])
+
+
+def evenly(time_s: FloatArray, begin: int, end: int, longest_s: float) -> slice:
+    """Samples of a run, FITTED_HZ apart, for so long at most (s)."""
+    if end <= begin or len(time_s) < 2:
+        return slice(0, 0)
     rate = (len(time_s) - 1) / float(time_s[-1] - time_s[0])
-    begin, end = int(begins[longest]), int(ends[longest])
-    return slice(begin, min(end, begin + round(LONGEST_S * rate)), max(1, round(rate / FITTED_HZ)))
+    return slice(begin, min(end, begin + round(longest_s * rate)), max(1, round(rate / FITTED_HZ)))
 
 
 def loop_answer(
@@ -279,14 +292,21 @@ def answer_sentence(answer: Answer) -> str:
     return f"{found}: known well; the mission says {answer.mission:.2f}"
 
 
-def flown_profile(answers: list[Answer]) -> str:
-    """The fields that are known well, as YAML to be put under each vehicle's name in `vehicles`."""
+def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:
+    """The fields that are known well, as YAML to be put under each vehicle's name in `vehicles`.
+
+    Args:
+        answers: of all loops of all vehicles.
+        slips: by vehicle, of those of whom it is known.
+    """
     lines: list[str] = []
-    for name in dict.fromkeys(answer.vehicle for answer in answers):
+    for name in dict.fromkeys((*(answer.vehicle for answer in answers), *slips)):
         known = [one for one in answers if one.vehicle == name and one.good]
-        if known:
+        if known or name in slips:
             lines.append(f"{name}:  # +- is for 95 %")
         for one in known:
             if one.response is not None:
                 lines += response_lines(one.response, BANDWIDTHS[one.loop], one.loop)
+        if name in slips:
+            lines.append(slip_line(slips[name]))
     return "\n".join(lines)

@@ -179,16 +179,26 @@ def legs_of(reports: list[Bank], scale: float) -> list[Leg]:
     ]
 
 
+def turning(legs: list[Leg]) -> list[Leg]:
+    """Those in which it turned."""
+    return [leg for leg in legs if abs(leg.by_bank) > LEAST_TURN]
+
+
+def leg_weights(by_bank: FloatArray) -> FloatArray:
+    """How much legs of such angles (rad) count: by how far each may be off."""
+    weights: FloatArray = 1.0 / np.hypot(ANGLE_ERROR, SHARE_ERROR * by_bank)
+    return weights
+
+
 def turn_efficiency(legs: list[Leg]) -> Estimate | None:
     """Turned over what the bank says, and its 95 % interval; None where too little was turned."""
-    turns = [leg for leg in legs if abs(leg.by_bank) > LEAST_TURN]
-    if len(turns) < LEAST_TURNS:
+    if len(turning(legs)) < LEAST_TURNS:
         return None
     from scipy.special import stdtrit
 
     rows = np.array([(leg.by_bank, leg.lasts_s) for leg in legs])
     turned = np.array([leg.turned for leg in legs])
-    weights = 1.0 / np.hypot(ANGLE_ERROR, SHARE_ERROR * rows[:, 0])
+    weights = leg_weights(rows[:, 0])
     weighted = rows * weights[:, None]
     inverse = np.linalg.pinv(weighted.T @ weighted)
     values = inverse @ (weighted.T @ (turned * weights))

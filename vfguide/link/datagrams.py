@@ -16,6 +16,7 @@ from typing import Any
 from vfguide.backoff import retry_delay
 from vfguide.errors import described_error
 from vfguide.link.carrier import Carrier
+from vfguide.link.held_mail import WATCH_S, HeldMail
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence, shorter_presences
 
@@ -58,6 +59,8 @@ class DatagramCarrier(Carrier):
         self._broken = ""
         self._heard_s = -math.inf
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
+        self._held = HeldMail()
+        self._look_at: asyncio.TimerHandle | None = None
 
     @abstractmethod
     def open(self) -> None:
@@ -81,11 +84,24 @@ class DatagramCarrier(Carrier):
         """
 
     def arrived(self, data: bytes) -> None:
-        """Take a datagram, of whomever; own ones that come back are passed over."""
+        """Take a datagram, of whomever; own ones that come back are passed over.
+
+        Who only watches looks at states four times a second.
+        """
         if data in self._sent:
             return
-        if self._member.take(data):
+        if self._member.watches and self._held.put(data):
+            if self._look_at is None:
+                self._look_at = asyncio.get_running_loop().call_later(WATCH_S, self._look)
+        elif self._member.take(data):
             self.heard()
+
+    def _look(self) -> None:
+        """Take the newest state of each sender."""
+        self._look_at = None
+        for newest_first in self._held.take():
+            if self._member.take_newest(newest_first):
+                self.heard()
 
     def heard(self) -> None:
         """Note that a member of the formation was heard: the link stands."""
@@ -162,6 +178,10 @@ class DatagramCarrier(Carrier):
         finally:
             self._open = False
             self.close()
+            if self._look_at is not None:
+                self._look_at.cancel()
+                self._look_at = None
+            self._held.clear()
 
     def _up(self) -> None:
         if not self.status.connected:

@@ -7,7 +7,7 @@ import asyncio
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from vfguide.link.codec import LinkDataError
@@ -116,6 +116,7 @@ class Member:
         self._receive = receive
         self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
+        self._believed = 0
         self._receive_presence = receive_presence or ignore_presence
         self._receive_order, self._receive_reply = receive_order, receive_reply
         self._receive_lead = receive_lead
@@ -251,9 +252,27 @@ class Member:
         """
         return self._guarded(lambda: self._take(data))
 
+    def take_newest(self, newest_first: Sequence[bytes]) -> bool:
+        """Take of some states of one sender the newest that is believed; those before it are passed over.
+
+        Returns:
+            As of `take`.
+        """
+        heard, before = False, self._believed
+        for data in newest_first:
+            heard |= self.take(data)
+            if self._believed != before:
+                break
+        return heard
+
+    def _note_belief(self) -> None:
+        """Note that a message was believed."""
+        self._believed_s = self.clock()
+        self._believed += 1
+
     def accept(self, message: Message) -> None:
         """Take a message that the link itself has found to be true, by tags of its own."""
-        self._believed_s = self.clock()
+        self._note_belief()
         if self._wants(message.kind, message.sender, message.body):
             self._guarded(lambda: self._use(message))
 
@@ -275,7 +294,7 @@ class Member:
                 if wanted and self.is_operator and envelope.kind is Kind.ORDER:
                     self._learn_order(data)
             raise
-        self._believed_s = self.clock()
+        self._note_belief()
         if wanted:
             self._use(message)
         return True

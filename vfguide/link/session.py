@@ -17,6 +17,7 @@ from vfguide.link.address import MqttAddress
 from vfguide.link.carrier import LinkStatus
 from vfguide.link.client import ANSWER_S, BrokerClient, Echo, Inbox, NewestOnly, reason_of
 from vfguide.link.envelope import Kind
+from vfguide.link.held_mail import WATCH_S
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 
@@ -28,10 +29,6 @@ BEAT_S = 1.0
 
 ECHO_REST_S = 20.0
 """s from one time that own states are listened for to the next."""
-
-WATCH_S = 0.25
-"""Between looks at the mail of one who only watches, s: of each sender the newest is enough, and a signature
-that is not looked at costs nothing."""
 
 INSISTENCE_S = 0.1
 """s after which a task that has not ended is cancelled again."""

@@ -23,10 +23,8 @@ from vfguide.record.outline import (
     outline_arrays,
 )
 from vfguide.record.vehicle import (
-    LEAD_SERIES,
-    PATH_SERIES,
+    OPTIONAL_SERIES,
     SERIES,
-    SLOT_SERIES,
     IntegerArray,
     Role,
     VehicleRecord,
@@ -218,8 +216,7 @@ class FlightRecord:
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     """Names of all arrays that a vehicle's record has."""
-    optional = (*SLOT_SERIES, *LEAD_SERIES, *PATH_SERIES)
-    changed = [name for name in optional if getattr(vehicle, name) is not None]
+    changed = [name for name in OPTIONAL_SERIES if getattr(vehicle, name) is not None]
     return (*SERIES, "mode", "limited", *changed)
 
 

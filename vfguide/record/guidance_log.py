@@ -37,6 +37,7 @@ COLUMNS = (
     "lead_east_m",
     "lead_course_rad",
     "lead_height_m",
+    "leader_age_s",
     "left",
     "path",
 )
@@ -90,6 +91,8 @@ class GuidanceStep:
     """Course over ground of that leader, rad clockwise from north."""
     lead_height_m: float = math.nan
     """Height of that leader, m above the mission's origin."""
+    leader_age_s: float = math.nan
+    """Age of the leader's state that it flew by, s; NaN before the first, and where it has no slot."""
     left: bool = False
     """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
     path: str | None = MAIN_PATH

@@ -53,6 +53,24 @@ def slot_series(
     return found
 
 
+def age_series(track: GuidanceTrack, moments: FloatArray) -> dict[str, FloatArray]:
+    """How old the leader's state was that a follower flew by, for a `VehicleRecord`; nothing where not told.
+
+    Args:
+        track: what the companion did; of versions before it tells no ages.
+        moments: samples, s on the same clock.
+    """
+    told = [step for step in track.steps if np.isfinite(step.leader_age_s)]
+    if not told:
+        return {}
+    times = np.array([step.time_s for step in told])
+    ages = np.array([step.leader_age_s for step in told])
+    newest = np.searchsorted(times, moments, side="right") - 1
+    since = moments - times[np.maximum(newest, 0)]
+    known = (newest >= 0) & (since <= GAP_S)
+    return {"leader_age_s": np.where(known, ages[np.maximum(newest, 0)], np.nan)}
+
+
 def lead_series(
     track: GuidanceTrack, moments: FloatArray, ground_amsl_m: float
 ) -> dict[str, FloatArray]:

@@ -4,6 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+
+from vfguide.elementwise import FloatArray
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percentiles:
@@ -91,6 +95,28 @@ def latency_of(
         },
         processes=dict(processes or {}),
     )
+
+
+def recorded_latency(ages_s: Mapping[str, FloatArray]) -> Latency | None:
+    """How old the leader's states were that companions have recorded; None where none has.
+
+    Args:
+        ages_s: by vehicle, s; NaN where it flew by none.
+    """
+    known = {name: 1e3 * ages[np.isfinite(ages)] for name, ages in ages_s.items()}
+    vehicles = {
+        name: Promptness(
+            response_ms=None,
+            leader_age_ms=Percentiles(
+                p50=float(np.percentile(ages, 50)),
+                p99=float(np.percentile(ages, 99)),
+                max=float(ages.max()),
+            ),
+        )
+        for name, ages in known.items()
+        if ages.size
+    }
+    return Latency(vehicles=vehicles) if vehicles else None
 
 
 def _percentiles(figures: Mapping[str, float], name: str) -> Percentiles | None:

@@ -47,8 +47,12 @@ LEAD_SERIES = (
     "lead_altitude_amsl_m",
 )
 """More of them, of a mission with deputies."""
+AGE_SERIES = ("leader_age_s",)
+"""Recorded by companions, and in live rehearsals."""
 PATH_SERIES = ("path_number",)
 """Recorded where a mission flew another path than its first, or none for a while."""
+OPTIONAL_SERIES = (*SLOT_SERIES, *LEAD_SERIES, *AGE_SERIES, *PATH_SERIES)
+"""All that only some vehicles' records have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +144,8 @@ class VehicleRecord:
     lead_altitude_amsl_m: FloatArray | None = None
     """Altitude of the leader by which it led, m above mean sea level; with `lead_term`."""
 
+    leader_age_s: FloatArray | None = None
+    """Age of the leader's state that a follower flew by, s, NaN where it had none; None where not told."""
     path_number: FloatArray | None = None
     """Path by which the vehicle's companion went: 0 the record's, 1 the first of its outlines of kind `path`
     and so on, NaN none, as in a hold; None where it was the record's all the time."""
@@ -204,7 +210,7 @@ def compose_vehicle(
         **{name: floats(arrays, prefix + name) for name in SERIES},
         **{
             name: floats(arrays, prefix + name)
-            for name in (*SLOT_SERIES, *LEAD_SERIES, *PATH_SERIES)
+            for name in OPTIONAL_SERIES
             if prefix + name in arrays
         },
     )

@@ -1,83 +1,23 @@
 """No command touches a file outside the place it was given, by Python's audit events and by what is there."""
 
-import os
-import re
-import shutil
 import signal
+import socket
 import subprocess
 import sys
-import urllib.request
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from threading import Timer
 from types import SimpleNamespace
 
 import pytest
 
-from vfguide.cli import MATPLOTLIB
-from vfguide.commands.output import PARTIAL
+from tests.integration.command_line.conftest import PAIR
+from tests.integration.surroundings import PATIENCE_S, Surroundings
+from vfguide.lab.rehearsal.processes import free_port
 
-PATIENCE_S = 240.0
-"""For a process that hangs; no test waits for it."""
-
-NO_FILES = ("/dev/null", "/dev/urandom", "/dev/tty", "/proc/self/")
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """Where a command runs: nothing in it but what the test has put there."""
-
-    root: Path
-
-    @property
-    def out(self) -> Path:
-        """The one place that is named with --out."""
-        return self.root / "out"
-
-    def start(self, *words: str | Path) -> subprocess.Popen[str]:
-        """A command, watched."""
-        for name in ("home", "temporary", "here", "watch"):
-            (self.root / name).mkdir(exist_ok=True)
-        shutil.copy(
-            Path(__file__).with_name("watched_writing.py"), self.root / "watch" / "sitecustomize.py"
-        )
-        places = [str(self.root / "watch"), *filter(None, [os.environ.get("PYTHONPATH")])]
-        # A command that ran in the tests' own process has named a place for Matplotlib there.
-        own = ("XDG_", MATPLOTLIB)
-        environment = {
-            **{name: value for name, value in os.environ.items() if not name.startswith(own)},
-            "HOME": str(self.root / "home"),
-            "TMPDIR": str(self.root / "temporary"),
-            "PYTHONPATH": os.pathsep.join(places),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "WRITES_ARE_TOLD_TO": str(self.root / "told"),
-        }
-        return subprocess.Popen(
-            [sys.executable, "-m", "vfguide", *map(str, words)],
-            cwd=self.root / "here",
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-    def run(self, *words: str | Path) -> None:
-        """A command that ends by itself."""
-        process = self.start(*words)
-        _, errors = process.communicate(timeout=PATIENCE_S)
-        assert process.returncode == 0, errors
-
-    def see_that_nothing_else_was_written(self) -> None:
-        """Only `out`; what was put aside meanwhile is gone."""
-        told = (self.root / "told").read_text(encoding="utf-8").splitlines()
-        assert told
-        # Files are made whole in a directory beside them.
-        partial = str(self.root / PARTIAL)
-        good = (str(self.out), partial, str(self.root / "temporary"), *NO_FILES)
-        assert [line for line in told if not line.partition(" ")[2].startswith(good)] == []
-        for name in ("home", "temporary", "here"):
-            assert list((self.root / name).iterdir()) == [], name
-        assert list(self.root.glob(f"{PARTIAL}*")) == []
+SPEEDUP = 10.0
+"""Of the emulator, and of who flies it."""
 
 
 @pytest.fixture
@@ -108,6 +48,18 @@ COMMANDS: dict[str, Words] = {
         )
         for ending in ("mcap", "kml", "kmz", "csv", "parquet", "plan")
     },
+    "bench": lambda _, out: (
+        *(
+            "bench",
+            "monte-carlo",
+            "--formations",
+            "20",
+            "--processes",
+            "1",
+            "--json",
+            out / "figures.json",
+        ),
+    ),
     "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
 }
 
@@ -126,15 +78,65 @@ def test_a_command_writes_where_it_was_told_to_and_nowhere_else(
 def test_a_console_of_a_recorded_flight_writes_nothing(
     flown: SimpleNamespace, around: Surroundings
 ) -> None:
-    process = around.start("console", "--replay", flown.directory, "--port", "0")
-    assert process.stdout is not None
-    address = re.search(r"http://\S+", process.stdout.readline())
-    assert address is not None
-    # The address has the token for the cookie that lets in.
-    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-    with browser.open(address.group(), timeout=PATIENCE_S) as page:
-        assert b"<html" in page.read()
+    around.see_a_console_and_stop_it(
+        around.start("console", "--replay", flown.directory, "--port", "0")
+    )
+    around.see_that_nothing_else_was_written()
+
+
+def test_keys_are_made_beside_their_mission_and_nowhere_else(around: Surroundings) -> None:
+    around.out.mkdir()
+    mission = around.out / "pair.yaml"
+    mission.write_text(PAIR, encoding="utf-8")
+    around.run("keys", "make", mission)
+    around.run("keys", "rotate", mission, "wing")
+    around.run("keys", "show", mission)
+    around.see_that_nothing_else_was_written()
+    assert sorted(one.name for one in around.out.iterdir()) == [
+        "pair.keys",
+        "pair.roster",
+        "pair.yaml",
+    ]
+
+
+@pytest.fixture
+def aircraft() -> Iterator[str]:
+    """The address of an emulated one in the air, whose time is ten times as fast."""
+    place = f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    stub = (sys.executable, "-m", "sitl_stub", "--system-id", "1", "--airborne")
+    process = subprocess.Popen((*stub, "--mavlink", f"udpin://{place}", "--speedup", str(SPEEDUP)))
+    yield f"udpout://{place}"
+    process.terminate()
+    process.wait(PATIENCE_S)
+
+
+def test_identify_writes_where_it_was_told_to_and_nowhere_else(
+    aircraft: str, around: Surroundings
+) -> None:
+    said = around.run(
+        *("identify", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
+        *("--speedup", str(SPEEDUP), "--out", around.out, "--state", around.out / "state"),
+    )
+    assert "alpha_1_s" in said
+    around.see_that_nothing_else_was_written()
+
+
+def test_a_companion_writes_its_state_and_its_recording_and_nothing_else(
+    aircraft: str, around: Surroundings
+) -> None:
+    process = around.start(
+        *("companion", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
+        *("--link", f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}", "--insecure"),
+        *("--record", around.out / "recordings", "--state", around.out / "state"),
+        *("--log-format", "text", "--clock", f"{time.monotonic()},{SPEEDUP}"),
+    )
+    last_resort = Timer(PATIENCE_S, process.kill)
+    last_resort.start()
+    assert process.stderr is not None
+    assert any("joining -> tracking" in line for line in process.stderr)
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=PATIENCE_S)
+    last_resort.cancel()
     assert process.returncode == 0
     around.see_that_nothing_else_was_written()
+    assert sorted(one.name for one in around.out.iterdir()) == ["recordings", "state"]

@@ -49,14 +49,59 @@ def record() -> FlightRecord:
 
 
 @asynccontextmanager
-async def nobody(port: int, token: str) -> AsyncIterator[str]:
+async def nobody(port: int, token: str, operator_token: str | None = None) -> AsyncIterator[str]:
     """The console of a formation of which nobody is heard."""
     mission = load_mission(MISSION)
     own = free_port(socket.SOCK_DGRAM)
     link = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?port={own}"
     formation = watched_by_anybody(mission, [link])
-    async with live_console(mission, formation, address=Address(port=port), token=token) as url:
+    async with live_console(
+        mission,
+        formation,
+        address=Address(port=port),
+        token=token,
+        operator_token=operator_token,
+    ) as url:
         yield url
+
+
+ENABLED = """() => [...document.querySelectorAll("button, input, select, summary")].filter(
+    one => !one.disabled && one.checkVisibility()).length"""
+FOCUSED = """() => {
+    const one = document.activeElement;
+    if (!one.matches("button, input, select, summary")) return null;
+    window.reached ??= new Set();
+    window.reached.add(one);
+    return [window.reached.size, one.textContent.trim()];
+}"""
+
+
+def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(
+    open_page: OpenPage,
+) -> None:
+    async def look() -> None:
+        async with (
+            nobody(free_port(socket.SOCK_STREAM), "a" * 24, "o" * 24) as url,
+            open_page(f"{url.partition('?')[0]}?token={'o' * 24}") as page,
+        ):
+            await expect(page.get_by_role("button", name="ABORT")).to_be_visible()
+            wanted, reached, words = await page.evaluate(ENABLED), 0, []
+            # Once round at most: the page's own places without controls are passed, too.
+            for _ in range(2 * wanted):
+                await page.keyboard.press("Tab")
+                if (found := await page.evaluate(FOCUSED)) is not None:
+                    reached = found[0]
+                    words.append(found[1])
+                if reached == wanted:
+                    break
+            assert reached == wanted
+            # What calls everything off comes first of all.
+            assert words[0] == "ABORT"
+            await page.get_by_role("button", name="ABORT").focus()
+            await page.keyboard.press("Enter")
+            await expect(page.locator("#outcome")).to_contain_text("abort")
+
+    asyncio.run(look())
 
 
 def test_a_link_on_another_site_opens_the_page_at_the_first_press(
@@ -106,6 +151,38 @@ def test_a_recorded_flight_plays_and_its_names_stay_text(
             await expect(entry).to_contain_text(HOSTILE)
             await entry.click()
             assert float(await slider.input_value()) == 1.0
+
+    asyncio.run(look())
+
+
+TRACE = "document.querySelector('canvas.trace').toDataURL()"
+
+
+async def trace_after(page: Page, *times_s: float) -> str:
+    """Pixels of a card's trace some time after the last of some moments was looked at."""
+    await page.evaluate(
+        "times => times.forEach(time => document.getElementById('replay').player.seek(time))",
+        list(times_s),
+    )
+    await page.wait_for_timeout(1500)
+    return str(await page.evaluate(TRACE))
+
+
+def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
+    record: FlightRecord, open_page: OpenPage
+) -> None:
+    async def look() -> None:
+        async with (
+            served(RecordedFlight(record), Address(port=0), title="a") as url,
+            open_page(url) as page,
+        ):
+            await expect(page.locator("canvas.trace").first).to_be_visible()
+            await page.evaluate("document.getElementById('replay').player.pause()")
+            early, late = await trace_after(page, 2.0), await trace_after(page, 10.0)
+            assert early != late
+            # Faster than traces are drawn.
+            assert await trace_after(page, 2.0, 10.0) == late
+            assert await trace_after(page, 10.0, 2.0) == early
 
     asyncio.run(look())
 

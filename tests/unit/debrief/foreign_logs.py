@@ -45,14 +45,21 @@ class DataFlash:
 
 
 def write_dataflash(
-    path: Path, system_id: int, *, boot_s: float, north_m: float, east_m: float
+    path: Path,
+    system_id: int,
+    *,
+    boot_s: float,
+    north_m: float,
+    east_m: float,
+    drift: float = 0.0,
+    duration_s: float = DURATION_S,
 ) -> None:
-    """A log whose clock showed `boot_s` when the flight began."""
+    """A log whose clock showed `boot_s` when the flight began, and runs fast by this share."""
     log = DataFlash()
     log.add("PARM", "QNff", "TimeUS,Name,Value,Default", 1, b"SYSID_THISMAV", float(system_id), 1.0)
-    for number in range(round(DURATION_S * 25) + 1):
+    for number in range(round(duration_s * 25) + 1):
         time_s = number / 25.0
-        us = round(1e6 * (boot_s + time_s))
+        us = round(1e6 * (boot_s + time_s * (1.0 + drift)))
         latitude, longitude = place(time_s, north_m, east_m)
         log.add(
             "POS",

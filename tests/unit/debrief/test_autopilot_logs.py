@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
-from vfguide.lab.debrief.logged_flight import logged_flight, read_log
+from vfguide.lab.debrief.logged_flight import logged_flight, read_log, satellite_offsets
 from vfguide.lab.debrief.telemetry import read_setpoints
 from vfguide.lab.debrief.ulog import read_ulog, roll_of
 from vfguide.lab.report.geometry import slot_error
@@ -78,6 +78,33 @@ def test_slot_errors_are_found_although_the_clocks_are_apart(
     assert np.nanmean(error.along_track_m) == pytest.approx(-3.0, abs=0.02)
     assert np.nanmean(error.cross_track_m) == pytest.approx(4.0, abs=0.02)
     assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+
+
+def test_clocks_that_drift_apart_leave_no_error(mission: Mission, tmp_path: Path) -> None:
+    paths = [tmp_path / "a.BIN", tmp_path / "b.BIN"]
+    for path, drift in zip(paths, (5e-4, -5e-4), strict=True):
+        leads = drift > 0.0
+        foreign.write_dataflash(
+            path,
+            1 if leads else 2,
+            boot_s=100.0 if leads else 37.5,
+            north_m=0.0 if leads else -27.0,
+            east_m=0.0 if leads else 6.0,
+            drift=drift,
+            duration_s=240.0,
+        )
+    # Told of from the setpoints' beginning at 5 s to their end at 15 s, in a file of 240 s: by one offset for
+    # all of it the clocks would be 0.1 s apart there, which are 2 m at 20 m/s.
+    error = slot_error((record := flight_in(mission, paths)).leader, record.followers[0])
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.1
+
+
+def test_a_receiver_that_did_not_know_the_leap_seconds_at_first_moves_nothing() -> None:
+    own = np.arange(0.0, 100.0, 0.2)
+    # For 20 s it is 3 s off.
+    satellite = 1000.0 + own + np.where(own < 20.0, 3.0, 0.0)
+    found = satellite_offsets(np.column_stack([own, satellite]))
+    assert found[:, 1] == pytest.approx(1000.0)
 
 
 @pytest.mark.parametrize("ending", [".BIN", ".ulg"])

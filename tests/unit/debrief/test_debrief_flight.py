@@ -19,17 +19,22 @@ from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.replay.data import series_of
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.events import HEADER as EVENTS_HEADER
 from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
+from vfguide.record.latency import Percentiles
 from vfguide.record.recording import Start, events_file, files_of
 from vfguide.record.tlog import stamped
 
 SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
 LATE_M = 3.0
 """How far f1 flies behind its slot."""
+
+AGE_S = 0.125
+"""How old the leader's states are that f1 flies by."""
 
 FLOWN_S = 1_800_000_000.0
 """True time at which the flight begins, s since 1970."""
@@ -106,6 +111,7 @@ def write(
             limited=False,
             lyapunov_m2=math.nan,
             formation_time_s=formation_s + time_s,
+            leader_age_s=0.0 if name == mission.leader.vehicle else AGE_S,
         )
         guidance += encode_step(step)
     for path, written in zip(files_of(directory, name), (tlog, guidance), strict=True):
@@ -169,6 +175,20 @@ def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings: P
     assert share == pytest.approx(0.5, abs=0.05)
     # The window is the last half of the flight, of which it has no slot.
     assert np.isnan(slot_error(record.leader, record.followers[0]).distance_m[-1])
+
+
+def test_a_recording_tells_how_old_the_leaders_states_were(recordings: Path) -> None:
+    record = flight_of(collect([recordings]))
+    leader, follower = record.vehicles
+    assert leader.leader_age_s is None
+    assert follower.leader_age_s is not None
+    middle = follower.leader_age_s[record.time_s.size // 2]
+    assert middle == pytest.approx(AGE_S)
+    assert record.latency is not None
+    found = record.latency.vehicles["f1"].leader_age_ms
+    assert found == Percentiles(p50=125.0, p99=125.0, max=125.0)
+    assert "leader_age_s" in series_of(record, follower)
+    assert "leader_age_s" not in series_of(record, leader)
 
 
 def test_without_a_common_clock_the_page_says_what_that_costs(recordings: Path) -> None:

@@ -100,7 +100,7 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
     near = replace(AIRFRAME, alpha=0.8)
     fits, _ = answers(time_s, vehicle, near)
     assert "the mission's 0.80 fits" in answer_sentence(fits)
-    lines = flown_profile([course, speed]).splitlines()
+    lines = flown_profile([course, speed], {}).splitlines()
     assert lines[0].startswith("f1:")
     assert [line.split(":")[0].strip() for line in lines[1:]] == [
         "alpha_1_s",
@@ -125,7 +125,7 @@ def test_what_cannot_be_told_is_not_told(duration_s: float, change: float, why: 
     assert answer_sentence(course) == (
         f"f1: course: cannot be told, {why}; fly `vfguide identify` to know it"
     )
-    assert flown_profile([course, speed]) == ""
+    assert flown_profile([course, speed], {}) == ""
 
 
 def test_a_speed_that_goes_its_own_way_gives_no_number() -> None:

@@ -16,7 +16,7 @@ from vfguide.record.guidance_log import (
     read_guidance,
     read_newest,
 )
-from vfguide.record.guidance_series import lead_series, slot_series
+from vfguide.record.guidance_series import age_series, lead_series, slot_series
 
 
 def step(time_s: float, mode: str = "tracking") -> GuidanceStep:
@@ -83,9 +83,19 @@ def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path: Path) -> None:
         lead_east_m=6.0,
         lead_course_rad=0.5,
         lead_height_m=100.0,
+        leader_age_s=0.125,
     )
     track = read_guidance(written(tmp_path / "f1.csv", step(99.0), led), zero_s=90.0)
     assert values(track.steps) == values([step(9.0), replace(led, time_s=10.0, lead_time_s=9.75)])
+
+
+def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap() -> None:
+    steps = [step(0.0), replace(step(1.0), leader_age_s=0.1), replace(step(1.5), leader_age_s=0.6)]
+    moments = np.array([0.5, 1.0, 1.4, 1.5, 2.5, 2.6])
+    ages = age_series(GuidanceTrack(steps), moments)["leader_age_s"]
+    assert ages == pytest.approx([math.nan, 0.1, 0.1, 0.6, 0.6, math.nan], nan_ok=True)
+    # Of a version that tells none.
+    assert age_series(GuidanceTrack(steps[:1]), moments) == {}
 
 
 def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:

@@ -63,7 +63,7 @@ def read(page: str) -> Outline:
 def test_the_page_refers_to_nothing_outside_itself(page: str) -> None:
     outline = read(page)
     assert len(outline.references) == 12, "each plot for a wide and for a narrow screen"
-    assert all(reference.startswith("data:image/png;base64,") for reference in outline.references)
+    assert all(reference.startswith("data:image/webp;base64,") for reference in outline.references)
     assert not re.search(r"https?://|@import|url\(", page)
     assert not {"link", "iframe", "object"} & set(outline.tags)
 

@@ -24,7 +24,8 @@ from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import Acceptance, FlightRecord, Origin
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.record.guidance_series import lead_series, sampled, slot_series
+from vfguide.record.guidance_series import age_series, lead_series, sampled, slot_series
+from vfguide.record.latency import recorded_latency
 from vfguide.record.recording import files_of
 from vfguide.record.vehicle import VehicleRecord
 
@@ -92,6 +93,9 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         acceptance=Acceptance(**mission.acceptance.model_dump()),
         origin=Origin(**mission.origin.model_dump()),
         begin_unix_s=begin,
+        latency=recorded_latency(
+            {one.name: one.leader_age_s for one in vehicles if one.leader_age_s is not None}
+        ),
         events=events_of(found, begin, float(time_s[-1])),
         notes=notes_of(found, [name for name in names if not parts[name]]),
     )
@@ -202,7 +206,10 @@ def vehicle_record(
         **(
             {}
             if slot is None
-            else slot_series(track, moments, (slot.forward_m, slot.right_m, slot.up_m))
+            else {
+                **slot_series(track, moments, (slot.forward_m, slot.right_m, slot.up_m)),
+                **age_series(track, moments),
+            }
         ),
         **(lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}),
         **path_series(doings[:, 5]),

@@ -12,7 +12,7 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
-from vfguide.lab.debrief.telemetry import Telemetry, read_setpoints, read_telemetry
+from vfguide.lab.debrief.telemetry import read_setpoints, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
@@ -28,6 +28,17 @@ GROUND_CLOCK = (
 
 NO_ORDERS = "slots and path are the mission's own: an autopilot's log tells of no orders"
 """What a reader has to know of a flight on which slots were ordered elsewhere."""
+
+WINDOW_S = 20.0
+"""s over which satellite time is compared with a log's clock. That drifts, by up to some 50 millionths: one
+comparison for a whole hour would be off by 0.1 s at its ends, 2 m at 20 m/s."""
+
+LEAST_TIMES = 10
+"""Satellite times in a window; one with fewer, such as the last, says too little."""
+
+TRUSTED_S = 0.5
+"""s from the median of a flight: a receiver that does not know yet how many leap seconds there were is
+off by more."""
 
 ASKED_S = 2.0
 """s for which a setpoint holds where the log tells no other."""
@@ -128,11 +139,11 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFligh
     if mission.leader_vehicle.system_id not in by_system:
         told = ", ".join(f"{log.path} is of {names[log.system_id]!r}" for log in by_system.values())
         raise InputError(f"{told}; give the log of the leader {leader.vehicle!r}, too")
-    shifts, clock = common_clock(logs)
+    aligned, clock = on_one_clock(logs)
     found = FlightRecordings(
         mission=mission,
-        recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in logs),
-        shifts_s=shifts,
+        recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in aligned),
+        shifts_s=(0.0,) * len(aligned),
         clock=clock,
         notes=(NO_ORDERS,),
     )
@@ -145,39 +156,73 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFligh
             begin_unix_s=None if clock == ONE_CLOCK else record.begin_unix_s,
         ),
         setpoints={
-            names[log.system_id]: log.setpoints + np.array([shift - began, 0.0, 0.0])
-            for log, shift in zip(logs, shifts, strict=True)
+            names[log.system_id]: log.setpoints - np.array([began, 0.0, 0.0]) for log in aligned
         },
     )
 
 
-def common_clock(logs: Sequence[AutopilotLog]) -> tuple[tuple[float, ...], str]:
-    """(what to add to each log's times, which clock that gives).
+def on_one_clock(logs: Sequence[AutopilotLog]) -> tuple[list[AutopilotLog], str]:
+    """(the logs with their times on one clock, which one that is).
 
     Raises:
         InputError: one tells no satellite time, so that it cannot be laid beside the others.
     """
-    offsets = [satellite_offset(log.telemetry) for log in logs]
-    if all(offset is not None for offset in offsets):
-        return tuple(offset for offset in offsets if offset is not None), SATELLITE_TIME
+    silent = [log for log in logs if not len(log.telemetry.gps_times)]
+    if not silent:
+        return [on_satellite_time(log) for log in logs], SATELLITE_TIME
     if all(log.autopilot == "telemetry" for log in logs):
-        return (0.0,) * len(logs), GROUND_CLOCK
+        return [*logs], GROUND_CLOCK
     if len(logs) == 1:
-        return (0.0,), ONE_CLOCK
-    silent = next(log for log, offset in zip(logs, offsets, strict=True) if offset is None)
+        return [*logs], ONE_CLOCK
     raise InputError(
-        f"{silent.path}: tells no satellite time, so that it cannot be laid beside the others; "
+        f"{silent[0].path}: tells no satellite time, so that it cannot be laid beside the others; "
         "give it alone, or the companions' recordings of the flight"
     )
 
 
-def satellite_offset(telemetry: Telemetry) -> float | None:
-    """What to add to a log's clock for satellite time, s; None where it tells none.
+def on_satellite_time(log: AutopilotLog) -> AutopilotLog:
+    """A log with satellite times in the place of those of its own clock, which drifts."""
+    found = satellite_offsets(log.telemetry.gps_times)
 
-    A report waits up to a loop of the autopilot before it is logged; the median is as late on all aircraft.
+    def moved(rows: FloatArray) -> FloatArray:
+        times = rows[:, :1]
+        return np.hstack([times + np.interp(times, found[:, 0], found[:, 1]), rows[:, 1:]])
+
+    telemetry = log.telemetry
+    return replace(
+        log,
+        telemetry=replace(
+            telemetry,
+            positions=moved(telemetry.positions),
+            airspeeds=moved(telemetry.airspeeds),
+            banks=moved(telemetry.banks),
+            gps_times=moved(telemetry.gps_times),
+        ),
+        setpoints=moved(log.setpoints),
+    )
+
+
+def satellite_offsets(times: FloatArray) -> FloatArray:
+    """Rows of a time of a log's clock and what to add to it there for satellite time, s.
+
+    A report waits up to a loop of the autopilot before it is logged; the mean of the middle half is as late
+    on all aircraft.
+
+    Args:
+        times: rows of a log's time and the satellite time that it tells then, s; one at least.
     """
-    times = telemetry.gps_times
-    return float(np.median(times[:, 1] - times[:, 0])) if len(times) else None
+    ahead = times[:, 1] - times[:, 0]
+    known = np.abs(ahead - np.median(ahead)) <= TRUSTED_S
+    own, ahead = times[known, 0], ahead[known]
+    windows = np.split(np.arange(own.size), np.flatnonzero(np.diff(own // WINDOW_S)) + 1)
+    full = [one for one in windows if one.size >= LEAST_TIMES] or [np.arange(own.size)]
+    return np.array([(float(np.mean(own[one])), middle_mean(ahead[one])) for one in full])
+
+
+def middle_mean(values: FloatArray) -> float:
+    """Mean of the middle half of some values."""
+    quarter = values.size // 4
+    return float(np.mean(np.sort(values)[quarter : values.size - quarter]))
 
 
 def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> RecordingContents:

@@ -42,6 +42,7 @@ UNITS = {
     "slot_right_m": "m, right of the leader's course",
     "slot_distance_m": "m",
     "lyapunov_m2": "m²",
+    "leader_age_s": "s, of the leader's state that a follower flew by",
 }
 """All columns of numbers, with what they count in."""
 
@@ -111,7 +112,7 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
         for vehicle in record.vehicles:
             latitude, longitude = geodetic(origin, vehicle.north_m[some], vehicle.east_m[some])
             error = errors.get(vehicle.name)
-            unknown = np.full_like(latitude, np.nan)
+            unknown, ages = np.full_like(latitude, np.nan), vehicle.leader_age_s
             yield Part(
                 vehicle=vehicle,
                 time_s=record.time_s[some],
@@ -135,6 +136,7 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
                     "slot_right_m": error.cross_track_m[some] if error else unknown,
                     "slot_distance_m": error.distance_m[some] if error else unknown,
                     "lyapunov_m2": vehicle.lyapunov[some],
+                    "leader_age_s": unknown if ages is None else ages[some],
                 },
                 modes=[mode_name(record, number) for number in vehicle.mode[some].tolist()],
                 limited=vehicle.limited[some].tolist(),

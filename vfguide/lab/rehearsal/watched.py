@@ -32,7 +32,7 @@ from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.record.guidance_series import lead_series, slot_series
+from vfguide.record.guidance_series import age_series, lead_series, slot_series
 from vfguide.record.latency import Latency, latency_of
 from vfguide.state import Setpoint
 
@@ -142,12 +142,13 @@ class TruthCollector(asyncio.DatagramProtocol):
         )
 
     def _series(self, name: str, track: GuidanceTrack, times: FloatArray) -> dict[str, Any]:
-        """The slots that a vehicle flew in, where they were ordered, and what it led by."""
+        """The slots that a vehicle flew in, where they were ordered, what it heard and what it led by."""
         mission, follower = self._mission, self._mission.followers_by_name.get(name)
         found: dict[str, Any] = {}
         if follower is not None:
             slot = follower.slot
             found |= slot_series(track, times, (slot.forward_m, slot.right_m, slot.up_m))
+            found |= age_series(track, times)
         if mission.deputies:
             found |= lead_series(track, times, mission.origin.altitude_amsl_m)
         return found

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vfguide.errors import InputError
 from vfguide.lab.report.metrics import summarise
+from vfguide.lab.report.picture import as_webp
 from vfguide.lab.report.plots import Plot, draw_narrow, plots_for, write_plots
 from vfguide.lab.report.replay.page_part import hash_source, replay_of
 from vfguide.lab.report.summary import LeaderSummary, Summary
@@ -147,8 +148,8 @@ def _plot_part(record: FlightRecord, plot: Plot, picture: Path) -> dict[str, str
     return {
         "title": plot.title,
         "caption": plot.caption,
-        "wide": b64encode(picture.read_bytes()).decode("ascii"),
-        "narrow": b64encode(draw_narrow(plot, record)).decode("ascii"),
+        "wide": b64encode(as_webp(picture.read_bytes())).decode("ascii"),
+        "narrow": b64encode(as_webp(draw_narrow(plot, record))).decode("ascii"),
     }
 
 

@@ -50,6 +50,7 @@ class Cards {
     this.flight = flight;
     this.words = null;
     this.tracedAt = -Infinity;
+    this.later = undefined;
     this.cards = flight.vehicles.map((vehicle) => this.#make(vehicle, choose));
     box.replaceChildren(...this.cards.map((card) => card.box));
     box.classList.toggle("many", this.cards.length > 8);
@@ -111,9 +112,21 @@ class Cards {
       this.#showMargins(card, state);
       this.#showWords(card, state, words);
     }
-    const now = performance.now();
-    if (now - this.tracedAt < TRACE_EVERY_MS) return;
-    this.tracedAt = now;
+    this.shown = { time, theme };
+    this.#drawTraces();
+  }
+
+  /** Traces of the moment that is shown: now and then while it goes on, and also of the last one where it stops. */
+  #drawTraces() {
+    const wait = this.tracedAt + TRACE_EVERY_MS - performance.now();
+    if (wait > 0) {
+      clearTimeout(this.later);
+      this.later = setTimeout(() => this.#drawTraces(), wait);
+      return;
+    }
+    clearTimeout(this.later);
+    this.tracedAt = performance.now();
+    const { time, theme } = this.shown;
     for (const card of this.cards) if (card.trace) this.#drawTrace(card, time, theme);
   }
 
@@ -150,7 +163,8 @@ class Cards {
   #showWords(card, state, words) {
     const parts = [];
     if (this.flight.live) parts.push(`heard ${old(state.age_s)}`);
-    if (words && words.hears_s !== null) parts.push(`hears the leader ${words.hears_s.toFixed(2)} s old`);
+    const hears = this.flight.live ? (words?.hears_s ?? NaN) : state.leader_age_s;
+    if (Number.isFinite(hears)) parts.push(`hears the leader ${hears.toFixed(2)} s old`);
     if (words?.autopilot) parts.push(words.autopilot);
     const battery = words ? batteryWords(words) : "";
     if (battery) parts.push(battery);

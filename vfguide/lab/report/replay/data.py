@@ -44,6 +44,7 @@ class Kind:
 
 MILLIMETRES = Kind(unit=0.001, bits=32)
 CENTIMETRES = Kind(unit=0.01, bits=32)
+MILLISECONDS = Kind(unit=0.001, bits=32)
 SPEED = Kind(unit=0.01, bits=16)
 ANGLE = Kind(unit=0.01, bits=16)
 NUMBER = Kind(unit=1.0, bits=8)
@@ -72,6 +73,9 @@ SLOT_KINDS: dict[str, Kind] = dict.fromkeys(
     ("slot_north_m", "slot_east_m", "slot_altitude_m"), CENTIMETRES
 )
 """Series of a follower besides, where its slot was changed in flight."""
+
+AGE_KINDS = {"leader_age_s": MILLISECONDS}
+"""Of a follower besides, where it was recorded."""
 
 TYPES = {8: "<u1", 16: "<i2", 32: "<i4"}
 
@@ -111,7 +115,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
                 "colours": [day[vehicle.name], night[vehicle.name]],
                 "limits": None if vehicle.limits is None else vehicle.limits.describe(),
                 "series": {
-                    name: encode(values[::stride], (KINDS | SLOT_KINDS)[name])
+                    name: encode(values[::stride], (KINDS | SLOT_KINDS | AGE_KINDS)[name])
                     for name, values in series_of(record, vehicle).items()
                 },
             }
@@ -134,7 +138,12 @@ def choose_stride(record: FlightRecord) -> int:
     samples = record.time_s.size
     if samples < 2 or record.duration_s <= 0.0:
         return 1
-    kinds = [*KINDS.values(), *(SLOT_KINDS.values() if moves_slots(record) else ())]
+    aged = any(one.leader_age_s is not None for one in record.followers)
+    kinds = [
+        *KINDS.values(),
+        *(SLOT_KINDS.values() if moves_slots(record) else ()),
+        *(AGE_KINDS.values() if aged else ()),
+    ]
     bytes_per_sample: int = len(record.vehicles) * sum(kind.bits // 8 for kind in kinds)
     whole = samples * bytes_per_sample
     step_s = record.duration_s / (samples - 1)
@@ -166,6 +175,8 @@ def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatAr
     if vehicle.role == "follower":
         error = slot_error(record.reference, vehicle)
         series |= {"along_m": error.along_track_m, "across_m": error.cross_track_m}
+        if vehicle.leader_age_s is not None:
+            series["leader_age_s"] = vehicle.leader_age_s
         if moves_slots(record):
             leader = record.reference
             places = (

@@ -7,7 +7,7 @@ const RADIANS = Math.PI / 180;
 
 const ANGLES = new Set(["course_deg", "heading_deg", "bank_deg", "course_setpoint_deg"]);
 // These hold until the next sample; everything else is interpolated.
-const STEPS = new Set(["mode", "limited"]);
+const STEPS = new Set(["mode", "limited", "leader_age_s"]);
 
 const TOGETHER_S = 2;
 

@@ -16,7 +16,7 @@ function bearing(angle) {
   return Number.isFinite(angle) ? String((Math.round(angle) + 360) % 360).padStart(3, "0") : dash;
 }
 
-// Heading, and the text of a vehicle's state; the flight names the modes.
+// Heading, the text of a vehicle's state (the flight names the modes), and a series that not every flight has.
 const ROWS = [
   ["Mode", (state, flight) => flight.modeName(state.mode) + (state.limited === 1 ? ", at a limit" : "")],
   ["From the slot, m", (state) => fixed(Math.hypot(state.along_m, state.across_m), 2)],
@@ -29,6 +29,7 @@ const ROWS = [
   ["Course, °", (state) => bearing(state.course_deg)],
   ["Course setpoint, °", (state) => bearing(state.course_setpoint_deg)],
   ["Bank, °", (state) => fixedSign(state.bank_deg, 0)],
+  ["Leader's state, s old", (state) => fixed(state.leader_age_s, 2), "leader_age_s"],
   ["Wind, m/s", (state) => fixed(Math.hypot(state.wind_north_m_s, state.wind_east_m_s), 1)],
 ];
 
@@ -56,7 +57,9 @@ class Numbers {
       return { vehicle, button, mark };
     });
     const body = table.createTBody();
-    this.cells = ROWS.map(([heading]) => {
+    const has = (name) => !name || flight.vehicles.some((vehicle) => name in vehicle.series);
+    this.rows = ROWS.filter(([, , name]) => has(name));
+    this.cells = this.rows.map(([heading]) => {
       const row = body.insertRow();
       const title = document.createElement("th");
       title.scope = "row";
@@ -71,7 +74,7 @@ class Numbers {
   }
 
   show(formation, theme, chosen) {
-    for (const [row, [, textOf]] of ROWS.entries()) {
+    for (const [row, [, textOf]] of this.rows.entries()) {
       for (const [column, { state }] of formation.entries()) {
         const text = textOf(state, this.flight);
         const cell = this.cells[row][column];

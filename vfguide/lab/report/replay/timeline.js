@@ -12,6 +12,8 @@ const QUANTITIES = [
   { key: "airspeed", name: "Airspeed", unit: "m/s", of: ({ airspeed_m_s }) => airspeed_m_s },
   { key: "ground", name: "Ground speed", unit: "m/s", of: ({ ground_speed_m_s }) => ground_speed_m_s },
   { key: "bank", name: "Bank, right wing down (+)", unit: "°", of: ({ bank_deg }) => bank_deg },
+  { key: "age", name: "Age of the leader's state", unit: "s", slots: true, series: "leader_age_s",
+    of: ({ leader_age_s }) => leader_age_s ?? [] },
   { key: "wind", name: "Wind speed", unit: "m/s",
     of: ({ wind_north_m_s, wind_east_m_s }) => hypotenuse(wind_north_m_s, wind_east_m_s) },
 ];
@@ -42,7 +44,8 @@ class Timeline {
   /** The quantities that this flight has. */
   quantities() {
     const followers = this.flight.vehicles.length > 1;
-    return QUANTITIES.filter((quantity) => followers || !quantity.slots);
+    const has = ({ series }) => !series || this.flight.vehicles.some((vehicle) => series in vehicle.series);
+    return QUANTITIES.filter((quantity) => (followers || !quantity.slots) && has(quantity));
   }
 
   showAll() {
