@@ -8,6 +8,7 @@ import pytest
 
 import sitl_stub
 import vfguide.lab.rehearsal.aircraft
+import vfguide.lab.studies.order
 from tests.closed_loop.formation.ordered_flights import (
     GUIDED,
     LOITER,
@@ -18,8 +19,14 @@ from tests.closed_loop.formation.ordered_flights import (
     select,
 )
 from vfguide.elementwise import FloatArray
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.studies.order import rehearsed
 from vfguide.mission import Mission
+from vfguide.mission.order_plan import formation_of_mission, resolve
+from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 
 MissionWith = Callable[..., Mission]
@@ -94,6 +101,31 @@ def test_all_go_to_the_height_of_another_path_together_and_no_faster_than_all_ca
         assert np.abs(np.diff(rates)).max() * RATE_HZ <= ACCELERATION_M_S2
     assert slot_heights(flight) < 0.3
     assert nearest(record, 15.0) >= 20.0
+
+
+@pytest.mark.parametrize(("max_height_m", "refused"), [(165, False), (155, True)])
+def test_a_rehearsal_is_flown_until_all_are_at_the_new_height_and_within_the_fence(
+    fly: Fly, monkeypatch: pytest.MonkeyPatch, *, max_height_m: float, refused: bool
+) -> None:
+    fence = {"max_height_m": max_height_m}
+    if refused:
+        with pytest.raises(RefusedOrderError, match="flies 160 m above the origin"):
+            fly(beside_the_main_path(60.0), fence=fence)
+        return
+    mission = fly(beside_the_main_path(60.0), fence=fence).mission
+    formation, flown = formation_of_mission(mission), list[FlightRecord]()
+
+    def note(*given: Any, wall_s: float) -> FlightRecord:  # noqa: ANN401
+        flown.append(flight_record(*given, wall_s=wall_s))
+        return flown[-1]
+
+    monkeypatch.setattr(vfguide.lab.studies.order, "flight_record", note)
+    order = Order(path="other")
+    found, _ = resolve(mission, order, formation, number=1, time_s=8.0)
+    rehearsed(mission, formation, found)
+    (record,) = flown
+    for vehicle in record.vehicles:
+        assert vehicle.altitude_amsl_m[-1] - 588.0 == pytest.approx(60.0, abs=0.1)
 
 
 def test_the_rate_of_a_climb_goes_over_into_that_of_the_change(fly: Fly) -> None:
