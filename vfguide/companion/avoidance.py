@@ -6,16 +6,16 @@ The only place where that is decided, for leader and followers and for all laws 
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.possibilities import SPACING_SHARE, Viewpoint
+from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, SPACING_SHARE, Viewpoint
 from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
-from vfguide.elementwise import wrap_angle
+from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.formation.transition import LEAST_M
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (
@@ -26,9 +26,11 @@ from vfguide.guidance.height import (
     best_step,
     clearance,
     deepest,
+    height_between,
+    heights_ahead,
 )
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
-from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
+from vfguide.guidance.separation import BEGINNINGS, Clearance, Others, distances, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
@@ -63,6 +65,22 @@ INSISTS_S = 0.15
 
 LOOK_S = 0.06
 """Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
+
+OVER_M = 8.0
+"""Over a silent vehicle that may come within the least distance and so much more, height is used at once: it
+holds its height, and a climb that begins early is enough where one that begins late is not."""
+
+OVER_SHARE = 0.85
+"""Of the distance between two slots, at most this counts as near then."""
+
+HEIGHT_OFF_M = 1.0
+"""What heights between two vehicles may be off by."""
+
+COUNTED_SHARE = 0.75
+"""Of the fastest climb and descent: a step that has just begun is counted on to become as fast ..."""
+
+COUNTED_S = 2.0
+"""... by less and less for so long. After that only what is climbed or descended counts."""
 
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
@@ -120,6 +138,10 @@ class Obstacle:
     """Whether it keeps clear itself, by the same rules."""
     slots_apart_m: float = math.inf
     """How near its slot and the own one come soon, level, where it is on its way to its slot."""
+    lost_s: float = math.nan
+    """For how long it is silent, where its companion is thought to be dead; NaN otherwise."""
+    over_m: float = 0.0
+    """Within this distance in the plane it is then passed above or below, m."""
 
 
 class KeepClear:
@@ -138,7 +160,7 @@ class KeepClear:
         self._looked_s = -math.inf
         self._clear: Clearance | None = None
         self._climb_m = 0.0
-        self._stepped_s = -math.inf
+        self._stepped_s = self._begun_s = -math.inf
         self._tight_since = math.inf
         self._changed_since = math.inf
         self._changed_s = -math.inf
@@ -213,12 +235,17 @@ class KeepClear:
         own = own_motion(state, turn_rate, airframe)
         found = self._obstacles(here, aim)
         if found is None:
-            self._climb_m = self._height_for(here, own, aim, navigated, None, tight=False)
+            self._step_to(self._height_for(here, own, aim, navigated, None, tight=False), here)
             self._report(None, 0.0, state.time_s)
             return None
         others, those = found
+        agility = self._agility(navigated)
+        over = aim.leader is not None and self._passes_over(own, aim, others, those, agility)
+        if over:
+            self._step_to(self._height_for(here, own, aim, navigated, None, tight=True), here)
+        others = replace(others, worth=self._worth(here, aim, others, those))
         side = 0.0 if self._clear is None else self._clear.turn
-        clear = keep_clear(own, aim.wanted, others, self._agility(navigated), side=side)
+        clear = keep_clear(own, aim.wanted, others, agility, side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
         room_m = math.inf
         if clear.changed:
@@ -228,11 +255,65 @@ class KeepClear:
             least = np.array([one.least_m for one in those])
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         tight = self._is_tight(room_m, state.time_s)
-        self._climb_m = self._height_for(here, own, aim, navigated, clear, tight=tight)
+        if tight or not over:
+            self._step_to(self._height_for(here, own, aim, navigated, clear, tight=tight), here)
         nearest = those[int(clear.wanted_nearest.argmin())]
         step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
         return clear
+
+    def _step_to(self, climb_m: float, here: Viewpoint) -> None:
+        """Climb or descend so many metres from now on."""
+        if climb_m != self._climb_m:
+            self._climb_m, self._begun_s = climb_m, here.time_s
+
+    def _passes_over(
+        self,
+        own: OwnMotion,
+        aim: Intent,
+        others: Others,
+        those: list[Obstacle],
+        agility: Agility,
+    ) -> bool:
+        """Whether the wanted way leads so near to a silent vehicle that it is to be passed in height."""
+        lost = np.array([math.isfinite(one.lost_s) for one in those])
+        if not lost.any():
+            return False
+        near = distances(own, aim.wanted, None, others, agility)
+        return bool((lost & (near < np.array([one.over_m for one in those]))).any())
+
+    def _worth(
+        self, here: Viewpoint, aim: Intent, others: Others, those: list[Obstacle]
+    ) -> FloatArray | None:
+        """What the height over or under each silent vehicle is worth in the plane. See `Others.worth`.
+
+        One that is heard may climb or descend itself; one whose companion is dead holds its height.
+        """
+        if not any(math.isfinite(one.lost_s) for one in those) or math.isnan(here.altitude_amsl):
+            return None
+        wanted = aim.height
+        goal = self._plan.frame.altitude_m + wanted.height + self._climb_m
+        begun = max(1.0 - (here.time_s - self._begun_s) / COUNTED_S, 0.0)
+        heights = heights_ahead(
+            here.altitude_amsl,
+            here.climb_rate,
+            HeightTarget(height=goal, climb_rate=wanted.climb_rate, ahead=goal),
+            self._plan.airframe,
+            # Back to the height that guidance wants it goes as fast as it can.
+            counted=1.0 if self._climb_m == 0.0 else COUNTED_SHARE * begun,
+        )
+        worth = np.zeros((len(those), len(BEGINNINGS)))
+        for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
+            if math.isnan(one.lost_s) or math.isnan(one.altitude_amsl):
+                continue
+            soon = one.altitude_amsl + one.climb_rate * SOON_S
+            between = height_between(
+                heights, min(one.altitude_amsl, soon), max(one.altitude_amsl, soon)
+            )
+            unsure = HEIGHT_OFF_M + DRIFT_M_S * max(one.lost_s - SILENT_S, 0.0)
+            share = np.clip((between - unsure) / LEAST_UP_M, 0.0, 1.0)
+            worth[row] = keep * share
+        return worth
 
     def _obstacles(
         self, here: Viewpoint, aim: Intent, *, heights: bool = False
@@ -241,6 +322,7 @@ class KeepClear:
         found = self._traffic.possibilities(here, aim.leader, heights=heights)
         those = []
         if found is not None:
+            lost_for = self._traffic.lost_for(here.time_s)
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
@@ -257,6 +339,10 @@ class KeepClear:
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
                         slots_apart_m=self._traffic.slots_apart(row) if makes_room else math.inf,
+                        lost_s=float(lost_for[row]),
+                        over_m=min(
+                            float(floor) + OVER_M, OVER_SHARE * self._traffic.slots_apart(row)
+                        ),
                     )
                 )
         near = self.aircraft.nearby(here, lambda: self._traffic.places(here))

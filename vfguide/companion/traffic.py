@@ -198,6 +198,20 @@ class Traffic:
         steered = heard.steered[row] and now - heard.time[row] <= SILENT_S
         return bool(steered and not self._leads[row])
 
+    def lost_for(self, now: float) -> FloatArray:
+        """For how long (s) each is silent whose companion is thought to be dead; NaN for all others."""
+        age = now - self._heard.time
+        known = age <= FORGET_S
+        quiet, linked = self._quiet(age, known)
+        lost: FloatArray = np.where(known & quiet & linked & self._heard.steered, age, np.nan)
+        return lost
+
+    def _quiet(self, age: FloatArray, known: BoolArray) -> tuple[BoolArray, BoolArray]:
+        """(whether each is silent, and whether the link has worked without it), by when it was heard, s."""
+        # A leader is heard with each of its reports: silence shows sooner.
+        quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
+        return quiet, self._works_for(known & quiet)
+
     def slots_apart(self, row: int) -> float:
         """How near a vehicle's slot and the own one come soon, level, m."""
         return float(self._spacing[row])
@@ -231,9 +245,7 @@ class Traffic:
             return None
         age = here.time_s - self._heard.time
         known = age <= FORGET_S
-        # A leader is heard with each of its reports: silence shows sooner.
-        quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
-        linked = self._works_for(known & quiet)
+        quiet, linked = self._quiet(age, known)
         silent = (age > SILENT_S) | (quiet & linked)
         believed = self._heard.steered
         held = np.where(believed & ~silent, np.minimum(self._above, STEPPED_M), self._above)

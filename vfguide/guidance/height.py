@@ -19,9 +19,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vfguide.elementwise import low_pass
+import numpy as np
+
+from vfguide.elementwise import FloatArray, low_pass
 from vfguide.guidance.path import Path, PathPoint, tangent_rate_per_speed
-from vfguide.state import LeaderState
+from vfguide.guidance.predicted_tracks import TIMES
+from vfguide.state import Airframe, LeaderState
 
 FASTER_S = 10.0
 """What is looked at farther ahead takes a leader to go on accelerating for no longer than this."""
@@ -278,3 +281,35 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
     left = {step: clearance(step, neighbours) for step in (*steps, present)}
     best = max(steps, key=left.__getitem__)
     return best if left[best] > left[present] + BETTER else present
+
+
+def heights_ahead(
+    now: float, climb_rate: float, target: HeightTarget, airframe: Airframe, *, counted: float
+) -> FloatArray:
+    """Heights of a vehicle at `TIMES`, m: it goes for a height, as fast as it is known to climb or descend.
+
+    Args:
+        now: its height, m.
+        climb_rate: its own, m/s.
+        target: the height that it goes for, m.
+        airframe: how fast it may climb and descend, and how late it is.
+        counted: share of that which it is taken to reach, where it does not climb or descend as fast yet.
+    """
+    way = math.copysign(1.0, target.height - now)
+    limit = airframe.climb_max if way > 0.0 else airframe.sink_max
+    reached = way * min(max(way * climb_rate, counted * limit), limit)
+    lag = max(0.5 * airframe.height_delay, 0.1)
+    late = -lag * np.expm1(-TIMES / lag)
+    found = now + climb_rate * late + reached * (TIMES - late)
+    goal = target.height + target.climb_rate * TIMES
+    heights: FloatArray = np.minimum(found, goal) if way > 0.0 else np.maximum(found, goal)
+    return heights
+
+
+def height_between(heights: FloatArray, lowest: float, highest: float) -> FloatArray:
+    """Least height (m) between a vehicle at heights at `TIMES` and one within bounds, in each interval."""
+    gaps = np.maximum(np.maximum(heights - highest, lowest - heights), 0.0)
+    # Above it before and below it after is no height in between.
+    passes = np.sign(heights[1:] - highest) != np.sign(heights[:-1] - highest)
+    between: FloatArray = np.where(passes, 0.0, np.minimum(gaps[1:], gaps[:-1]))
+    return between
