@@ -433,6 +433,7 @@ class KeepClear:
                 climb_rate=one.climb_rate - wanted.climb_rate,
                 own_height=up,
                 own_climb_rate=float(navigated.state.climb_rate) - wanted.climb_rate,
+                step=self._climb_m,
             )
             for one, way in zip(those, distance, strict=True)
         ]
@@ -453,6 +454,7 @@ def neighbour_of(
     climb_rate: float,
     own_height: float,
     own_climb_rate: float,
+    step: float,
 ) -> Neighbour:
     """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
 
@@ -463,11 +465,15 @@ def neighbour_of(
         climb_rate: relative to what the own guidance wants, m/s.
         own_height: m.
         own_climb_rate: likewise relative, m/s.
+        step: in height that is flown, m.
     """
     known = math.isfinite(height)
     # Of two that are as high the one that climbs already is the higher one.
     above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
     over = one.under if one.makes_room else None
+    if math.isfinite(one.lost_s) and step != 0.0:
+        # A step that has begun beside it is not turned round through its height.
+        over = step > 0.0
     if abs(above) > LEVEL_M:
         over = above > 0.0
     now = height if known else 0.0
