@@ -76,12 +76,6 @@ OVER_SHARE = 0.85
 HEIGHT_OFF_M = 1.0
 """What heights between two vehicles may be off by."""
 
-COUNTED_SHARE = 0.75
-"""Of the fastest climb and descent: a step that has just begun is counted on to become as fast ..."""
-
-COUNTED_S = 2.0
-"""... by less and less for so long. After that only what is climbed or descended counts."""
-
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
 
@@ -293,14 +287,12 @@ class KeepClear:
             return None
         wanted = aim.height
         goal = self._plan.frame.altitude_m + wanted.height + self._climb_m
-        begun = max(1.0 - (here.time_s - self._begun_s) / COUNTED_S, 0.0)
         heights = heights_ahead(
             here.altitude_amsl,
             here.climb_rate,
             HeightTarget(height=goal, climb_rate=wanted.climb_rate, ahead=goal),
             self._plan.airframe,
-            # Back to the height that guidance wants it goes as fast as it can.
-            counted=1.0 if self._climb_m == 0.0 else COUNTED_SHARE * begun,
+            begun_s=here.time_s - self._begun_s,
         )
         worth = np.zeros((len(those), len(BEGINNINGS)))
         for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):

@@ -283,22 +283,33 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
     return best if left[best] > left[present] + BETTER else present
 
 
+TRUSTED_S = 0.8
+"""A step in height that began this short a time ago is taken to become as fast as the vehicle may climb or
+descend: by then it shows."""
+
+LAG_SHARE = 0.6
+"""Of the delay of heights: time constant with which a climb or descent begins."""
+
+
 def heights_ahead(
-    now: float, climb_rate: float, target: HeightTarget, airframe: Airframe, *, counted: float
+    now: float, climb_rate: float, target: HeightTarget, airframe: Airframe, *, begun_s: float
 ) -> FloatArray:
-    """Heights of a vehicle at `TIMES`, m: it goes for a height, as fast as it is known to climb or descend.
+    """Heights of a vehicle at `TIMES`, m: it goes for a height, as fast as it has been seen to.
 
     Args:
         now: its height, m.
         climb_rate: its own, m/s.
         target: the height that it goes for, m.
         airframe: how fast it may climb and descend, and how late it is.
-        counted: share of that which it is taken to reach, where it does not climb or descend as fast yet.
+        begun_s: for how long it has gone for that height, s.
     """
     way = math.copysign(1.0, target.height - now)
     limit = airframe.climb_max if way > 0.0 else airframe.sink_max
-    reached = way * min(max(way * climb_rate, counted * limit), limit)
-    lag = max(0.5 * airframe.height_delay, 0.1)
+    lag = max(LAG_SHARE * airframe.height_delay, 0.1)
+    reached = limit
+    if begun_s > TRUSTED_S:
+        reached = min(max(way * climb_rate, 0.0) / -math.expm1(-begun_s / lag), limit)
+    reached *= way
     late = -lag * np.expm1(-TIMES / lag)
     found = now + climb_rate * late + reached * (TIMES - late)
     goal = target.height + target.climb_rate * TIMES
