@@ -228,15 +228,14 @@ class KeepClear:
         )
         own = own_motion(state, turn_rate, airframe)
         found = self._obstacles(here, aim)
+        over = self._step_over(here, own, aim, navigated, found)
         if found is None:
-            self._step_to(self._height_for(here, own, aim, navigated, None, tight=False), here)
+            if not over:
+                self._step_to(self._height_for(here, own, aim, navigated, None), here)
             self._report(None, 0.0, state.time_s)
             return None
         others, those = found
         agility = self._agility(navigated)
-        over = aim.leader is not None and self._passes_over(own, aim, others, those, agility)
-        if over:
-            self._step_to(self._height_for(here, own, aim, navigated, None, tight=True), here)
         others = replace(others, worth=self._worth(here, aim, others, those))
         side = 0.0 if self._clear is None else self._clear.turn
         clear = keep_clear(own, aim.wanted, others, agility, side=side)
@@ -250,7 +249,9 @@ class KeepClear:
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         tight = self._is_tight(room_m, state.time_s)
         if tight or not over:
-            self._step_to(self._height_for(here, own, aim, navigated, clear, tight=tight), here)
+            self._stepped_s = state.time_s if tight else self._stepped_s
+            climb_m = self._height_for(here, own, aim, navigated, clear, begins=tight)
+            self._step_to(climb_m, here)
         nearest = those[int(clear.wanted_nearest.argmin())]
         step_m = self._climb_m if tight else 0.0
         self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
@@ -261,20 +262,31 @@ class KeepClear:
         if climb_m != self._climb_m:
             self._climb_m, self._begun_s = climb_m, here.time_s
 
-    def _passes_over(
+    def _step_over(
         self,
+        here: Viewpoint,
         own: OwnMotion,
         aim: Intent,
-        others: Others,
-        those: list[Obstacle],
-        agility: Agility,
+        navigated: NavigatedState,
+        found: tuple[Others, list[Obstacle]] | None,
     ) -> bool:
-        """Whether the wanted way leads so near to a silent vehicle that it is to be passed in height."""
-        lost = np.array([math.isfinite(one.lost_s) for one in those])
-        if not lost.any():
+        """Whether the wanted way leads so near to a silent vehicle that it is passed in height, from now on.
+
+        A leader that is late is not silent yet: the step for it ends with its next word.
+        """
+        if aim.leader is None:
             return False
-        near = distances(own, aim.wanted, None, others, agility)
-        return bool((lost & (near < np.array([one.over_m for one in those]))).any())
+        late = self._traffic.leader_is_late(here.time_s)
+        agility = self._agility(navigated)
+        over = leads_over(own, aim, found, agility)
+        if over:
+            self._stepped_s = here.time_s
+        elif late:
+            over = leads_over(own, aim, self._obstacles(here, aim, late=True), agility)
+        if over:
+            climb_m = self._height_for(here, own, aim, navigated, None, begins=True, late=late)
+            self._step_to(climb_m, here)
+        return over
 
     def _worth(
         self, here: Viewpoint, aim: Intent, others: Others, those: list[Obstacle]
@@ -308,13 +320,13 @@ class KeepClear:
         return worth
 
     def _obstacles(
-        self, here: Viewpoint, aim: Intent, *, heights: bool = False
+        self, here: Viewpoint, aim: Intent, *, heights: bool = False, late: bool = False
     ) -> tuple[Others, list[Obstacle]] | None:
         """What all that may come near may do, and whose each possibility is; None where nothing may."""
-        found = self._traffic.possibilities(here, aim.leader, heights=heights)
+        found = self._traffic.possibilities(here, aim.leader, heights=heights, late=late)
         those = []
         if found is not None:
-            lost_for = self._traffic.lost_for(here.time_s)
+            lost_for = self._traffic.lost_for(here.time_s, late=late)
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
@@ -391,7 +403,8 @@ class KeepClear:
         navigated: NavigatedState,
         clear: Clearance | None,
         *,
-        tight: bool,
+        begins: bool = False,
+        late: bool = False,
     ) -> float:
         """Step in height (m) beside all others; it stays for a while once the plane is enough again.
 
@@ -401,13 +414,12 @@ class KeepClear:
             aim: what it would fly alone.
             navigated: the vehicle.
             clear: what it flies in the plane; None for what is wanted.
-            tight: whether the plane is not enough.
+            begins: whether there is a reason for a step, now.
+            late: whether a leader that is late counts as silent.
         """
-        if tight:
-            self._stepped_s = here.time_s
-        elif self._climb_m == 0.0:
+        if self._climb_m == 0.0 and not begins:
             return 0.0
-        found = self._obstacles(here, aim, heights=True)
+        found = self._obstacles(here, aim, heights=True, late=late)
         if found is None:
             return self._climb_m if here.time_s - self._stepped_s <= STAY_S else 0.0
         others, those = found
@@ -436,6 +448,20 @@ class KeepClear:
         under = those[int(distance.argmin())].under
         steps = (0.0, STEP_M, down) if under else (0.0, down, STEP_M)
         return best_step(self._climb_m, steps, neighbours)
+
+
+def leads_over(
+    own: OwnMotion, aim: Intent, found: tuple[Others, list[Obstacle]] | None, agility: Agility
+) -> bool:
+    """Whether what is wanted leads near to a vehicle that is silent."""
+    if found is None:
+        return False
+    others, those = found
+    lost = np.array([math.isfinite(one.lost_s) for one in those])
+    if not lost.any():
+        return False
+    near = distances(own, aim.wanted, None, others, agility)
+    return bool((lost & (near < np.array([one.over_m for one in those]))).any())
 
 
 def neighbour_of(
