@@ -66,9 +66,9 @@ INSISTS_S = 0.15
 LOOK_S = 0.06
 """Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
 
-OVER_M = 8.0
-"""Over a silent vehicle that may come within the least distance and so much more, height is used at once: it
-holds its height, and a climb that begins early is enough where one that begins late is not."""
+OVER_M = 15.0
+"""Over a silent vehicle that may come so near height is used at once: it holds its height, and a climb that
+begins early is enough where one that begins late is not."""
 
 OVER_SHARE = 0.85
 """Of the distance between two slots, at most this counts as near then."""
@@ -344,9 +344,7 @@ class KeepClear:
                         makes_room=makes_room,
                         slots_apart_m=self._traffic.slots_apart(row) if makes_room else math.inf,
                         lost_s=float(lost_for[row]),
-                        over_m=min(
-                            float(floor) + OVER_M, OVER_SHARE * self._traffic.slots_apart(row)
-                        ),
+                        over_m=min(OVER_M, OVER_SHARE * self._traffic.slots_apart(row)),
                     )
                 )
         near = self.aircraft.nearby(here, lambda: self._traffic.places(here))
