@@ -29,7 +29,7 @@ from vfguide.guidance.height import (
     height_between,
     heights_ahead,
 )
-from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
+from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion, WantedMotion
 from vfguide.guidance.separation import BEGINNINGS, Clearance, Others, distances, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
@@ -76,6 +76,10 @@ OVER_SHARE = 0.85
 HEIGHT_OFF_M = 1.0
 """What heights between two vehicles may be off by."""
 
+PILOTS_OFF_M_S = 2.0
+"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: from level
+flight 4 m in 1.5 s."""
+
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
 
@@ -110,6 +114,8 @@ class Intent:
     """Of its guidance."""
     gusts: float = 0.0
     """See `Viewpoint`."""
+    led_on: bool = False
+    """Whether a deputy leads, in place of the mission's leader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,10 +138,12 @@ class Obstacle:
     """Whether it keeps clear itself, by the same rules."""
     slots_apart_m: float = math.inf
     """How near its slot and the own one come soon, level, where it is on its way to its slot."""
-    lost_s: float = math.nan
-    """For how long it is silent, where its companion is thought to be dead; NaN otherwise."""
     over_m: float = 0.0
-    """Within this distance in the plane it is then passed above or below, m."""
+    """Within this distance in the plane it is passed above or below, m; 0 where height is no use early."""
+    height_off_m: float = math.inf
+    """What its height may be off by, m; infinite where it does not count in the plane ..."""
+    height_off_m_s: float = 0.0
+    """... and how fast that grows, m/s."""
 
 
 class KeepClear:
@@ -295,7 +303,7 @@ class KeepClear:
 
         One that is heard may climb or descend itself; one whose companion is dead holds its height.
         """
-        if not any(math.isfinite(one.lost_s) for one in those) or math.isnan(here.altitude_amsl):
+        if not any(one.over_m for one in those) or math.isnan(here.altitude_amsl):
             return None
         wanted = aim.height
         goal = self._plan.frame.altitude_m + wanted.height + self._climb_m
@@ -308,13 +316,13 @@ class KeepClear:
         )
         worth = np.zeros((len(those), len(BEGINNINGS)))
         for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
-            if math.isnan(one.lost_s) or math.isnan(one.altitude_amsl):
+            if one.over_m == 0.0 or math.isnan(one.altitude_amsl):
                 continue
             soon = one.altitude_amsl + one.climb_rate * SOON_S
             between = height_between(
                 heights, min(one.altitude_amsl, soon), max(one.altitude_amsl, soon)
             )
-            unsure = HEIGHT_OFF_M + DRIFT_M_S * max(one.lost_s - SILENT_S, 0.0)
+            unsure = one.height_off_m + one.height_off_m_s * TIMES[1:]
             share = np.clip((between - unsure) / LEAST_UP_M, 0.0, 1.0)
             worth[row] = keep * share
         return worth
@@ -331,6 +339,9 @@ class KeepClear:
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
                 makes_room = self._traffic.makes_room(row, here.time_s)
+                lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
+                taken = aim.led_on and vehicle.leads and not self._traffic.is_steered(row)
+                early = taken or math.isfinite(lost_s)
                 those.append(
                     Obstacle(
                         name=vehicle.name,
@@ -342,9 +353,11 @@ class KeepClear:
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
-                        slots_apart_m=self._traffic.slots_apart(row) if makes_room else math.inf,
-                        lost_s=float(lost_for[row]),
-                        over_m=min(OVER_M, OVER_SHARE * self._traffic.slots_apart(row)),
+                        slots_apart_m=slots_apart_m if makes_room else math.inf,
+                        over_m=min(OVER_M, OVER_SHARE * slots_apart_m) if early else 0.0,
+                        height_off_m=HEIGHT_OFF_M
+                        + (0.0 if taken else DRIFT_M_S * max(lost_s - SILENT_S, 0.0)),
+                        height_off_m_s=PILOTS_OFF_M_S if taken else 0.0,
                     )
                 )
         near = self.aircraft.nearby(here, lambda: self._traffic.places(here))
@@ -455,11 +468,8 @@ def leads_over(
     if found is None:
         return False
     others, those = found
-    lost = np.array([math.isfinite(one.lost_s) for one in those])
-    if not lost.any():
-        return False
-    near = distances(own, aim.wanted, None, others, agility)
-    return bool((lost & (near < np.array([one.over_m for one in those]))).any())
+    over = np.array([one.over_m for one in those])
+    return over.any() and bool((distances(own, aim.wanted, None, others, agility) < over).any())
 
 
 def neighbour_of(
@@ -487,7 +497,7 @@ def neighbour_of(
     # Of two that are as high the one that climbs already is the higher one.
     above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
     over = one.under if one.makes_room else None
-    if math.isfinite(one.lost_s) and step != 0.0:
+    if one.over_m > 0.0 and step != 0.0:
         # A step that has begun beside it is not turned round through its height.
         over = step > 0.0
     if abs(above) > LEVEL_M:

@@ -111,6 +111,11 @@ class FollowedLeader:
         return None if self._intended is None else self._intended.motion
 
     @property
+    def is_led_on(self) -> bool:
+        """Whether a deputy leads, this vehicle or another one."""
+        return self.stands_in or self._deputy is not None
+
+    @property
     def foreign(self) -> HeardState | None:
         """How a leader without a companion was heard to move last, on the own clock; None of any other."""
         return self.receiver.newest if isinstance(self.receiver, LeaderTelemetry) else None

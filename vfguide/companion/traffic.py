@@ -237,6 +237,10 @@ class Traffic:
         quiet = age > np.where(self._leads, stopped_s, SILENT_S)
         return quiet, self._works_for(known & quiet, 0.0 if late else LATER_S)
 
+    def is_steered(self, row: int) -> bool:
+        """Whether a vehicle said last that its companion steers it."""
+        return bool(self._heard.steered[row])
+
     def slots_apart(self, row: int) -> float:
         """How near a vehicle's slot and the own one come soon, level, m."""
         return float(self._spacing[row])
