@@ -70,6 +70,9 @@ OVER_M = 15.0
 """Over a silent vehicle that may come so near height is used at once: it holds its height, and a climb that
 begins early is enough where one that begins late is not."""
 
+OVER_PILOT_M = 22.0
+"""The same over a leader that its pilot has taken: more is kept from it, and it may turn."""
+
 OVER_SHARE = 0.85
 """Of the distance between two slots, at most this counts as near then."""
 
@@ -114,8 +117,8 @@ class Intent:
     """Of its guidance."""
     gusts: float = 0.0
     """See `Viewpoint`."""
-    led_on: bool = False
-    """Whether a deputy leads, in place of the mission's leader."""
+    left: bool = False
+    """Whether the formation flies on without the mission's leader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,7 +295,7 @@ class KeepClear:
         elif late:
             over = leads_over(own, aim, self._obstacles(here, aim, late=True), agility)
         if over:
-            climb_m = self._height_for(here, own, aim, navigated, None, begins=True, late=late)
+            climb_m = self._height_for(here, own, aim, navigated, None, over=True, late=late)
             self._step_to(climb_m, here)
         return over
 
@@ -340,8 +343,9 @@ class KeepClear:
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
                 makes_room = self._traffic.makes_room(row, here.time_s)
                 lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
-                taken = aim.led_on and vehicle.leads and not self._traffic.is_steered(row)
+                taken = aim.left and vehicle.leads and not self._traffic.is_steered(row)
                 early = taken or math.isfinite(lost_s)
+                over_m = min(OVER_PILOT_M if taken else OVER_M, OVER_SHARE * slots_apart_m)
                 those.append(
                     Obstacle(
                         name=vehicle.name,
@@ -354,7 +358,7 @@ class KeepClear:
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
                         slots_apart_m=slots_apart_m if makes_room else math.inf,
-                        over_m=min(OVER_M, OVER_SHARE * slots_apart_m) if early else 0.0,
+                        over_m=over_m if early else 0.0,
                         height_off_m=HEIGHT_OFF_M
                         + (0.0 if taken else DRIFT_M_S * max(lost_s - SILENT_S, 0.0)),
                         height_off_m_s=PILOTS_OFF_M_S if taken else 0.0,
@@ -415,6 +419,7 @@ class KeepClear:
         clear: Clearance | None,
         *,
         begins: bool = False,
+        over: bool = False,
         late: bool = False,
     ) -> float:
         """Step in height (m) beside all others; it stays for a while once the plane is enough again.
@@ -425,10 +430,11 @@ class KeepClear:
             aim: what it would fly alone.
             navigated: the vehicle.
             clear: what it flies in the plane; None for what is wanted.
-            begins: whether there is a reason for a step, now.
+            begins: whether the plane is not enough now.
+            over: whether a vehicle is to be passed in height, whatever the plane would leave.
             late: whether a leader that is late counts as silent.
         """
-        if self._climb_m == 0.0 and not begins:
+        if self._climb_m == 0.0 and not (begins or over):
             return 0.0
         found = self._obstacles(here, aim, heights=True, late=late)
         if found is None:
@@ -456,6 +462,9 @@ class KeepClear:
         if past and clearance(0.0, neighbours) >= CLEAR:
             return 0.0
         down = -deepest(min(self._plan.height, wanted.height + up))
+        if over and self._climb_m == 0.0:
+            best = max((STEP_M, down), key=lambda step: clearance(step, neighbours))
+            return best if clearance(best, neighbours) >= clearance(0.0, neighbours) else 0.0
         under = those[int(distance.argmin())].under
         steps = (0.0, STEP_M, down) if under else (0.0, down, STEP_M)
         return best_step(self._climb_m, steps, neighbours)
