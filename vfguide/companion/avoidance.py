@@ -80,8 +80,8 @@ HEIGHT_OFF_M = 1.0
 """What heights between two vehicles may be off by."""
 
 PILOTS_OFF_M_S = 2.0
-"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: from level
-flight 4 m in 1.5 s."""
+"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: 4 m in
+1.5 s from level flight."""
 
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
@@ -264,8 +264,13 @@ class KeepClear:
             climb_m = self._height_for(here, own, aim, navigated, clear, begins=tight)
             self._step_to(climb_m, here)
         nearest = those[int(clear.wanted_nearest.argmin())]
-        step_m = self._climb_m if tight else 0.0
-        self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
+        # One that is late is told of once it is silent.
+        silent = over and self._stepped_s == state.time_s
+        step_m = self._climb_m if tight or silent else 0.0
+        away = clear.changed and steered
+        self._report(
+            nearest if away or (silent and steered) else None, step_m, state.time_s, turns=away
+        )
         return clear
 
     def _step_to(self, climb_m: float, here: Viewpoint) -> None:
@@ -381,7 +386,9 @@ class KeepClear:
             )
         return joined(None if found is None else found[0], near.others), those
 
-    def _report(self, obstacle: Obstacle | None, climb_m: float, now: float) -> None:
+    def _report(
+        self, obstacle: Obstacle | None, climb_m: float, now: float, *, turns: bool = False
+    ) -> None:
         """Put into words what is done about a vehicle (None: nothing)."""
         if obstacle is None:
             self._changed_since = math.inf
@@ -397,7 +404,9 @@ class KeepClear:
         doing = f"keeping clear of {other}, off its {place} until that is past"
         if climb_m != 0.0:
             step = f"{'climbing' if climb_m > 0.0 else 'descending'} {abs(climb_m):.0f} m"
-            doing = f"too near to {other}, turning away and {step}"
+            doing = f"keeping clear of {other}, {step} until that is past"
+            if turns:
+                doing = f"too near to {other}, turning away and {step}"
         if doing not in self._said:
             self._said.add(doing)
             self._words.append(f"{doing}; watch {other}, be ready to take over")
@@ -478,7 +487,9 @@ def leads_over(
         return False
     others, those = found
     over = np.array([one.over_m for one in those])
-    return over.any() and bool((distances(own, aim.wanted, None, others, agility) < over).any())
+    if not over.any():
+        return False
+    return bool((distances(own, aim.wanted, None, others, agility) < over).any())
 
 
 def neighbour_of(
