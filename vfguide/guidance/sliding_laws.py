@@ -7,7 +7,6 @@ from vfguide.elementwise import Number, clip, greater_of
 from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
-    airspeed_rate_in_turn,
     ground_speed_on_course,
     heading_rate_at_constant_airspeed,
 )
@@ -144,13 +143,6 @@ def setpoint_for(
         heading=state.heading,
         wind_rate_north=share * state.wind_rate_north,
         wind_rate_east=share * state.wind_rate_east,
-    )
-    limit = bank_limited_turn_rate(airframe.max_bank, state.airspeed)
-    airspeed_rate = airspeed_rate_in_turn(
-        airspeed_rate,
-        heading_rate - clip(heading_rate, -limit, limit),
-        airspeed=state.airspeed,
-        drift=state.heading - state.course,
     )
     return heading_hold(state, airspeed_rate, heading_rate, airframe, hold=hold)
 

@@ -78,28 +78,6 @@ def air_relative_rates(
     return along, right / airspeed
 
 
-LEAST_LEVERAGE = 0.34
-"""A drift of more than 70 degrees is treated as one of 70."""
-
-
-def airspeed_rate_in_turn(
-    airspeed_rate: Number, missing_rate: Number, *, airspeed: Number, drift: Number
-) -> Number:
-    """Airspeed rate (m/s²) for a wanted dV_g/dt of an aircraft that cannot turn as fast as it should.
-
-    What the turn would have added to the ground speed is missing with it. Unchanged, the airspeed rate of a
-    turn that no bank can fly would slow an aircraft down that is behind its slot.
-
-    Args:
-        airspeed_rate: of `air_relative_rates`, for the whole turn, m/s².
-        missing_rate: what is left of the wanted heading rate at the bank limit, rad/s.
-        airspeed: V_a, m/s.
-        drift: psi - chi, rad.
-    """
-    leverage = greater_of(cos(drift), LEAST_LEVERAGE)
-    return airspeed_rate - airspeed * missing_rate * sin(drift) / leverage
-
-
 def heading_rate_at_constant_airspeed(
     course_rate: Number,
     *,
@@ -113,8 +91,9 @@ def heading_rate_at_constant_airspeed(
     """Heading rate (rad/s) that turns the course at a wanted rate while the airspeed stays as it is.
 
     Right of the course, V_g dchi/dt = V_a dpsi/dt cos(psi - chi) + dW/dt; arguments as in
-    `air_relative_rates`. Nearer to abeam than `LEAST_LEVERAGE` says, no heading rate turns the course.
+    `air_relative_rates`. A drift of more than 70 degrees is treated as one of 70: nearer to abeam, no
+    heading rate turns the course.
     """
     _, wind_right = resolve(wind_rate_north, wind_rate_east, course)
-    leverage = greater_of(cos(heading - course), LEAST_LEVERAGE)
+    leverage = greater_of(cos(heading - course), 0.34)
     return (ground_speed * course_rate - wind_right) / (airspeed * leverage)
