@@ -10,27 +10,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vfguide.companion.height_beside import (
+    HEIGHT_OFF_M,
+    LEAST_UP_M,
+    OVER_M,
+    OVER_PILOT_M,
+    OVER_SHARE,
+    PILOTS_OFF_M_S,
+    Obstacle,
+    neighbour_of,
+    worth_in_plane,
+)
 from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, SPACING_SHARE, Viewpoint
-from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
+from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, Viewpoint
+from vfguide.companion.traffic import Traffic, reaction_time
 from vfguide.elementwise import FloatArray, wrap_angle
-from vfguide.formation.transition import LEAST_M
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (
     CLEAR,
     STEP_M,
     HeightTarget,
-    Neighbour,
     best_step,
     clearance,
     deepest,
-    height_between,
     heights_ahead,
 )
-from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion, WantedMotion
-from vfguide.guidance.separation import BEGINNINGS, Clearance, Others, distances, keep_clear
+from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
+from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
@@ -38,18 +46,6 @@ SLIPPING_SHARE = 0.75
 
 STAY_S = 5.0
 """A step in height is kept for this long after the last reason for it."""
-
-LEVEL_M = 3.0
-"""Vehicles whose altitudes differ by less than this step apart by their ranks ..."""
-
-AT_ONCE_S = 1.0
-"""... where they still do so long from now."""
-
-LEAST_UP_M = 6.0
-"""Height between two vehicles above each other, at least."""
-
-LEAST_LEVEL_M = SPACING_SHARE * LEAST_M
-"""Distance in the plane that a step in height counts by, at least: that of slots as near as they may be."""
 
 BESIDE_M = 15.0
 """Who is near a leader whose slot is no farther away than this flies where it belongs."""
@@ -65,23 +61,6 @@ INSISTS_S = 0.15
 
 LOOK_S = 0.06
 """Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
-
-OVER_M = 15.0
-"""Over a silent vehicle that may come so near height is used at once: it holds its height, and a climb that
-begins early is enough where one that begins late is not."""
-
-OVER_PILOT_M = 22.0
-"""The same over a leader that its pilot has taken: more is kept from it, and it may turn."""
-
-OVER_SHARE = 0.85
-"""Of the distance between two slots, at most this counts as near then."""
-
-HEIGHT_OFF_M = 1.0
-"""What heights between two vehicles may be off by."""
-
-PILOTS_OFF_M_S = 2.0
-"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: 4 m in
-1.5 s from level flight."""
 
 REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
@@ -117,36 +96,8 @@ class Intent:
     """Of its guidance."""
     gusts: float = 0.0
     """See `Viewpoint`."""
-    left: bool = False
+    leaderless: bool = False
     """Whether the formation flies on without the mission's leader."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle:
-    """Another vehicle, as far as a step in height beside it needs it."""
-
-    name: str
-    """As people read it."""
-    least_m: float
-    """Where no manoeuvre in the plane keeps more than this, height is used."""
-    least_up_m: float
-    """The height that is worth as much, m."""
-    altitude_amsl: float
-    """m; NaN where it is not known."""
-    climb_rate: float
-    """m/s."""
-    under: bool
-    """Whether to climb where both are as high, or the height is not known."""
-    makes_room: bool
-    """Whether it keeps clear itself, by the same rules."""
-    slots_apart_m: float = math.inf
-    """How near its slot and the own one come soon, level, where it is on its way to its slot."""
-    over_m: float = 0.0
-    """Within this distance in the plane it is passed above or below, m; 0 where height is no use early."""
-    height_off_m: float = math.inf
-    """What its height may be off by, m; infinite where it does not count in the plane ..."""
-    height_off_m_s: float = 0.0
-    """... and how fast that grows, m/s."""
 
 
 class KeepClear:
@@ -247,7 +198,9 @@ class KeepClear:
             return None
         others, those = found
         agility = self._agility(navigated)
-        others = replace(others, worth=self._worth(here, aim, others, those))
+        if any(one.over_m for one in those) and math.isfinite(here.altitude_amsl):
+            heights = self._heights_ahead(here, aim)
+            others = replace(others, worth=worth_in_plane(heights, others, those))
         side = 0.0 if self._clear is None else self._clear.turn
         clear = keep_clear(own, aim.wanted, others, agility, side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
@@ -292,7 +245,7 @@ class KeepClear:
         """
         if aim.leader is None:
             return False
-        late = self._traffic.leader_is_late(here.time_s)
+        late = self._plan.foreign_leader is None and self._traffic.leader_is_late(here.time_s)
         agility = self._agility(navigated)
         over = leads_over(own, aim, found, agility)
         if over:
@@ -304,36 +257,16 @@ class KeepClear:
             self._step_to(climb_m, here)
         return over
 
-    def _worth(
-        self, here: Viewpoint, aim: Intent, others: Others, those: list[Obstacle]
-    ) -> FloatArray | None:
-        """What the height over or under each silent vehicle is worth in the plane. See `Others.worth`.
-
-        One that is heard may climb or descend itself; one whose companion is dead holds its height.
-        """
-        if not any(one.over_m for one in those) or math.isnan(here.altitude_amsl):
-            return None
-        wanted = aim.height
-        goal = self._plan.frame.altitude_m + wanted.height + self._climb_m
-        heights = heights_ahead(
+    def _heights_ahead(self, here: Viewpoint, aim: Intent) -> FloatArray:
+        """Heights at `TIMES`, m above mean sea level, with the step that is flown."""
+        goal = self._plan.frame.altitude_m + aim.height.height + self._climb_m
+        return heights_ahead(
             here.altitude_amsl,
             here.climb_rate,
-            HeightTarget(height=goal, climb_rate=wanted.climb_rate, ahead=goal),
+            HeightTarget(height=goal, climb_rate=aim.height.climb_rate, ahead=goal),
             self._plan.airframe,
             begun_s=here.time_s - self._begun_s,
         )
-        worth = np.zeros((len(those), len(BEGINNINGS)))
-        for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
-            if one.over_m == 0.0 or math.isnan(one.altitude_amsl):
-                continue
-            soon = one.altitude_amsl + one.climb_rate * SOON_S
-            between = height_between(
-                heights, min(one.altitude_amsl, soon), max(one.altitude_amsl, soon)
-            )
-            unsure = one.height_off_m + one.height_off_m_s * TIMES[1:]
-            share = np.clip((between - unsure) / LEAST_UP_M, 0.0, 1.0)
-            worth[row] = keep * share
-        return worth
 
     def _obstacles(
         self, here: Viewpoint, aim: Intent, *, heights: bool = False, late: bool = False
@@ -348,7 +281,7 @@ class KeepClear:
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
                 makes_room = self._traffic.makes_room(row, here.time_s)
                 lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
-                taken = aim.left and vehicle.leads and not self._traffic.is_steered(row)
+                taken = aim.leaderless and vehicle.leads and not self._traffic.is_steered(row)
                 early = taken or math.isfinite(lost_s)
                 over_m = min(OVER_PILOT_M if taken else OVER_M, OVER_SHARE * slots_apart_m)
                 those.append(
@@ -467,7 +400,7 @@ class KeepClear:
             )
             for one, way in zip(those, distance, strict=True)
         ]
-        past = here.time_s - self._stepped_s > STAY_S
+        past = here.time_s - self._stepped_s > STAY_S and not over
         if past and clearance(0.0, neighbours) >= CLEAR:
             return 0.0
         down = -deepest(min(self._plan.height, wanted.height + up))
@@ -490,48 +423,6 @@ def leads_over(
     if not over.any():
         return False
     return bool((distances(own, aim.wanted, None, others, agility) < over).any())
-
-
-def neighbour_of(
-    one: Obstacle,
-    *,
-    distance: float,
-    height: float,
-    climb_rate: float,
-    own_height: float,
-    own_climb_rate: float,
-    step: float,
-) -> Neighbour:
-    """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
-
-    Args:
-        one: the vehicle.
-        distance: of the closest approach in the plane, m.
-        height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
-        climb_rate: relative to what the own guidance wants, m/s.
-        own_height: m.
-        own_climb_rate: likewise relative, m/s.
-        step: in height that is flown, m.
-    """
-    known = math.isfinite(height)
-    # Of two that are as high the one that climbs already is the higher one.
-    above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
-    over = one.under if one.makes_room else None
-    if one.over_m > 0.0 and step != 0.0:
-        # A step that has begun beside it is not turned round through its height.
-        over = step > 0.0
-    if abs(above) > LEVEL_M:
-        over = above > 0.0
-    now = height if known else 0.0
-    soon = now + climb_rate * SOON_S
-    return Neighbour(
-        distance=distance,
-        least=max(one.least_m, LEAST_LEVEL_M),
-        least_up=one.least_up_m,
-        lowest=min(now, soon),
-        highest=max(now, soon),
-        over=over,
-    )
 
 
 def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:

@@ -306,7 +306,7 @@ class FollowerRole(Role):
             astray=self._distance,
             height=self._height_wanted,
             gusts=self.followed.gusts,
-            left=self.followed.is_left,
+            leaderless=self.followed.is_left,
         )
 
     def _wanted(

@@ -197,7 +197,7 @@ class Traffic:
             # It came now, or since this was asked last.
             late_s = max(LATE_S, LATE_INTERVALS * self._interval_s)
             self._seen_s, self._next_s = self._leader_s, now + late_s
-        return now > self._next_s
+        return self._next_s < now <= self._leader_s + SILENT_S
 
     def vehicle_of(self, row: int) -> OtherVehicle:
         """The vehicle of a row."""
