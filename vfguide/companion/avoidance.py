@@ -216,14 +216,15 @@ class KeepClear:
             self._stepped_s = state.time_s if tight else self._stepped_s
             climb_m = self._height_for(here, own, aim, navigated, clear, begins=tight)
             self._step_to(climb_m, here)
-        nearest = those[int(clear.wanted_nearest.argmin())]
         # One that is late is told of once it is silent.
         silent = over and self._stepped_s == state.time_s
+        told = None
+        if steered and clear.changed:
+            told = those[int(clear.wanted_nearest.argmin())]
+        elif steered and silent:
+            told = next((one for one in those if one.over_m > 0.0), None)
         step_m = self._climb_m if tight or silent else 0.0
-        away = clear.changed and steered
-        self._report(
-            nearest if away or (silent and steered) else None, step_m, state.time_s, turns=away
-        )
+        self._report(told, step_m, state.time_s, turns=clear.changed)
         return clear
 
     def _step_to(self, climb_m: float, here: Viewpoint) -> None:
