@@ -282,9 +282,10 @@ class KeepClear:
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
                 makes_room = self._traffic.makes_room(row, here.time_s)
                 lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
-                taken = aim.leaderless and vehicle.leads and not self._traffic.is_steered(row)
-                early = taken or math.isfinite(lost_s)
+                lost = math.isfinite(lost_s)
+                taken = aim.leaderless and self._traffic.is_taken(row, here.time_s)
                 over_m = min(OVER_PILOT_M if taken else OVER_M, OVER_SHARE * slots_apart_m)
+                grown_m = DRIFT_M_S * max(lost_s - SILENT_S, 0.0) if lost else 0.0
                 those.append(
                     Obstacle(
                         name=vehicle.name,
@@ -297,9 +298,8 @@ class KeepClear:
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
                         slots_apart_m=slots_apart_m if makes_room else math.inf,
-                        over_m=over_m if early else 0.0,
-                        height_off_m=HEIGHT_OFF_M
-                        + (0.0 if taken else DRIFT_M_S * max(lost_s - SILENT_S, 0.0)),
+                        over_m=over_m if taken or lost else 0.0,
+                        height_off_m=HEIGHT_OFF_M + grown_m,
                         height_off_m_s=PILOTS_OFF_M_S if taken else 0.0,
                     )
                 )

@@ -70,8 +70,8 @@ class Obstacle:
     """How near its slot and the own one come soon, level, where it is on its way to its slot."""
     over_m: float = 0.0
     """Within this distance in the plane it is passed above or below, m; 0 where height is no use early."""
-    height_off_m: float = math.inf
-    """What its height may be off by, m; infinite where it does not count in the plane ..."""
+    height_off_m: float = HEIGHT_OFF_M
+    """What its height may be off by, m ..."""
     height_off_m_s: float = 0.0
     """... and how fast that grows, m/s."""
 

@@ -237,9 +237,11 @@ class Traffic:
         quiet = age > np.where(self._leads, stopped_s, SILENT_S)
         return quiet, self._works_for(known & quiet, 0.0 if late else LATER_S)
 
-    def is_steered(self, row: int) -> bool:
-        """Whether a vehicle said last that its companion steers it."""
-        return bool(self._heard.steered[row])
+    def is_taken(self, row: int, now: float) -> bool:
+        """Whether a vehicle is the leader, and is heard to be steered by no companion."""
+        heard = self._heard
+        silent = now - heard.time[row] > SILENT_S
+        return bool(self._leads[row] and not heard.steered[row] and not silent)
 
     def slots_apart(self, row: int) -> float:
         """How near a vehicle's slot and the own one come soon, level, m."""
