@@ -6,26 +6,36 @@ The only place where that is decided, for leader and followers and for all laws 
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vfguide.companion.height_beside import (
+    HEIGHT_OFF_M,
+    LEAST_UP_M,
+    OVER_M,
+    OVER_PILOT_M,
+    OVER_SHARE,
+    PILOTS_OFF_M_S,
+    Obstacle,
+    neighbour_of,
+    worth_in_plane,
+)
 from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.possibilities import SPACING_SHARE, Viewpoint
-from vfguide.companion.traffic import SOON_S, Traffic, reaction_time
-from vfguide.elementwise import wrap_angle
-from vfguide.formation.transition import LEAST_M
+from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, Viewpoint
+from vfguide.companion.traffic import Traffic, reaction_time
+from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (
     CLEAR,
     STEP_M,
     HeightTarget,
-    Neighbour,
     best_step,
     clearance,
     deepest,
+    heights_ahead,
 )
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
 from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
@@ -36,18 +46,6 @@ SLIPPING_SHARE = 0.75
 
 STAY_S = 5.0
 """A step in height is kept for this long after the last reason for it."""
-
-LEVEL_M = 3.0
-"""Vehicles whose altitudes differ by less than this step apart by their ranks ..."""
-
-AT_ONCE_S = 1.0
-"""... where they still do so long from now."""
-
-LEAST_UP_M = 6.0
-"""Height between two vehicles above each other, at least."""
-
-LEAST_LEVEL_M = SPACING_SHARE * LEAST_M
-"""Distance in the plane that a step in height counts by, at least: that of slots as near as they may be."""
 
 BESIDE_M = 15.0
 """Who is near a leader whose slot is no farther away than this flies where it belongs."""
@@ -98,28 +96,8 @@ class Intent:
     """Of its guidance."""
     gusts: float = 0.0
     """See `Viewpoint`."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle:
-    """Another vehicle, as far as a step in height beside it needs it."""
-
-    name: str
-    """As people read it."""
-    least_m: float
-    """Where no manoeuvre in the plane keeps more than this, height is used."""
-    least_up_m: float
-    """The height that is worth as much, m."""
-    altitude_amsl: float
-    """m; NaN where it is not known."""
-    climb_rate: float
-    """m/s."""
-    under: bool
-    """Whether to climb where both are as high, or the height is not known."""
-    makes_room: bool
-    """Whether it keeps clear itself, by the same rules."""
-    slots_apart_m: float = math.inf
-    """How near its slot and the own one come soon, level, where it is on its way to its slot."""
+    leaderless: bool = False
+    """Whether the formation flies on without the mission's leader."""
 
 
 class KeepClear:
@@ -138,7 +116,7 @@ class KeepClear:
         self._looked_s = -math.inf
         self._clear: Clearance | None = None
         self._climb_m = 0.0
-        self._stepped_s = -math.inf
+        self._stepped_s = self._begun_s = -math.inf
         self._tight_since = math.inf
         self._changed_since = math.inf
         self._changed_s = -math.inf
@@ -212,13 +190,19 @@ class KeepClear:
         )
         own = own_motion(state, turn_rate, airframe)
         found = self._obstacles(here, aim)
+        over = self._step_over(here, own, aim, navigated, found)
         if found is None:
-            self._climb_m = self._height_for(here, own, aim, navigated, None, tight=False)
+            if not over:
+                self._step_to(self._height_for(here, own, aim, navigated, None), here)
             self._report(None, 0.0, state.time_s)
             return None
         others, those = found
+        agility = self._agility(navigated)
+        if any(one.over_m for one in those) and math.isfinite(here.altitude_amsl):
+            heights = self._heights_ahead(here, aim)
+            others = replace(others, worth=worth_in_plane(heights, others, those))
         side = 0.0 if self._clear is None else self._clear.turn
-        clear = keep_clear(own, aim.wanted, others, self._agility(navigated), side=side)
+        clear = keep_clear(own, aim.wanted, others, agility, side=side)
         # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
         room_m = math.inf
         if clear.changed:
@@ -228,23 +212,80 @@ class KeepClear:
             least = np.array([one.least_m for one in those])
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         tight = self._is_tight(room_m, state.time_s)
-        self._climb_m = self._height_for(here, own, aim, navigated, clear, tight=tight)
-        nearest = those[int(clear.wanted_nearest.argmin())]
-        step_m = self._climb_m if tight else 0.0
-        self._report(nearest if clear.changed and steered else None, step_m, state.time_s)
+        if tight or not over:
+            self._stepped_s = state.time_s if tight else self._stepped_s
+            climb_m = self._height_for(here, own, aim, navigated, clear, begins=tight)
+            self._step_to(climb_m, here)
+        # One that is late is told of once it is silent.
+        silent = over and self._stepped_s == state.time_s
+        told = None
+        if steered and clear.changed:
+            told = those[int(clear.wanted_nearest.argmin())]
+        elif steered and silent:
+            told = next((one for one in those if one.over_m > 0.0), None)
+        step_m = self._climb_m if tight or silent else 0.0
+        self._report(told, step_m, state.time_s, turns=clear.changed)
         return clear
 
+    def _step_to(self, climb_m: float, here: Viewpoint) -> None:
+        """Climb or descend so many metres from now on."""
+        if climb_m != self._climb_m:
+            self._climb_m, self._begun_s = climb_m, here.time_s
+
+    def _step_over(
+        self,
+        here: Viewpoint,
+        own: OwnMotion,
+        aim: Intent,
+        navigated: NavigatedState,
+        found: tuple[Others, list[Obstacle]] | None,
+    ) -> bool:
+        """Whether the wanted way leads so near to a silent vehicle that it is passed in height, from now on.
+
+        A leader that is late is not silent yet: the step for it ends with its next word.
+        """
+        if aim.leader is None:
+            return False
+        late = self._plan.foreign_leader is None and self._traffic.leader_is_late(here.time_s)
+        agility = self._agility(navigated)
+        over = leads_over(own, aim, found, agility)
+        if over:
+            self._stepped_s = here.time_s
+        elif late:
+            over = leads_over(own, aim, self._obstacles(here, aim, late=True), agility)
+        if over:
+            climb_m = self._height_for(here, own, aim, navigated, None, over=True, late=late)
+            self._step_to(climb_m, here)
+        return over
+
+    def _heights_ahead(self, here: Viewpoint, aim: Intent) -> FloatArray:
+        """Heights at `TIMES`, m above mean sea level, with the step that is flown."""
+        goal = self._plan.frame.altitude_m + aim.height.height + self._climb_m
+        return heights_ahead(
+            here.altitude_amsl,
+            here.climb_rate,
+            HeightTarget(height=goal, climb_rate=aim.height.climb_rate, ahead=goal),
+            self._plan.airframe,
+            begun_s=here.time_s - self._begun_s,
+        )
+
     def _obstacles(
-        self, here: Viewpoint, aim: Intent, *, heights: bool = False
+        self, here: Viewpoint, aim: Intent, *, heights: bool = False, late: bool = False
     ) -> tuple[Others, list[Obstacle]] | None:
         """What all that may come near may do, and whose each possibility is; None where nothing may."""
-        found = self._traffic.possibilities(here, aim.leader, heights=heights)
+        found = self._traffic.possibilities(here, aim.leader, heights=heights, late=late)
         those = []
         if found is not None:
+            lost_for = self._traffic.lost_for(here.time_s, late=late)
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
                 makes_room = self._traffic.makes_room(row, here.time_s)
+                lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
+                lost = math.isfinite(lost_s)
+                taken = aim.leaderless and self._traffic.is_taken(row, here.time_s)
+                over_m = min(OVER_PILOT_M if taken else OVER_M, OVER_SHARE * slots_apart_m)
+                grown_m = DRIFT_M_S * max(lost_s - SILENT_S, 0.0) if lost else 0.0
                 those.append(
                     Obstacle(
                         name=vehicle.name,
@@ -256,7 +297,10 @@ class KeepClear:
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
-                        slots_apart_m=self._traffic.slots_apart(row) if makes_room else math.inf,
+                        slots_apart_m=slots_apart_m if makes_room else math.inf,
+                        over_m=over_m if taken or lost else 0.0,
+                        height_off_m=HEIGHT_OFF_M + grown_m,
+                        height_off_m_s=PILOTS_OFF_M_S if taken else 0.0,
                     )
                 )
         near = self.aircraft.nearby(here, lambda: self._traffic.places(here))
@@ -276,7 +320,9 @@ class KeepClear:
             )
         return joined(None if found is None else found[0], near.others), those
 
-    def _report(self, obstacle: Obstacle | None, climb_m: float, now: float) -> None:
+    def _report(
+        self, obstacle: Obstacle | None, climb_m: float, now: float, *, turns: bool = False
+    ) -> None:
         """Put into words what is done about a vehicle (None: nothing)."""
         if obstacle is None:
             self._changed_since = math.inf
@@ -292,7 +338,9 @@ class KeepClear:
         doing = f"keeping clear of {other}, off its {place} until that is past"
         if climb_m != 0.0:
             step = f"{'climbing' if climb_m > 0.0 else 'descending'} {abs(climb_m):.0f} m"
-            doing = f"too near to {other}, turning away and {step}"
+            doing = f"keeping clear of {other}, {step} until that is past"
+            if turns:
+                doing = f"too near to {other}, turning away and {step}"
         if doing not in self._said:
             self._said.add(doing)
             self._words.append(f"{doing}; watch {other}, be ready to take over")
@@ -313,7 +361,9 @@ class KeepClear:
         navigated: NavigatedState,
         clear: Clearance | None,
         *,
-        tight: bool,
+        begins: bool = False,
+        over: bool = False,
+        late: bool = False,
     ) -> float:
         """Step in height (m) beside all others; it stays for a while once the plane is enough again.
 
@@ -323,13 +373,13 @@ class KeepClear:
             aim: what it would fly alone.
             navigated: the vehicle.
             clear: what it flies in the plane; None for what is wanted.
-            tight: whether the plane is not enough.
+            begins: whether the plane is not enough now.
+            over: whether a vehicle is to be passed in height, whatever the plane would leave.
+            late: whether a leader that is late counts as silent.
         """
-        if tight:
-            self._stepped_s = here.time_s
-        elif self._climb_m == 0.0:
+        if self._climb_m == 0.0 and not (begins or over):
             return 0.0
-        found = self._obstacles(here, aim, heights=True)
+        found = self._obstacles(here, aim, heights=True, late=late)
         if found is None:
             return self._climb_m if here.time_s - self._stepped_s <= STAY_S else 0.0
         others, those = found
@@ -347,53 +397,33 @@ class KeepClear:
                 climb_rate=one.climb_rate - wanted.climb_rate,
                 own_height=up,
                 own_climb_rate=float(navigated.state.climb_rate) - wanted.climb_rate,
+                step=self._climb_m,
             )
             for one, way in zip(those, distance, strict=True)
         ]
-        past = here.time_s - self._stepped_s > STAY_S
+        past = here.time_s - self._stepped_s > STAY_S and not over
         if past and clearance(0.0, neighbours) >= CLEAR:
             return 0.0
         down = -deepest(min(self._plan.height, wanted.height + up))
+        if over and self._climb_m == 0.0:
+            best = max((STEP_M, down), key=lambda step: clearance(step, neighbours))
+            return best if clearance(best, neighbours) >= clearance(0.0, neighbours) else 0.0
         under = those[int(distance.argmin())].under
         steps = (0.0, STEP_M, down) if under else (0.0, down, STEP_M)
         return best_step(self._climb_m, steps, neighbours)
 
 
-def neighbour_of(
-    one: Obstacle,
-    *,
-    distance: float,
-    height: float,
-    climb_rate: float,
-    own_height: float,
-    own_climb_rate: float,
-) -> Neighbour:
-    """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
-
-    Args:
-        one: the vehicle.
-        distance: of the closest approach in the plane, m.
-        height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
-        climb_rate: relative to what the own guidance wants, m/s.
-        own_height: m.
-        own_climb_rate: likewise relative, m/s.
-    """
-    known = math.isfinite(height)
-    # Of two that are as high the one that climbs already is the higher one.
-    above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
-    over = one.under if one.makes_room else None
-    if abs(above) > LEVEL_M:
-        over = above > 0.0
-    now = height if known else 0.0
-    soon = now + climb_rate * SOON_S
-    return Neighbour(
-        distance=distance,
-        least=max(one.least_m, LEAST_LEVEL_M),
-        least_up=one.least_up_m,
-        lowest=min(now, soon),
-        highest=max(now, soon),
-        over=over,
-    )
+def leads_over(
+    own: OwnMotion, aim: Intent, found: tuple[Others, list[Obstacle]] | None, agility: Agility
+) -> bool:
+    """Whether what is wanted leads near to a vehicle that is silent."""
+    if found is None:
+        return False
+    others, those = found
+    over = np.array([one.over_m for one in those])
+    if not over.any():
+        return False
+    return bool((distances(own, aim.wanted, None, others, agility) < over).any())
 
 
 def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:

@@ -88,6 +88,7 @@ class FollowedLeader:
         self._deputy: str | None = None
         self.stands_in = False
         """Whether the follower stands in for a leader that is lost, and carries its motion on for all."""
+        self._steered = False
         self.name = next((one.name for one in plan.others if one.leads), "")
         """Of the mission's leader."""
         self._carried: LeaderState[float] | None = None
@@ -109,6 +110,13 @@ class FollowedLeader:
         if isinstance(self._task.leader, ForeignLeader):
             return self.receiver.newest
         return None if self._intended is None else self._intended.motion
+
+    @property
+    def is_left(self) -> bool:
+        """Whether the formation flies on without its leader: a deputy leads, or is about to."""
+        newest = self.receiver.newest
+        leaves = self._steered and newest is not None and not newest.steered
+        return self.stands_in or self._deputy is not None or leaves
 
     @property
     def foreign(self) -> HeardState | None:
@@ -193,6 +201,7 @@ class FollowedLeader:
         heard, before, known = self._followed.newest, self._intended, self._known_leader()
         if heard is None:
             return
+        self._steered = heard.steered
         if isinstance(known, ForeignLeader):
             self._note_height(heard, held_height(known.height), UNPLANNED_S)
             return

@@ -306,6 +306,7 @@ class FollowerRole(Role):
             astray=self._distance,
             height=self._height_wanted,
             gusts=self.followed.gusts,
+            leaderless=self.followed.is_left,
         )
 
     def _wanted(

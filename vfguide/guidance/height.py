@@ -19,9 +19,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vfguide.elementwise import low_pass
+import numpy as np
+
+from vfguide.elementwise import FloatArray, low_pass
 from vfguide.guidance.path import Path, PathPoint, tangent_rate_per_speed
-from vfguide.state import LeaderState
+from vfguide.guidance.predicted_tracks import TIMES
+from vfguide.state import Airframe, LeaderState
 
 FASTER_S = 10.0
 """What is looked at farther ahead takes a leader to go on accelerating for no longer than this."""
@@ -278,3 +281,46 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
     left = {step: clearance(step, neighbours) for step in (*steps, present)}
     best = max(steps, key=left.__getitem__)
     return best if left[best] > left[present] + BETTER else present
+
+
+TRUSTED_S = 0.8
+"""A step in height that began this short a time ago is taken to become as fast as the vehicle may climb or
+descend: by then it shows."""
+
+LAG_SHARE = 0.6
+"""Of the delay of heights: time constant with which a climb or descent begins."""
+
+
+def heights_ahead(
+    now: float, climb_rate: float, target: HeightTarget, airframe: Airframe, *, begun_s: float
+) -> FloatArray:
+    """Heights of a vehicle at `TIMES`, m: it goes for a height, as fast as it has been seen to.
+
+    Args:
+        now: its height, m.
+        climb_rate: its own, m/s.
+        target: the height that it goes for, m.
+        airframe: how fast it may climb and descend, and how late it is.
+        begun_s: for how long it has gone for that height, s.
+    """
+    way = math.copysign(1.0, target.height - now)
+    limit = airframe.climb_max if way > 0.0 else airframe.sink_max
+    lag = max(LAG_SHARE * airframe.height_delay, 0.1)
+    reached = limit
+    if begun_s > TRUSTED_S:
+        reached = min(max(way * climb_rate, 0.0) / -math.expm1(-begun_s / lag), limit)
+    reached *= way
+    late = -lag * np.expm1(-TIMES / lag)
+    found = now + climb_rate * late + reached * (TIMES - late)
+    goal = target.height + target.climb_rate * TIMES
+    heights: FloatArray = np.minimum(found, goal) if way > 0.0 else np.maximum(found, goal)
+    return heights
+
+
+def height_between(heights: FloatArray, lowest: float, highest: float) -> FloatArray:
+    """Least height (m) between a vehicle at heights at `TIMES` and one within bounds, in each interval."""
+    gaps = np.maximum(np.maximum(heights - highest, lowest - heights), 0.0)
+    # Above it before and below it after is no height in between.
+    passes = np.sign(heights[1:] - highest) != np.sign(heights[:-1] - highest)
+    between: FloatArray = np.where(passes, 0.0, np.minimum(gaps[1:], gaps[:-1]))
+    return between

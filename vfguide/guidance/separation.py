@@ -80,6 +80,8 @@ class Others:
     """How much it counts where not all can be had."""
     margin: FloatArray
     """What each track may be off by in each interval of `TIMES`, m: so much nearer counts as near."""
+    worth: FloatArray | None = None
+    """What the height between both is worth in the plane, in each interval, m; None: it does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,6 +131,8 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
     share = -(start.real * way.real + start.imag * way.imag) / square
     share = np.minimum(np.maximum(share, 0.0), 1.0)
     distance = np.maximum(np.abs(start + share * way) - others.margin, 0.0)
+    if others.worth is not None:
+        distance = np.hypot(distance, others.worth)
     return np.where(others.horizon_s[:, None] > BEGINNINGS, distance, np.inf)
 
 

@@ -12,7 +12,7 @@ from vfguide.companion.plan import FlightPlan, OtherVehicle
 from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.companion.traffic import FORGET_S, Traffic, kept_distance
+from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.predicted_tracks import STEP_S
@@ -500,3 +500,36 @@ def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
     here = beside(10.0 + age_s)
     if Traffic.is_clear(traffic, here, led(here.time_s)):
         assert traffic.possibilities(here, led(here.time_s)) is None
+
+
+@pytest.mark.parametrize(("interval_s", "late_s"), [(0.05, LATE_S), (0.5, LATE_INTERVALS * 0.5)])
+def test_a_leader_whose_next_state_should_have_been_there_is_late_until_it_comes(
+    plan: MakePlan, leader_bytes: LeaderBytes, interval_s: float, late_s: float
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    assert not traffic.leader_is_late(0.0)
+    for number in range(5):
+        now = 10.0 + interval_s * number
+        traffic.note("leader", heard_leader(plan, leader_bytes(now), now))
+        assert not traffic.leader_is_late(now)
+    assert not traffic.leader_is_late(now + late_s - 0.01)
+    assert traffic.leader_is_late(now + late_s + 0.01)
+    later = now + late_s + 0.05
+    traffic.note("leader", heard_leader(plan, leader_bytes(later), later))
+    assert not traffic.leader_is_late(later + 0.01)
+
+
+def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts_as_silent(
+    plan: MakePlan, leader_bytes: LeaderBytes
+) -> None:
+    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    for time_s in (9.5, 10.2):
+        traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
+    traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+    here = beside(10.5, east=10.0)
+    assert np.isnan(traffic.lost_for(10.5)).all()
+    assert traffic.lost_for(10.5, late=True)[1] == pytest.approx(0.5)
+    usual, late = (traffic.possibilities(here, led(10.5), late=late) for late in (False, True))
+    assert late is not None
+    # With the formation, and straight on: a vehicle that is steered does the first alone.
+    assert usual is None or len(usual[1]) < len(late[1])

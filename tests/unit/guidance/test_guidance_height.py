@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,14 +17,17 @@ from vfguide.guidance.height import (
     clearance,
     deepest,
     followed_height,
+    height_between,
     height_deviation,
+    heights_ahead,
     held_height,
     path_height,
 )
+from vfguide.guidance.predicted_tracks import TIMES
 from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
 from vfguide.paths.line import Line
-from vfguide.state import LeaderState
+from vfguide.state import Airframe, LeaderState
 
 CLIMB = Line(north=0.0, east=0.0, course=0.0, climb=Climb(slope=0.1, end=math.inf))
 
@@ -258,3 +262,47 @@ NEIGHBOURS = st.lists(
 def test_no_step_leaves_less_than_staying_does(neighbours: list[Neighbour], present: float) -> None:
     found = best_step(present, STEPS, neighbours)
     assert found == present or clearance(found, neighbours) > clearance(present, neighbours)
+
+
+AIRCRAFT = Airframe(
+    hold="heading-hold",
+    alpha=1.2,
+    beta=0.8,
+    airspeed_min=12.0,
+    airspeed_max=32.0,
+    max_bank=0.785,
+    height_delay=2.0,
+    climb_max=4.0,
+    sink_max=3.0,
+)
+
+
+def level_at(height: float) -> HeightTarget:
+    return held_height(height)
+
+
+def test_a_step_that_has_just_begun_is_counted_on_to_become_as_fast_as_the_vehicle_climbs() -> None:
+    heights = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=0.1)
+    # 4 m/s after a lag of 1.2 s: 4 (2 - 1.2 (1 - exp(-2 / 1.2))) = 4.107 m in 2 s.
+    assert heights[TIMES == 2.0] == pytest.approx([104.107], abs=1e-3)
+    assert heights[0] == 100.0
+    assert heights[-1] == 120.0
+    down = heights_ahead(100.0, 0.0, level_at(80.0), AIRCRAFT, begun_s=0.1)
+    assert down[TIMES == 2.0] == pytest.approx([100.0 - 4.107 * 3.0 / 4.0], abs=1e-3)
+    assert down[-1] == pytest.approx(80.0)
+
+
+def test_a_vehicle_that_does_not_climb_is_counted_on_to_stay_where_it_is() -> None:
+    stuck = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=1.0)
+    assert stuck == pytest.approx(np.full(len(TIMES), 100.0))
+    # After 2.4 s it should climb by 4 (1 - exp(-2)) = 3.459 m/s, and climbs half as fast.
+    slow = heights_ahead(100.0, 1.729, level_at(120.0), AIRCRAFT, begun_s=2.4)
+    assert slow[-1] - slow[-2] == pytest.approx(0.5 * 2.0, abs=0.01)
+
+
+def test_who_passes_the_height_of_another_has_no_height_between() -> None:
+    heights = np.linspace(100.0, 116.0, len(TIMES))
+    # A metre in half a second: from 105 m on it is above 104 m, by 1, 2, 3 m at the lower end of an interval.
+    between = height_between(heights, 104.0, 104.0)
+    assert list(between[:8]) == pytest.approx([3.0, 2.0, 1.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    assert height_between(np.array([103.0, 105.0]), 104.0, 104.0) == pytest.approx([0.0])

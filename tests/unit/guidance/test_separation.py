@@ -156,3 +156,19 @@ def test_a_side_that_was_chosen_is_kept() -> None:
     meeting = others(flying(120.0 + 0j, -NORTH))
     held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
     assert held.turn < 0.0
+
+
+def test_height_between_two_counts_in_the_plane() -> None:
+    # 3 m aside, straight ahead all the time; height worth 4 m more: 5 m in all.
+    beside = others(flying(3.0j, NORTH))
+    level = closest_approaches(flying(0j, NORTH)[None, :], beside)
+    assert level == pytest.approx(np.full((1, 1, len(BEGINNINGS)), 3.0))
+    above = replace(beside, worth=np.full((1, len(BEGINNINGS)), 4.0))
+    space = closest_approaches(flying(0j, NORTH)[None, :], above)
+    assert space == pytest.approx(np.full((1, 1, len(BEGINNINGS)), 5.0))
+
+
+def test_who_is_high_enough_above_another_flies_on() -> None:
+    meets = others(flying(100.0 + 0j, -NORTH))
+    assert cleared(meets).changed
+    assert not cleared(replace(meets, worth=np.full((1, len(BEGINNINGS)), 11.0))).changed

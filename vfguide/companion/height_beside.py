@@ -1,0 +1,138 @@
+"""The height beside other vehicles: when one is passed above or below, and what that is worth in the plane.
+
+A vehicle that its companion steers keeps clear itself, and may use height for it. One whose companion is
+dead holds its height: to climb over it at once keeps the slot, where turning away leaves it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vfguide.companion.possibilities import SPACING_SHARE
+from vfguide.companion.traffic import SOON_S
+from vfguide.elementwise import FloatArray
+from vfguide.formation.transition import LEAST_M
+from vfguide.guidance.height import Neighbour, height_between
+from vfguide.guidance.predicted_tracks import TIMES
+from vfguide.guidance.separation import BEGINNINGS, Others
+
+LEVEL_M = 3.0
+"""Vehicles whose altitudes differ by less than this step apart by their ranks ..."""
+
+AT_ONCE_S = 1.0
+"""... where they still do so long from now."""
+
+LEAST_UP_M = 6.0
+"""Height between two vehicles above each other, at least."""
+
+LEAST_LEVEL_M = SPACING_SHARE * LEAST_M
+"""Distance in the plane that a step in height counts by, at least: that of slots as near as they may be."""
+
+OVER_M = 15.0
+"""Over a silent vehicle that may come so near height is used at once: it holds its height, and a climb that
+begins early is enough where one that begins late is not."""
+
+OVER_PILOT_M = 22.0
+"""The same over a leader that its pilot has taken: more is kept from it, and it may turn."""
+
+OVER_SHARE = 0.85
+"""Of the distance between two slots, at most this counts as near then."""
+
+HEIGHT_OFF_M = 1.0
+"""What heights between two vehicles may be off by."""
+
+PILOTS_OFF_M_S = 2.0
+"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: 4 m in
+1.5 s from level flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle:
+    """Another vehicle, as far as a step in height beside it needs it."""
+
+    name: str
+    """As people read it."""
+    least_m: float
+    """Where no manoeuvre in the plane keeps more than this, height is used."""
+    least_up_m: float
+    """The height that is worth as much, m."""
+    altitude_amsl: float
+    """m; NaN where it is not known."""
+    climb_rate: float
+    """m/s."""
+    under: bool
+    """Whether to climb where both are as high, or the height is not known."""
+    makes_room: bool
+    """Whether it keeps clear itself, by the same rules."""
+    slots_apart_m: float = math.inf
+    """How near its slot and the own one come soon, level, where it is on its way to its slot."""
+    over_m: float = 0.0
+    """Within this distance in the plane it is passed above or below, m; 0 where height is no use early."""
+    height_off_m: float = HEIGHT_OFF_M
+    """What its height may be off by, m ..."""
+    height_off_m_s: float = 0.0
+    """... and how fast that grows, m/s."""
+
+
+def worth_in_plane(heights: FloatArray, others: Others, those: Sequence[Obstacle]) -> FloatArray:
+    """What the height between a vehicle and others is worth in the plane, see `Others.worth`.
+
+    Args:
+        heights: of the vehicle at `TIMES`, m above mean sea level.
+        others: what they may do.
+        those: whose each possibility is.
+    """
+    worth = np.zeros((len(those), len(BEGINNINGS)))
+    for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
+        if one.over_m == 0.0 or math.isnan(one.altitude_amsl):
+            continue
+        soon = one.altitude_amsl + one.climb_rate * SOON_S
+        lowest, highest = min(one.altitude_amsl, soon), max(one.altitude_amsl, soon)
+        unsure = one.height_off_m + one.height_off_m_s * TIMES[1:]
+        left = height_between(heights, lowest, highest) - unsure
+        worth[row] = keep * np.clip(left / LEAST_UP_M, 0.0, 1.0)
+    return worth
+
+
+def neighbour_of(
+    one: Obstacle,
+    *,
+    distance: float,
+    height: float,
+    climb_rate: float,
+    own_height: float,
+    own_climb_rate: float,
+    step: float,
+) -> Neighbour:
+    """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
+
+    Args:
+        one: the vehicle.
+        distance: of the closest approach in the plane, m.
+        height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
+        climb_rate: relative to what the own guidance wants, m/s.
+        own_height: m.
+        own_climb_rate: likewise relative, m/s.
+        step: in height that is flown, m.
+    """
+    known = math.isfinite(height)
+    # Of two that are as high the one that climbs already is the higher one.
+    above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
+    over = one.under if one.makes_room else None
+    if one.over_m > 0.0 and step != 0.0:
+        # A step that has begun beside it is not turned round through its height.
+        over = step > 0.0
+    if abs(above) > LEVEL_M:
+        over = above > 0.0
+    now = height if known else 0.0
+    soon = now + climb_rate * SOON_S
+    return Neighbour(
+        distance=distance,
+        least=max(one.least_m, LEAST_LEVEL_M),
+        least_up=one.least_up_m,
+        lowest=min(now, soon),
+        highest=max(now, soon),
+        over=over,
+    )
