@@ -30,7 +30,7 @@ def test_all_keep_their_slots_when_the_leaders_companion_is_killed(
     assert nearest_m >= LEAST_M
     f1 = flight.record.followers[0]
     climbed_m = float(np.ptp(f1.altitude_amsl_m))
-    # On a line the leader's aircraft flies on where its slot is, and crosses nobody's way; gusts may carry it.
+    # On a line the leader's aircraft flies on where its slot is, across nobody's way; gusts may carry it.
     if name == "circle-wind":
         assert climbed_m == pytest.approx(LAYER_M, abs=1.0)
     elif turbulence == "none":
