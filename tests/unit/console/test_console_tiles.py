@@ -1,6 +1,7 @@
 """Map tiles of a file that may come from anybody, and addresses of servers."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -22,14 +23,13 @@ def written(
     path: Path, *tiles: tuple[int, int, int, object], schema: str = TILES, **metadata: str
 ) -> Path:
     """An MBTiles file; rows count from the south."""
-    file = sqlite3.connect(path)
-    file.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-    file.executemany("INSERT INTO metadata VALUES (?, ?)", metadata.items())
-    file.executescript(schema)
-    if tiles:
-        file.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", tiles)
-    file.commit()
-    file.close()
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        file.executemany("INSERT INTO metadata VALUES (?, ?)", metadata.items())
+        file.executescript(schema)
+        if tiles:
+            file.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", tiles)
+        file.commit()
     return path
 
 
