@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from vfguide.companion.supervisor import Timeouts
 from vfguide.frames import LocalFrame
+from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.height_change import ClimbLimits
 from vfguide.guidance.intended_motion import KnownLeader
@@ -180,6 +181,8 @@ class FlightPlan:
     """Whether the autopilot is asked for its bank, which tells whether the vehicle slips."""
     slip_found: bool = False
     """Whether flight has shown it."""
+    creeping_hold: CreepingHold | None = None
+    """How its airspeed hold creeps, where it does."""
     coordinated_alpha: float | None = None
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
     climb_limits: ClimbLimits = field(default_factory=ClimbLimits)
@@ -246,7 +249,11 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         speed_hold=response.speed_hold or airframe.speed_hold,
     )
     return replace(
-        plan, airframe=flown, asks_response=False, coordinated_alpha=response.coordinated_alpha
+        plan,
+        airframe=flown,
+        asks_response=False,
+        creeping_hold=response.creeping_hold,
+        coordinated_alpha=response.coordinated_alpha,
     )
 
 

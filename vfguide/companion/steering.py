@@ -11,6 +11,7 @@ it is given no lateral acceleration.
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -19,6 +20,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
+from vfguide.guidance.creeping_speed import CreepingSpeed
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
 from vfguide.state import Airframe, Setpoint, VehicleState
@@ -210,6 +212,11 @@ def expected_turn_rate(
     return min(max(wanted, -limit), limit)
 
 
+def creeping_speed_of(plan: FlightPlan) -> CreepingSpeed | None:
+    """For a vehicle whose airspeed hold creeps."""
+    return None if plan.creeping_hold is None else CreepingSpeed(plan.creeping_hold)
+
+
 class Steering:
     """What one autopilot is sent of what guidance asks for."""
 
@@ -227,6 +234,7 @@ class Steering:
         self._guard = SetpointGuard(plan)
         self._stream = SetpointStream(adapter)
         self._tracking = TrackingMonitor(plan.airframe)
+        self._creeping = creeping_speed_of(plan)
         self._height = plan.height
         self._ceiling = math.inf
         self._altitude, self._altitude_time = plan.altitude_amsl, -math.inf
@@ -241,6 +249,8 @@ class Steering:
 
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle."""
+        if plan.creeping_hold != self._plan.creeping_hold:
+            self._creeping = creeping_speed_of(plan)
         self._plan = plan
         self._tracking.retune(plan.airframe)
 
@@ -261,6 +271,8 @@ class Steering:
         """Forget what was sent: the autopilot has entered or left the mode in which it is heard."""
         self._stream.reset()
         self._tracking.reset()
+        if self._creeping is not None:
+            self._creeping.reset()
 
     def check(
         self, step: RoleStep, now: float, *, ceiling: float = math.inf
@@ -283,6 +295,7 @@ class Steering:
         if climb_m != 0.0 and not self._adapter.holds_altitude:
             self._words.append(CANNOT_CLIMB)
         asked = self._asked(setpoint, altitude, navigated)
+        asked = replace(asked, speed=self._brought_about(asked.speed, navigated, now))
         messages = self._stream.due(self._adapter.fly(asked), now)
         messages += self._altitude_due(asked.altitude_amsl, now)
         self._words.append(self._tracking.watch(navigated.state, setpoint))
@@ -326,6 +339,19 @@ class Steering:
             return []
         self._altitude_time, self._altitude = now, altitude
         return self._adapter.hold_altitude(altitude)
+
+    def _brought_about(self, speed: float, navigated: NavigatedState, now: float) -> float:
+        """What a hold that creeps is asked for, to fly a speed (m/s, as its sensor shows it) now."""
+        if self._creeping is None:
+            return speed
+        airframe = self._plan.airframe
+        return self._creeping.asked_for(
+            speed,
+            self._reported(navigated.state.airspeed),
+            now,
+            slowest=airframe.airspeed_min,
+            fastest=airframe.airspeed_max,
+        )
 
     def _reported(self, speed: float) -> float:
         """A speed (m/s) as the autopilot's own sensor would show it, within the vehicle's limits."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.state import SpeedHold
 
 
@@ -58,6 +59,8 @@ class AutopilotResponse:
     """Time constant of the roll, s."""
     speed_hold: SpeedHold | None = None
     """What kind of hold beta is of."""
+    creeping_hold: CreepingHold | None = None
+    """What of a new airspeed comes at once, where the rest creeps on."""
     coordinated_alpha: float | None = None
     """Course response if it turned as its bank says, 1/s."""
 

@@ -33,6 +33,7 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.mavlink.adapter import (
     AutopilotAdapter,
     AutopilotSetpoint,
@@ -89,6 +90,9 @@ ALPHA_SHARE = 0.3
 
 COURSE_DEAD_TIME_S = 0.2
 """With which formations were flown; no parameter tells it."""
+
+UNTRIMMED = CreepingHold(share=0.6, time=70.0)
+"""What of a new airspeed comes at once where throttles are not set, as measured."""
 
 TRIMMED_BETA, UNTRIMMED_BETA = 3.0, 1.5
 """1/s, of a total-energy hold: with these formations were flown."""
@@ -175,10 +179,11 @@ def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
     known = dict(parameters)
     lowest, highest = known.get("FW_AIRSPD_MIN"), known.get("FW_AIRSPD_MAX")
     bank, roll = known.get("FW_R_LIM", 0.0), known.get("FW_R_TC", 0.0)
-    alpha = alpha_of(known)
+    alpha, beta = alpha_of(known), beta_of(known)
+    creeps = beta is not None and not is_trimmed(known)
     return AutopilotResponse(
         alpha=alpha,
-        beta=beta_of(known),
+        beta=beta,
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=math.radians(bank) if bank > 0.0 else None,
@@ -188,6 +193,7 @@ def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
         course_lag=roll if roll > 0.0 else None,
         # Of every PX4: it has no other.
         speed_hold="total-energy" if known else None,
+        creeping_hold=UNTRIMMED if creeps else None,
     )
 
 

@@ -107,6 +107,15 @@ def test_the_speed_s_beta_is_known_where_it_was_measured(
     assert px4_response(parameters).beta == beta
 
 
+def test_a_hold_whose_throttles_are_not_set_creeps_to_a_new_airspeed() -> None:
+    hold = px4_response(FACTORY).creeping_hold
+    # As measured on 1.18: 0.6 of a step within 2 s.
+    assert hold is not None
+    assert (hold.share, hold.time) == (0.6, 70.0)
+    assert px4_response(TRIMMED).creeping_hold is None
+    assert px4_response(FACTORY | {"FW_T_TAS_TC": 10.0}).creeping_hold is None
+
+
 @pytest.mark.parametrize("name", ["NPFG_PERIOD", "NPFG_DAMPING", "FW_R_LIM", "FW_R_TC"])
 def test_a_parameter_of_nothing_tells_nothing(name: str) -> None:
     response = px4_response(FACTORY | {name: 0.0})
