@@ -336,11 +336,19 @@ async def live_flight(
 
 @asynccontextmanager
 async def companions_lost(flight: LiveFlight) -> AsyncIterator[None]:
-    """Have a flight lose its companions as its mission says, for as long as the context lasts."""
+    """Have a flight lose its companions as its mission says, for as long as the context lasts.
+
+    Raises:
+        OSError: one could not be started again.
+    """
     tasks = [asyncio.create_task(flight.lose(one)) for one in flight.mission.rehearsal.losses]
     try:
         yield
     finally:
         for one in tasks:
             one.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        outcomes = await asyncio.gather(*tasks, return_exceptions=True)
+    # A companion that could not be started again; that a loss is still to come is none of these.
+    for outcome in outcomes:
+        if isinstance(outcome, Exception):
+            raise outcome
