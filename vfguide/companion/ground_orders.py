@@ -102,17 +102,21 @@ class GroundOrders:
 
     def _for_followers(self, order: str, values: tuple[float, float, float]) -> Words | None:
         """An order for the follower of the first number; None where the numbers do not fit."""
-        name, *rest = self._followers.get(int(values[0])), *values[1:]
-        if name is None or int(values[0]) != values[0]:
+        system, second, third = values
+        name = self._follower(system)
+        if name is None:
             return None
         if order == "slot":
-            near = all(abs(one) <= FARTHEST_SLOT_M for one in rest)
-            return ("slot", f"{name}={rest[0]:g},{rest[1]:g}") if near else None
+            near = max(abs(second), abs(third)) <= FARTHEST_SLOT_M
+            return ("slot", f"{name}={second:g},{third:g}") if near else None
         if order == "swap":
-            other = self._followers.get(int(rest[0]))
-            fits = other not in {None, name} and (int(rest[0]), 0.0) == (rest[0], rest[1])
-            return ("swap", name, other) if fits and other is not None else None
-        return (order, name) if rest == [0.0, 0.0] else None
+            other = self._follower(second)
+            return None if other in {None, name} or third != 0.0 else ("swap", name, str(other))
+        return (order, name) if second == third == 0.0 else None
+
+    def _follower(self, system: float) -> str | None:
+        """The follower with this MAVLink system."""
+        return self._followers.get(int(system)) if system == int(system) else None
 
 
 def with_spacing(words: Words, values: tuple[float, float, float]) -> Words | None:
