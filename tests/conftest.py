@@ -2,17 +2,16 @@
 
 import os
 import re
-import subprocess
-import sys
 import sysconfig
 import time
-import venv
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
+
+from tests.wheels import packages_of, python_with
 
 # A busy machine takes long over a single example, which is no fault.
 settings.register_profile("unhurried", settings(), deadline=None)
@@ -196,16 +195,6 @@ def pytest_terminal_summary(
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A Python that has vfguide from its wheel, and of this environment the libraries alone."""
     place = tmp_path_factory.mktemp("installed")
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
-    build = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", place, TESTS.parent)
-    subprocess.run([*pip, *build], check=True)
-    (wheel,) = place.glob("*.whl")
-    venv.create(place / "venv", symlinks=True)
-    python = place / "venv" / "bin" / "python"
-    subprocess.run(
-        [sys.executable, "-m", "pip", "--python", python, *pip[3:], "install", "--no-deps", wheel],
-        check=True,
-    )
-    (packages,) = (place / "venv").glob("lib/python*/site-packages")
-    (packages / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    python = python_with(TESTS.parent, place)
+    (packages_of(python) / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return python

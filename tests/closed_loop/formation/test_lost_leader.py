@@ -1,4 +1,4 @@
-"""Followers keep their slots while their leader is lost: whoever its aircraft crosses climbs over it."""
+"""Followers keep their slots while their leader is lost: one whose path it crosses climbs over it."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_all_keep_their_slots_when_the_leaders_companion_is_killed(
     assert nearest_m >= LEAST_M
     f1 = flight.record.followers[0]
     climbed_m = float(np.ptp(f1.altitude_amsl_m))
-    # On a line the leader's aircraft flies on where its slot is, across nobody's way; gusts may carry it.
+    # On a line the leader's aircraft flies on in its own lane, unless gusts carry it out of that.
     if name == "circle-wind":
         assert climbed_m == pytest.approx(LAYER_M, abs=1.0)
     elif turbulence == "none":

@@ -2,12 +2,12 @@
 
 import shutil
 import subprocess
-import sys
 import sysconfig
 import tomllib
-import venv
 from pathlib import Path
 from typing import Any
+
+from tests.wheels import packages_of, python_with
 
 PROJECT = Path(__file__).parents[3]
 EMULATOR = PROJECT / "sitl_stub"
@@ -46,18 +46,9 @@ def test_its_wheel_flies_where_vfguide_is_not_installed(tmp_path: Path) -> None:
     # A copy: a build leaves nothing in the checkout.
     sources = tmp_path / "sitl_stub"
     shutil.copytree(EMULATOR, sources, ignore=shutil.ignore_patterns("__pycache__"))
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
-    build = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", tmp_path, sources)
-    subprocess.run([*pip, *build], check=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    venv.create(tmp_path / "venv", symlinks=True)
-    python = tmp_path / "venv" / "bin" / "python"
-    subprocess.run(
-        [sys.executable, "-m", "pip", "--python", python, *pip[3:], "install", "--no-deps", wheel],
-        check=True,
-    )
+    python = python_with(sources, tmp_path)
     # The libraries of this environment, but not vfguide, whose editable install a .pth file would bring.
-    (packages,) = (tmp_path / "venv").glob("lib/python*/site-packages")
+    packages = packages_of(python)
     for one in Path(sysconfig.get_path("purelib")).iterdir():
         if "vfguide" not in one.name and not one.name.endswith(".pth"):
             target = packages / one.name
