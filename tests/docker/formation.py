@@ -146,9 +146,14 @@ class Formation:
         text += self.compose("logs", "--no-color", check=False)
         pytest.fail(f"no flight has begun: {text}")
 
+    @property
+    def time_s(self) -> float:
+        """Time of the flight now, s."""
+        return time.time() - self._epoch_s
+
     def reach(self, time_s: float) -> None:
         """Wait for a time of the flight."""
-        time.sleep(max(self._epoch_s + time_s - time.time(), 0.0))
+        time.sleep(max(time_s - self.time_s, 0.0))
 
     def impair(self, service: str, *, seconds: float, delay_s: float, loss: float) -> str:
         """Delay and drop what a container sends: by netem where the kernel has it."""
