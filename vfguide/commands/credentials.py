@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError
 from vfguide.link.address import LinkAddress, parse_links
 from vfguide.link.keys import OPERATOR, Roster, key_places, read_private_key, read_roster
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 REMEDY = "make keys with `vfguide keys make MISSION`, or type --insecure to believe anybody"
 
@@ -21,7 +23,7 @@ class Credentials:
 
     roster: Roster | None
     """Everybody's public keys; None to believe anybody."""
-    key: Ed25519PrivateKey | None
+    key: "Ed25519PrivateKey | None"
     """The own private key; None to sign nothing."""
 
 

@@ -10,19 +10,16 @@ import stat
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import yaml
-from cryptography.exceptions import UnsupportedAlgorithm
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
-from cryptography.hazmat.primitives.serialization import (
-    Encoding,
-    NoEncryption,
-    PrivateFormat,
-    load_pem_private_key,
-)
 
 from vfguide.errors import InputError
 from vfguide.regular_file import open_regular
+
+# The functions below import `cryptography` themselves: it takes 7 MB, and a formation without keys has none.
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 PUBLIC_SIZE = 32
 """Bytes of a public key."""
@@ -86,17 +83,54 @@ def key_places(mission: Path) -> KeyPlaces:
     return KeyPlaces(roster=mission.with_suffix(".roster"), directory=mission.with_suffix(".keys"))
 
 
-def public_bytes(key: Ed25519PrivateKey) -> bytes:
+def public_bytes(key: "Ed25519PrivateKey") -> bytes:
     """The public half of a key pair, 32 bytes."""
     return key.public_key().public_bytes_raw()
 
 
-def read_private_key(path: Path, environment: Mapping[str, str] = os.environ) -> Ed25519PrivateKey:
+class Verifier(Protocol):
+    """Tells the signatures of one key from all others."""
+
+    def __call__(self, signature: bytes, signed: bytes) -> bool:
+        """Whether the key's owner has made this signature of these bytes."""
+
+
+def verifier_of(public: bytes) -> Verifier:
+    """What tells the signatures of a key.
+
+    Args:
+        public: the public key, 32 bytes.
+
+    Raises:
+        ValueError: they are no key.
+    """
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    key = Ed25519PublicKey.from_public_bytes(public)
+
+    def verifies(signature: bytes, signed: bytes) -> bool:
+        try:
+            key.verify(signature, signed)
+        except InvalidSignature:
+            return False
+        return True
+
+    return verifies
+
+
+def read_private_key(
+    path: Path, environment: Mapping[str, str] = os.environ
+) -> "Ed25519PrivateKey":
     """The private key in a file.
 
     Raises:
         InputError: it cannot be read, is no Ed25519 key, or others than its owner may read it.
     """
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
     content = read_secret(path, "private key", environment)
     try:
         key = load_pem_private_key(content, password=None)
@@ -157,8 +191,10 @@ def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
     return content
 
 
-def write_private_key(path: Path, key: Ed25519PrivateKey) -> None:
+def write_private_key(path: Path, key: "Ed25519PrivateKey") -> None:
     """Put a private key into a file that only its owner may read, in the place of any before it."""
+    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+
     write_secret(path, key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
 
 
@@ -238,7 +274,7 @@ def _public_keys(path: Path, group: str, found: object) -> dict[str, bytes]:
         try:
             key = bytes.fromhex(text) if isinstance(text, str) else b""
             if len(key) == PUBLIC_SIZE:
-                Ed25519PublicKey.from_public_bytes(key)
+                verifier_of(key)
         except ValueError:
             key = b""
         if not isinstance(name, str) or len(key) != PUBLIC_SIZE:
@@ -285,6 +321,8 @@ def make_keys(
     Raises:
         InputError: the roster cannot be read, or belongs to another formation.
     """
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
     known = read_roster(places.roster) if places.roster.exists() else Roster(formation=formation)
     if known.formation != formation:
         raise InputError(

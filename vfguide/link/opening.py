@@ -7,8 +7,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from random import Random
-
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.link.address import LinkAddress
@@ -20,6 +19,9 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import Trust, new_session
 from vfguide.registry import links
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 FIRST_TRY_S = 1.0
 """s that opening waits for the first try."""
@@ -222,13 +224,13 @@ class WatchedFormation:
     """Name of its leader."""
     roster: Roster | None
     """Everybody's public keys; None to believe anybody."""
-    key: Ed25519PrivateKey | None = None
+    key: "Ed25519PrivateKey | None" = None
     """An operator's private key, with which the leader can be asked whether it lives."""
     deputies: tuple[str, ...] = ()
     """Who may lead in its place, and answer in it."""
 
 
-def operator_of(roster: Roster, key: Ed25519PrivateKey) -> str:
+def operator_of(roster: Roster, key: "Ed25519PrivateKey") -> str:
     """Name of the operator whose private key this is.
 
     Raises:

@@ -9,9 +9,7 @@ import secrets
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field
-
-from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError
 from vfguide.link.codec import LinkDataError
@@ -24,7 +22,10 @@ from vfguide.link.envelope import (
     encode_signed,
     formation_number,
 )
-from vfguide.link.keys import Roster, public_bytes
+from vfguide.link.keys import Roster, Verifier, public_bytes, verifier_of
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 GRACE_S = 3.0
 """For this long after a leader has started anew, what others say under its last session is heard too: they
@@ -110,7 +111,7 @@ class Trust:
         leader: str,
         session: int,
         roster: Roster | None,
-        key: Ed25519PrivateKey | None = None,
+        key: "Ed25519PrivateKey | None" = None,
         watches: bool = False,
         deputies: Collection[str] = (),
     ) -> None:
@@ -144,7 +145,7 @@ class Trust:
         self._key = key
         self._session = session
         self._sequence = 0
-        self._keys: dict[str, Ed25519PublicKey] = {}
+        self._verifiers: dict[str, Verifier] = {}
         self._heard: dict[str, Heard] = {}
         self._asked: dict[str, Heard] = {}
         self._epoch = session if name == leader else 0
@@ -155,9 +156,7 @@ class Trust:
         if roster is not None:
             check_roster(roster, formation=formation, name=name, leader=leader, key=key)
             public = {**roster.vehicles, **roster.operators}
-            self._keys = {
-                one: Ed25519PublicKey.from_public_bytes(data) for one, data in public.items()
-            }
+            self._verifiers = {one: verifier_of(data) for one, data in public.items()}
 
     @property
     def signs(self) -> bool:
@@ -236,22 +235,20 @@ class Trust:
         expected = Scheme.ED25519 if self.signs else Scheme.UNSIGNED
         if envelope.scheme is not expected:
             raise RefusedError("not signed" if self.signs else "signed, where --insecure was typed")
-        key = self._keys.get(envelope.sender)
-        if self.signs and key is None:
+        verifies = self._verifiers.get(envelope.sender)
+        if self.signs and verifies is None:
             raise RefusedError("a stranger")
         if envelope.kind not in self._may(envelope.sender):
             raise RefusedError("not for its sender to say")
         heard = self._in_order(envelope, now)
-        if key is None:
+        if verifies is None:
             if checksum(envelope.signed) != envelope.tag:
                 raise RefusedError("damaged")
         else:
             self._check_flood(now)
-            try:
-                key.verify(envelope.tag, envelope.signed)
-            except InvalidSignature:
+            if not verifies(envelope.tag, envelope.signed):
                 self._vain += 1.0
-                raise RefusedError("forged") from None
+                raise RefusedError("forged")
         if envelope.sender == self.name:
             self._vain += 1.0
             raise RefusedError(TWIN)
@@ -279,17 +276,14 @@ class Trust:
         if envelope.kind is not Kind.ORDER or Kind.ORDER not in self._may(envelope.sender):
             raise RefusedError("not an operator's order")
         expected = Scheme.ED25519 if self.signs else Scheme.UNSIGNED
-        key = self._keys.get(envelope.sender)
-        if envelope.scheme is not expected or (self.signs and key is None):
+        verifies = self._verifiers.get(envelope.sender)
+        if envelope.scheme is not expected or (self.signs and verifies is None):
             raise RefusedError("not an operator's order")
-        if key is None:
+        if verifies is None:
             if checksum(envelope.signed) != envelope.tag:
                 raise RefusedError("damaged")
-        else:
-            try:
-                key.verify(envelope.tag, envelope.signed)
-            except InvalidSignature:
-                raise RefusedError("a forged order") from None
+        elif not verifies(envelope.tag, envelope.signed):
+            raise RefusedError("a forged order")
         return Message(
             kind=envelope.kind,
             sender=envelope.sender,
@@ -432,7 +426,7 @@ class Trust:
                 # It may prove this session, and is kept in mind once it has.
                 return
             book = self._asked if envelope.kind is Kind.QUESTION else self._heard
-            if envelope.sender not in book and len(book) >= MOST_STRANGERS + len(self._keys):
+            if envelope.sender not in book and len(book) >= MOST_STRANGERS + len(self._verifiers):
                 raise RefusedError("too many senders")
             heard = Heard(envelope.session, envelope.epoch, math.nan)
             book[envelope.sender] = heard
@@ -445,7 +439,7 @@ class Trust:
 
 
 def check_roster(
-    roster: Roster, *, formation: str, name: str, leader: str, key: Ed25519PrivateKey | None
+    roster: Roster, *, formation: str, name: str, leader: str, key: "Ed25519PrivateKey | None"
 ) -> None:
     """See that a roster fits a member.
 

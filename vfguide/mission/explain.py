@@ -6,6 +6,7 @@ Finding one's way in the model of a mission file by the locations that validatio
 import difflib
 import math
 import re
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import NoneType, UnionType
@@ -19,7 +20,8 @@ from vfguide.mission.controller import Controller, gains_by_field
 from vfguide.mission.finding import shortened
 from vfguide.mission.flight_path import Location, PathShape, shape_models
 from vfguide.mission.model import Mission
-from vfguide.mission.quantity import NAME_RULES
+from vfguide.mission.quantity import NAME_RULES, field_meanings
+from vfguide.registry import laws
 
 COVERED_ELSEWHERE = {"inconsistent_mission", "default_factory_not_called"}
 """Findings that repeat others: contradictions are looked for separately, with their own places."""
@@ -186,8 +188,13 @@ def _explain_one(detail: ErrorDetails) -> Explanation:
 
 def _meaning(place: Place) -> str:
     """The field's description, as a remedy of last resort."""
-    field = place.known.get(str(place.location[-1])) if place.location else None
-    return " ".join((field.description or "").split()).rstrip(".") if field else ""
+    if not place.location or place.group is None:
+        return ""
+    sections = [place.group]
+    if place.group is Controller:
+        sections += [laws.find(name).Gains for name in laws.names()]
+    meanings = ChainMap(*(dict(field_meanings(one)) for one in sections))
+    return " ".join(meanings.get(str(place.location[-1]), "").split()).rstrip(".")
 
 
 def _context(detail: ErrorDetails) -> Mapping[str, object]:

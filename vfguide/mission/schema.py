@@ -2,21 +2,38 @@
 
 import json
 
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import ModelSchema
+
 from vfguide.mission.flight_path import shape_model
 from vfguide.mission.model import Mission
+from vfguide.mission.quantity import Section, field_meanings
 from vfguide.registry import autopilots, emulated_autopilots, laws, paths, plants
 
 SCHEMA_FILE = "mission.schema.json"
 """Name of the shipped schema; mission files beside it refer to it in their first line."""
 
 
+class DescribedSchema(GenerateJsonSchema):
+    """A schema in which each field is described by the docstring below it."""
+
+    def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
+        """The schema of one section."""
+        made = super().model_schema(schema)
+        section: type[Section] = schema["cls"]
+        for name, meaning in field_meanings(section).items():
+            if name in made.get("properties", {}):
+                made["properties"][name].setdefault("description", meaning)
+        return made
+
+
 def mission_schema() -> dict[str, object]:
     """The schema that the model of a mission file amounts to, with vfguide's own paths and laws."""
-    schema = Mission.model_json_schema()
+    schema = Mission.model_json_schema(schema_generator=DescribedSchema)
     controller = schema["$defs"]["Controller"]["properties"]
     controller["type"]["enum"] = list(laws.own)
     for name in laws.own:
-        gains = laws.find(name).Gains.model_json_schema()
+        gains = laws.find(name).Gains.model_json_schema(schema_generator=DescribedSchema)
         for field, described in gains["properties"].items():
             known = controller.setdefault(field, described)
             if known.get("default") != described.get("default"):
@@ -46,7 +63,7 @@ def mission_schema() -> dict[str, object]:
     del schema["$defs"]["PathShape"]
     mapping = {}
     for name in paths.own:
-        shape = shape_model(name).model_json_schema()
+        shape = shape_model(name).model_json_schema(schema_generator=DescribedSchema)
         # What it refers to is not a part of the path alone.
         schema["$defs"] |= shape.pop("$defs", {}) | {shape["title"]: shape}
         mapping[name] = f"#/$defs/{shape['title']}"
