@@ -80,6 +80,7 @@ def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Perso
         armed=config.armed,
         on_ground=not config.airborne,
         air_data=air_data,
+        altitude_drift_m=errors.altitude_drift_m,
     )
     personality.begin(flight)
     if config.route is not None:

@@ -7,6 +7,7 @@ What was commanded and what the loops know of it yet: commands may have a dead t
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from sitl_stub.air import Air, AirData, Place, Wind, followed_wind_m_s
@@ -28,7 +29,7 @@ from sitl_stub.motion import (
 from sitl_stub.plant import PlantState
 from sitl_stub.plants import plant_of
 from sitl_stub.route import Route, RouteFollower
-from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget, in_true_height
 
 FIELD_GAIN = 2.0
 """Gain of the field around the circle, in parts of 1 / radius."""
@@ -140,6 +141,11 @@ class Commanded:
             self.now = Targets(self.now.turn, speed, self.now.height)
 
 
+def no_drift_m(_time_s: float) -> float:
+    """Of a sensor without errors."""
+    return 0.0
+
+
 class Flight:
     """Plant, wind, targets and mode together; advanced in simulation time (whole microseconds)."""
 
@@ -155,6 +161,7 @@ class Flight:
         armed: bool,
         on_ground: bool = False,
         air_data: AirData | None = None,
+        altitude_drift_m: Callable[[float], float] = no_drift_m,
     ) -> None:
         self.state = state
         self.home = home
@@ -173,6 +180,7 @@ class Flight:
         self.airspeed_range_m_s = (plant.airspeed_min_m_s, plant.airspeed_max_m_s)
         """As shown: what a command may ask for."""
         self._air_data = air_data or AirData()
+        self._altitude_drift_m = altitude_drift_m
         self._air = air
         self._orbit: Orbit | None = None
         self._route: RouteFollower | None = None
@@ -180,14 +188,14 @@ class Flight:
         # Straight on at first, so that there is a motion from which the mode is entered.
         straight = TurnTarget("course", state.direction_rad)
         hold_speed = SpeedTarget("airspeed", self.true_airspeed_m_s(cruise_airspeed_m_s))
-        targets = Targets(straight, hold_speed, HeightTarget(state.altitude_amsl_m))
+        targets = Targets(straight, hold_speed, HeightTarget(self.measured_altitude_m))
         self._commanded = Commanded(self.plant, targets)
         self._known = (self.state, self.targets, self._motion_now())
         self._enter_in_flight(mode, starts=True)
 
     @property
     def targets(self) -> Targets:
-        """What the loops hold now."""
+        """What the loops hold now; the height as it is measured."""
         return self._commanded.now
 
     @property
@@ -224,6 +232,11 @@ class Flight:
         if self._known[0] is not self.state or self._known[1] is not self.targets:
             self._known = (self.state, self.targets, self._motion_now())
         return self._known[2]
+
+    @property
+    def measured_altitude_m(self) -> float:
+        """Altitude that the autopilot flies by, above mean sea level."""
+        return self.state.altitude_amsl_m + self._altitude_drift_m(self.time_us * 1e-6)
 
     def shown_airspeed_m_s(self, true_m_s: float) -> float:
         """What the airspeed sensor says."""
@@ -348,8 +361,9 @@ class Flight:
             self._steer_around(self._orbit)
         elif self._route is not None:
             self._steer_along(self._route)
+        targets = in_true_height(self.targets, self._altitude_drift_m(time_s))
         self.state = plant_of(self.plant).step(
-            self.targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
+            targets, self.state, self.wind_here, time_s=time_s, step_s=step_s
         )
         if self.phase == "climbing" and self._has_climbed():
             self.phase = "flying"
@@ -395,11 +409,11 @@ class Flight:
 
     def _has_climbed(self) -> bool:
         wanted_m = self.targets.height.altitude_amsl_m
-        return self.state.altitude_amsl_m >= wanted_m - REACHED_WITHIN_M
+        return self.measured_altitude_m >= wanted_m - REACHED_WITHIN_M
 
     def _enter_in_flight(self, mode: Mode, *, starts: bool = False) -> None:
         """Cruise airspeed and present height; straight on, or what the mode flies by itself."""
-        altitude_m = self.state.altitude_amsl_m
+        altitude_m = self.measured_altitude_m
         self._orbit = self._route = None
         if mode.flies == "straight":
             turn = TurnTarget("course", self.motion().course_rad)

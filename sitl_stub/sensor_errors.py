@@ -10,6 +10,9 @@ airspeed and barometer: Beard and McLain, Small Unmanned Aircraft, chapter 7 (11
 What is left between neighbours is nobody's figure: with GNSS alone 0.28 m per aircraft, 0.4 m between two.
 The barometer's drift, the airspeed's scale and the clock's rate are usual ones.
 
+The autopilot holds the airspeed and the height that it measures, scale and drift included: its aircraft flies
+as far off as they are. White noise is in the reports alone, as filters keep it from the loops.
+
 Faults of reports are for tests and measurements. The autopilot itself flies by the truth meanwhile, as
 one with two receivers does: what is measured is what becomes of a companion that is told the wrong thing.
 """
@@ -143,9 +146,15 @@ class SensorErrors:
             east.at(time_s) + own_east.at(time_s) + self._white(self.figures.white_m),
         )
 
+    def altitude_drift_m(self, time_s: float) -> float:
+        """Error of the altitude that the autopilot holds."""
+        return 0.0 if self.figures is None else self._altitude.at(time_s)
+
     def altitude_m(self, time_s: float) -> float:
         """Error of a reported altitude."""
-        return 0.0 if self.figures is None else self._altitude.at(time_s) + self._white(ALTITUDE_M)
+        if self.figures is None:
+            return 0.0
+        return self.altitude_drift_m(time_s) + self._white(ALTITUDE_M)
 
     def velocity_m_s(self) -> tuple[float, float]:
         """(north, east) error of a reported velocity."""

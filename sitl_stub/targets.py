@@ -1,7 +1,7 @@
 """What the inner loops hold: one target each for turn, speed and height."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 SpeedKind = Literal["airspeed", "ground-speed"]
@@ -58,3 +58,11 @@ class Targets:
 
     height: HeightTarget
     """Vertical."""
+
+
+def in_true_height(targets: Targets, drift_m: float) -> Targets:
+    """What a plant holds for a loop whose altitude shows so much too much."""
+    if drift_m == 0.0:
+        return targets
+    true_m = targets.height.altitude_amsl_m - drift_m
+    return replace(targets, height=replace(targets.height, altitude_amsl_m=true_m))

@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, Fault, PlantParameters
 from sitl_stub.air import AirData, density_ratio
+from sitl_stub.sensor_errors import SensorErrors
 
 Make = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
@@ -61,6 +62,37 @@ def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same(make: Make) 
     vehicle = make(airspeed_calibration=1.03)
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0 / 1.03)
     assert of_type(vehicle.advance(0.0), "VFR_HUD")[0].airspeed == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("plant", ["heading-hold", "bank", "six-dof"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_altitude_that_drifts_is_held_as_it_is_measured(
+    make: Make, autopilot: str, plant: str
+) -> None:
+    errors = SensorErrors("standalone", seed=3, system_id=7)
+    before, after = errors.altitude_drift_m(0.0), errors.altitude_drift_m(100.0)
+    assert after - before > 3.0
+    vehicle = make(
+        autopilot=autopilot, plant=PlantParameters(kind=plant), sensors="standalone", seed=3
+    )
+    vehicle.interval(33, 100_000)
+    vehicle.advance(95.0)
+    reports = [one.alt * 1e-3 for one in of_type(vehicle.advance(105.0), "GLOBAL_POSITION_INT")]
+    # What it measured at the start is what it measures still; a noise of 0.8 m of 100 reports is left.
+    assert sum(reports) / len(reports) == pytest.approx(580.0 + before, abs=0.5)
+    true_m = vehicle.autopilot.truth().altitude_amsl_m
+    assert true_m == pytest.approx(580.0 + before - after, abs=1.0)
+
+
+def test_a_height_that_is_commanded_is_reached_as_it_is_measured(make: Make) -> None:
+    vehicle = make(sensors="standalone", seed=10)
+    vehicle.guided()
+    # 120 m above home, which is at 480 m.
+    assert vehicle.result(vehicle.command_int(43001, 0, 0, 0.0, z=120.0)) == "ACCEPTED"
+    vehicle.advance(60.0)
+    drift_m = SensorErrors("standalone", seed=10, system_id=7).altitude_drift_m(60.0)
+    assert abs(drift_m) > 1.0
+    assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(600.0 - drift_m, abs=0.5)
 
 
 def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else(make: Make) -> None:
