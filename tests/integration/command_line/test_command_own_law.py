@@ -15,6 +15,35 @@ MISSION = ROOT / "missions" / "line-calm.yaml"
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
+STUDIES = """
+import json
+from dataclasses import replace
+from pathlib import Path
+from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, row_json, rows
+from vfguide.lab.studies.flown import fly
+from vfguide.lab.studies.monte_carlo import fly_point, points
+from vfguide.registry import use_plugins
+
+use_plugins([Path("own_law.py")])
+short = Extent(duration_s=6.0, seeds=1, bad_link_plants=())
+compared, switched, swept = {}, {}, {}
+for law in ("pursuit", "slot"):
+    (case, *_) = cases(short, [law])
+    ((row,)) = rows([(case, fly(case)[0])])
+    compared[law] = row_json(row)["mean"]["mean_error_m"]
+    parts = ablation_cases(law, quick=True)
+    case = next(one for one in parts if one.label == "no wind filter")
+    figures, _ = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))
+    switched[law] = figures.mean_error_m
+    swept[law] = {}
+    for sweep in ("delay", "alpha"):
+        point = next(one for one in points([law], quick=True) if one.sweep == sweep)
+        swept[law][sweep] = fly_point(replace(point, duration_s=6.0)).mean_error_m
+print(json.dumps({"compared": compared, "switched": switched, "swept": swept}))
+"""
+"""A flight of each study of `bench` by the own law and by the field, for six seconds instead of minutes."""
+
+
 @pytest.fixture
 def run(tmp_path: Path, elsewhere: Run) -> Run:
     """Runs vfguide in a directory that holds nothing but the law."""
@@ -62,6 +91,20 @@ def test_studies_fly_it_and_no_other_in_its_place(run: Run) -> None:
     assert pursuit.returncode == 0, pursuit.stderr
     assert pursuit.stdout.startswith("pursuit, slot_frame leader: 8 formations")
     assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
+
+
+def test_each_study_flies_it_and_no_other_in_its_place(tmp_path: Path, elsewhere: Run) -> None:
+    shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
+    (tmp_path / "studies.py").write_text(STUDIES)
+    flown = elsewhere("studies")
+    assert flown.returncode == 0, flown.stderr
+    found = json.loads(flown.stdout)
+    for study in (found["compared"], found["switched"]):
+        assert study["pursuit"] != study["slot"]
+        assert 0.0 < study["pursuit"] < 100.0
+    assert found["swept"]["pursuit"].keys() == found["swept"]["slot"].keys()
+    for sweep, error_m in found["swept"]["pursuit"].items():
+        assert error_m != found["swept"]["slot"][sweep]
 
 
 @pytest.mark.parametrize(
