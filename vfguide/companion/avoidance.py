@@ -26,7 +26,7 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, Viewpoint
 from vfguide.companion.traffic import Traffic, reaction_time
-from vfguide.elementwise import FloatArray, wrap_angle
+from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (
     CLEAR,
@@ -242,17 +242,17 @@ class KeepClear:
     ) -> bool:
         """Whether the wanted way leads so near to a silent vehicle that it is passed in height, from now on.
 
-        A leader that is late is not silent yet: the step for it ends with its next word.
+        Who is late is not silent yet: the step for it ends with its next word.
         """
         if aim.leader is None:
             return False
-        late = self._plan.foreign_leader is None and self._traffic.leader_is_late(here.time_s)
+        late = self._traffic.late(here.time_s, leader=self._plan.foreign_leader is None)
         agility = self._agility(navigated)
         over = leads_over(own, aim, found, agility)
         if over:
             self._stepped_s = here.time_s
-        elif late:
-            over = leads_over(own, aim, self._obstacles(here, aim, late=True), agility)
+        elif late is not None:
+            over = leads_over(own, aim, self._obstacles(here, aim, late=late), agility)
         if over:
             climb_m = self._height_for(here, own, aim, navigated, None, over=True, late=late)
             self._step_to(climb_m, here)
@@ -270,7 +270,12 @@ class KeepClear:
         )
 
     def _obstacles(
-        self, here: Viewpoint, aim: Intent, *, heights: bool = False, late: bool = False
+        self,
+        here: Viewpoint,
+        aim: Intent,
+        *,
+        heights: bool = False,
+        late: BoolArray | None = None,
     ) -> tuple[Others, list[Obstacle]] | None:
         """What all that may come near may do, and whose each possibility is; None where nothing may."""
         found = self._traffic.possibilities(here, aim.leader, heights=heights, late=late)
@@ -363,7 +368,7 @@ class KeepClear:
         *,
         begins: bool = False,
         over: bool = False,
-        late: bool = False,
+        late: BoolArray | None = None,
     ) -> float:
         """Step in height (m) beside all others; it stays for a while once the plane is enough again.
 
@@ -375,7 +380,7 @@ class KeepClear:
             clear: what it flies in the plane; None for what is wanted.
             begins: whether the plane is not enough now.
             over: whether a vehicle is to be passed in height, whatever the plane would leave.
-            late: whether a leader that is late counts as silent.
+            late: who counts as silent already.
         """
         if self._climb_m == 0.0 and not (begins or over):
             return 0.0

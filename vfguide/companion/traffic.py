@@ -45,11 +45,12 @@ LATER_S = 0.3
 """A vehicle that was heard by so much later than another shows that the link works without the other."""
 
 LATE_S = 0.35
-"""A leader whose next state is late by so much may be lost: too little to leave a slot for, enough to begin a
-climb that ends with its next word. At a loss of 20 % seven states in a row are lost once in an hour."""
+"""A vehicle whose next state is late by so much may be lost: too little to leave a slot for, enough to begin
+a climb that ends with its next word. At a loss of 20 % seven states in a row are lost once in an hour."""
 
-LATE_INTERVALS = 3.5
-"""The same in intervals of its states, where they are rarer."""
+LATE_INTERVALS = 2.5
+"""The same in intervals of its states, where they are rarer. Followers are heard five times a second: in
+slots 10 m apart, in a turn, SILENT_S is too late; at a loss of 20 % a needless climb there comes to 1 m."""
 
 FORGET_S = 12.0
 """After this its place is not known well enough to be avoided."""
@@ -97,10 +98,12 @@ class Traffic:
         self._link_lost_s = -math.inf
         self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
-        self._interval_s, self._seen_s, self._next_s = 0.0, math.nan, math.inf
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
         count = len(others)
         self._heard = Sightings(2 * count)
+        # Of the first rows: between states, the newest when `late` was last asked, when the next is due; s.
+        self._interval_s, self._seen_s = np.zeros(count), np.full(count, np.nan)
+        self._due_s = np.full(count, np.inf)
         self._believed, self._doubted = (
             self._heard.rows(0, count),
             self._heard.rows(count, 2 * count),
@@ -174,6 +177,8 @@ class Traffic:
 
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard
+        if row < len(self.vehicles):
+            self._interval_s[row] = state.time_s - known.time[row]
         if state.time_s - known.time[row] > SILENT_S:
             known.since[row], known.airspeed[row] = state.time_s, np.nan
         else:
@@ -188,16 +193,28 @@ class Traffic:
         known.steered[row] = state.steered
         known.held[row] = cmath.rect(1.0, state.course_setpoint)
         if self._leads[row]:
-            self._interval_s = state.time_s - self._leader_s
             self._leader_s = state.time_s
 
-    def leader_is_late(self, now: float) -> bool:
-        """Whether the leader's next state should have been there for a while; to be asked often."""
-        if self._leader_s != self._seen_s:
-            # It came now, or since this was asked last.
-            late_s = max(LATE_S, LATE_INTERVALS * self._interval_s)
-            self._seen_s, self._next_s = self._leader_s, now + late_s
-        return self._next_s < now <= self._leader_s + SILENT_S
+    def late(self, now: float, *, leader: bool = True) -> BoolArray | None:
+        """Whose next state should have been there for a while; None where nobody's; to be asked often.
+
+        Args:
+            now: s.
+            leader: whether the leader counts.
+        """
+        newest = self._believed.time
+        came = newest != self._seen_s
+        if np.logical_or.reduce(came):
+            # Now, or since this was asked last.
+            late_s = np.maximum(LATE_S, LATE_INTERVALS * self._interval_s[came])
+            self._due_s[came], self._seen_s[came] = now + late_s, newest[came]
+        if np.minimum.reduce(self._due_s, initial=np.inf) >= now:
+            return None
+        late = np.zeros_like(self._leads)
+        late[: len(newest)] = (self._due_s < now) & (now <= newest + SILENT_S)
+        if not leader:
+            late &= ~self._leads
+        return late if late.any() else None
 
     def vehicle_of(self, row: int) -> OtherVehicle:
         """The vehicle of a row."""
@@ -215,7 +232,7 @@ class Traffic:
         steered = heard.steered[row] and now - heard.time[row] <= SILENT_S
         return bool(steered and not self._leads[row])
 
-    def lost_for(self, now: float, *, late: bool = False) -> FloatArray:
+    def lost_for(self, now: float, *, late: BoolArray | None = None) -> FloatArray:
         """For how long (s) each is silent whose companion is thought to be dead; NaN for all others.
 
         Args:
@@ -229,13 +246,14 @@ class Traffic:
         return lost
 
     def _quiet(
-        self, age: FloatArray, known: BoolArray, *, late: bool
+        self, age: FloatArray, known: BoolArray, *, late: BoolArray | None
     ) -> tuple[BoolArray, BoolArray]:
         """(whether each is silent, and whether the link has worked without it), by when it was heard, s."""
         # A leader is heard with each of its reports: silence shows sooner.
-        stopped_s = 0.0 if late else min(self._stopped_s, SILENT_S)
-        quiet = age > np.where(self._leads, stopped_s, SILENT_S)
-        return quiet, self._works_for(known & quiet, 0.0 if late else LATER_S)
+        quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
+        if late is not None:
+            quiet |= late
+        return quiet, self._works_for(known & quiet, LATER_S if late is None else 0.0)
 
     def is_taken(self, row: int, now: float) -> bool:
         """Whether a vehicle is the leader, and is heard to be steered by no companion."""
@@ -263,7 +281,7 @@ class Traffic:
         leader: LeaderState[float] | None,
         *,
         heights: bool = False,
-        late: bool = False,
+        late: BoolArray | None = None,
     ) -> tuple[Others, IntArray] | None:
         """What the others may do that could come near, and whose row each possibility is of.
 
@@ -272,13 +290,13 @@ class Traffic:
             leader: of the formation it flies in, at the same time; None for the leader itself, which leaves
                 it to the steered ones to keep clear unless it is astray.
             heights: whether a step in height is looked for: then all count that it may lead to.
-            late: whether a leader that is late is taken to be silent already.
+            late: who is taken to be silent already (`late`).
 
         Returns:
             None where no vehicle can come near.
         """
         self._carry(here)
-        if not (heights or late) and self.is_clear(here, leader):
+        if not heights and late is None and self.is_clear(here, leader):
             return None
         age = here.time_s - self._heard.time
         known = age <= FORGET_S

@@ -1,10 +1,13 @@
-"""Followers keep their slots while their leader is lost: one whose path it crosses climbs over it."""
+"""Followers whose path a lost vehicle crosses climb over it: their leader, and a neighbour 10 m away."""
 
 import numpy as np
 import pytest
 
 from tests.benchmarks.strays import LEAST_M
-from tests.benchmarks.succession import figures, flown
+from tests.benchmarks.succession import MISSIONS, figures, flown
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.geometry import pair_separations
+from vfguide.mission import Mission, load_mission
 
 LEFT_M = 5.0
 """No follower leaves its slot by more, level."""
@@ -35,3 +38,17 @@ def test_all_keep_their_slots_when_the_leaders_companion_is_killed(
         assert climbed_m == pytest.approx(LAYER_M, abs=1.0)
     elif turbulence == "none":
         assert climbed_m == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize("lost_s", [46.0, 52.0])
+def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost_s: float) -> None:
+    # Each to the left behind the next, on a circle to the right: who flies straight on crosses their way.
+    content = load_mission(MISSIONS / "circle-wind.yaml").model_dump(exclude_unset=True)
+    for number, follower in enumerate(content["followers"], 1):
+        follower["slot"] = {"forward_m": -7.0 * number, "right_m": -7.0 * number}
+    loss = {"vehicle": "f1", "at_s": lost_s}
+    content["rehearsal"] |= {"duration_s": lost_s + 12.0, "start": {}, "losses": [loss]}
+    record = fly_lockstep(Mission.model_validate(content)).record
+    lost = record.time_s >= lost_s
+    nearest_m = min(float(pair.distance_m[lost].min()) for pair in pair_separations(record))
+    assert nearest_m >= LEAST_M

@@ -503,20 +503,28 @@ def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
 
 
 @pytest.mark.parametrize(("interval_s", "late_s"), [(0.05, LATE_S), (0.5, LATE_INTERVALS * 0.5)])
-def test_a_leader_whose_next_state_should_have_been_there_is_late_until_it_comes(
+def test_a_vehicle_whose_next_state_should_have_been_there_is_late_until_it_comes(
     plan: MakePlan, leader_bytes: LeaderBytes, interval_s: float, late_s: float
 ) -> None:
     traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
-    assert not traffic.leader_is_late(0.0)
+    assert traffic.late(0.0) is None
     for number in range(5):
         now = 10.0 + interval_s * number
         traffic.note("leader", heard_leader(plan, leader_bytes(now), now))
-        assert not traffic.leader_is_late(now)
-    assert not traffic.leader_is_late(now + late_s - 0.01)
-    assert traffic.leader_is_late(now + late_s + 0.01)
+        traffic.receive("f2", leader_bytes(now), now)
+        assert traffic.late(now) is None
+    assert traffic.late(now + late_s - 0.01) is None
+    both = traffic.late(now + late_s + 0.01)
+    assert both is not None
+    assert both[:2].tolist() == [True, True]
+    follower = traffic.late(now + late_s + 0.01, leader=False)
+    assert follower is not None
+    assert follower[:2].tolist() == [True, False]
     later = now + late_s + 0.05
     traffic.note("leader", heard_leader(plan, leader_bytes(later), later))
-    assert not traffic.leader_is_late(later + 0.01)
+    rest = traffic.late(later + 0.01)
+    assert rest is not None
+    assert rest[:2].tolist() == [True, False]
 
 
 def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts_as_silent(
@@ -528,8 +536,9 @@ def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts
     traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
     here = beside(10.5, east=10.0)
     assert np.isnan(traffic.lost_for(10.5)).all()
-    assert traffic.lost_for(10.5, late=True)[1] == pytest.approx(0.5)
-    usual, late = (traffic.possibilities(here, led(10.5), late=late) for late in (False, True))
+    leader = np.array([False, True, False, False])
+    assert traffic.lost_for(10.5, late=leader)[1] == pytest.approx(0.5)
+    usual, late = (traffic.possibilities(here, led(10.5), late=one) for one in (None, leader))
     assert late is not None
     # With the formation, and straight on: a vehicle that is steered does the first alone.
     assert usual is None or len(usual[1]) < len(late[1])
