@@ -3,13 +3,13 @@
 import asyncio
 import re
 import secrets
-import signal
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 from vfguide.commands.credentials import Credentials, KeyFiles, watched_formation
 from vfguide.commands.report import read_flight
+from vfguide.commands.shared_options import stop_event
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.lab.console.live import live_flight_of
@@ -157,10 +157,7 @@ def addresses_of(url: str, operator_token: str | None) -> tuple[str, ...]:
 
 async def tell_and_wait(*lines: str) -> None:
     """Print lines, and wait for Ctrl-C or SIGTERM."""
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
+    stop = stop_event()
     for line in lines:
         Terminal().tell(line)
     await stop.wait()

@@ -1,7 +1,6 @@
 """`vfguide identify`: fly steps with one vehicle, and find how its autopilot answers."""
 
 import asyncio
-import signal
 import sys
 import time
 from contextlib import suppress
@@ -11,6 +10,7 @@ from random import Random
 
 from vfguide.commands.companion import read_key
 from vfguide.commands.credentials import check_flies
+from vfguide.commands.shared_options import stop_event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import POLL_S, take_leave
@@ -21,8 +21,7 @@ from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Identification
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.profile import profile_text
-from vfguide.identification.recording import Findings, described
-from vfguide.identification.verdict import shortcoming
+from vfguide.identification.recording import Findings, described, shortcoming
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
 from vfguide.mavlink.framing import Introduction, Signing
@@ -123,10 +122,7 @@ async def flown(
     by_mavsdk: bool,
 ) -> None:
     """Fly until all steps are done, or SIGINT or SIGTERM; then hand back."""
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
+    stop = stop_event()
     connection: Connection | None = None
 
     def dispatch(answer: Outgoing) -> None:

@@ -1,6 +1,8 @@
-"""Arguments and options that several commands have."""
+"""What several commands share: arguments and options, and the signals that end them."""
 
+import asyncio
 import inspect
+import signal
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -10,6 +12,15 @@ import typer
 
 from vfguide.errors import InputError
 from vfguide.registry import use_plugins
+
+
+def stop_event() -> asyncio.Event:
+    """An event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    return stop
 
 
 def directory(text: str) -> Path:

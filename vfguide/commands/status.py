@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import signal
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from random import Random
@@ -15,6 +14,7 @@ from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.freshness import SILENT_S, Lookout, Seen
+from vfguide.commands.shared_options import stop_event
 from vfguide.commands.terminal import Terminal
 from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
@@ -100,9 +100,7 @@ async def keep_showing(
     Raises:
         VfguideError: no link stands at first; one that is lost later comes back by itself.
     """
-    loop, ended = asyncio.get_running_loop(), asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ended.set)
+    loop, ended = asyncio.get_running_loop(), stop_event()
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
         lookout = lookout_of(link, current)

@@ -1,9 +1,7 @@
 """The companion as a process: the one place with tasks, sockets and a clock."""
 
 import asyncio
-import gc
 import logging
-import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
@@ -492,21 +490,3 @@ def shared_clock(peer_clock: PeerClock | None) -> SharedClock:
     if peer_clock is None:
         return SAME_CLOCK
     return SharedClock(to_own=peer_clock.to_local, from_own=peer_clock.to_peer)
-
-
-async def run_until_stopped(
-    plan: FlightPlan, adapter: AutopilotAdapter, surroundings: Surroundings
-) -> None:
-    """Run a companion until SIGTERM or SIGINT.
-
-    Raises:
-        InputError: an address cannot be used.
-    """
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
-    # What the program consists of stays: looking for garbage among it takes 10 to 20 ms each time.
-    gc.collect()
-    gc.freeze()
-    await Daemon(plan, adapter, surroundings).run(stop)

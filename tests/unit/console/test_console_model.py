@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.lab.console.history import MODES, SERIES
 from vfguide.lab.console.model import Formation, slot_of
-from vfguide.lab.console.series import MODES, SERIES
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission, load_mission

@@ -6,8 +6,7 @@ import pytest
 from vfguide.commands import identify as command
 from vfguide.identification.core import Identification
 from vfguide.identification.fit import Estimate, Response
-from vfguide.identification.recording import Findings, Recording
-from vfguide.identification.verdict import shortcoming
+from vfguide.identification.recording import Findings, Recording, shortcoming
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
 

@@ -7,8 +7,7 @@ from typing import Protocol
 from matplotlib.figure import Figure
 
 from vfguide.errors import InputError
-from vfguide.lab.report.errors_plot import errors_figure
-from vfguide.lab.report.heights_plot import heights_figure
+from vfguide.lab.report.errors_plot import errors_figure, heights_figure
 from vfguide.lab.report.picture import picture_of, save_figure
 from vfguide.lab.report.separation_plot import separation_figure
 from vfguide.lab.report.setpoints_plot import setpoints_figure

@@ -1,4 +1,7 @@
-"""Flights of a study: the article's missions, flown over processes or machines, and their figures."""
+"""Flights of a study: the article's missions, flown over processes or machines, and their figures.
+
+Studies of orders and predictions ask, too, whether a flight stayed within its fence.
+"""
 
 import math
 import os
@@ -11,7 +14,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from vfguide.elementwise import FloatArray
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.errors import VfguideError
 from vfguide.extras import import_extra
 from vfguide.guidance.airframe import GRAVITY
@@ -21,6 +24,8 @@ from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import FollowerSummary
 from vfguide.mission.controller import with_law
+from vfguide.mission.fence_check import Track, tracks_beyond_the_fence
+from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 
@@ -301,3 +306,27 @@ def tracks_of(record: FlightRecord) -> Tracks:
             for one in record.followers
         },
     )
+
+
+def beyond_when_flown(
+    mission: Mission, record: FlightRecord, during: BoolArray
+) -> Iterator[Finding]:
+    """Vehicles that leave the fence of a mission and of its path; each is at ("vehicles", name).
+
+    Args:
+        mission: on the path that is flown then.
+        record: of the flight.
+        during: samples of it that count.
+    """
+    if not during.any():
+        return
+
+    def flown(_: Mission) -> Iterator[Track]:
+        for one in (record.leader, *record.followers):
+            height = one.altitude_amsl_m - mission.origin.altitude_amsl_m
+            place = ("vehicles", one.name)
+            yield Track(one.name, place, one.north_m[during], one.east_m[during], height[during])
+
+    for finding in tracks_beyond_the_fence(mission, flown):
+        if finding.severity == "error":
+            yield finding

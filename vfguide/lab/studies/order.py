@@ -24,19 +24,19 @@ from vfguide.lab.rehearsal.aircraft import (
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error
-from vfguide.lab.studies.flown_fence import beyond_when_flown
+from vfguide.lab.studies.flown import beyond_when_flown
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
 from vfguide.mission.flight_limits import climb_limits
-from vfguide.mission.model import Follower, Mission
+from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import (
     LeaderPlace,
     height_of,
     on_path,
     planned_place,
     point_beside,
+    with_slots,
 )
-from vfguide.mission.orders import Slot
 from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.record.flight import FlightRecord
 
@@ -277,13 +277,6 @@ def _at_present(
         **formation.slots,
         **{name: place.begin for name, place in joins.items() if place is not None},
     }
-    followers = tuple(
-        Follower(
-            vehicle=name,
-            slot=Slot(forward_m=point.forward, right_m=point.right, up_m=point.up),
-        )
-        for name, point in slots.items()
-    )
     begins = {name: starts.get(name, FollowerStart()) for name in slots}
     begin = (
         mission.rehearsal.start.leader
@@ -298,4 +291,4 @@ def _at_present(
     )
     start = Start.model_validate({"leader": begin, **begins})
     rehearsal = mission.rehearsal.model_copy(update={"start": start, "duration_s": end_s})
-    return mission.model_copy(update={"followers": followers, "rehearsal": rehearsal, "orders": ()})
+    return with_slots(mission, slots).model_copy(update={"rehearsal": rehearsal, "orders": ()})

@@ -18,7 +18,7 @@ from vfguide.lab.rehearsal.lockstep import Flight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
-from vfguide.lab.studies.flown_fence import beyond_when_flown
+from vfguide.lab.studies.flown import beyond_when_flown
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.flight_path import height_span, path_of
