@@ -36,6 +36,7 @@ from vfguide.formation.arrangement import (
     agreed_number,
 )
 from vfguide.formation.wording import arrangement_in_words
+from vfguide.guidance.height_change import stopping_way
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
@@ -68,6 +69,9 @@ REPEAT_S, REPEAT_RANK_S = 1.0, 0.3
 
 APPOINTED_S = 1.0
 """Who is to lead by an order, and is not steered by its companion for so long, does not."""
+
+RATE_S = 0.1
+"""Over this long the climb rate of the leader's height is looked at, with which a hold begins."""
 
 PATIENCE_S = 3.0
 """An order that is known to be flown and was not repeated for so long is worth a text."""
@@ -491,6 +495,9 @@ class Arrangements:
         height = self._plan.height - self._plan.up
         if self.leader_height is not None:
             height = self.leader_height(ahead_s)
+            if circle is not None:
+                rate = (self.leader_height(ahead_s + RATE_S) - height) / RATE_S
+                height += stopping_way(rate)
         objection = ceiling_objection(
             order, place, self._plan, height, self.flight.ceiling
         ) or climb_objection(order, self._plan, height, self.flight.chosen_path)

@@ -16,6 +16,7 @@ from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.height import (
     PLANNED_S,
     UNPLANNED_S,
+    BesidePath,
     HeightDeviation,
     HeightTarget,
     followed_height,
@@ -250,20 +251,22 @@ class FollowedLeader:
         *,
         steered: bool,
     ) -> HeightTarget:
-        """What the mission says of the leader's height; on the circle of a hold, the one where it began."""
+        """What the mission says of the leader's height; on the circle of a hold, that of the hold."""
         known = self._routed_leader()
         if isinstance(known, ForeignLeader):
             return held_height(known.height)
-        if self._arrangements.flight.circle is not None:
-            return self._planned.hold(leader)
-        return self._planned.along(
-            known.path,
-            point,
-            leader,
-            flying=known.height,
-            ahead_s=ahead_s,
-            steered=steered,
-        )
+        flight = self._arrangements.flight
+        late = flight.is_late(leader.time_s)
+        if flight.circle is not None:
+            found = self._planned.hold(leader, ahead_s=ahead_s, late=late)
+        else:
+            beside = BesidePath(
+                path=known.path, point=point, motion=leader, flying=known.height, ahead_s=ahead_s
+            )
+            found = self._planned.along(beside, steered=steered, late=late)
+        if self._planned.began_anew:
+            self._deviation = None
+        return found
 
     def height(self, leader: LeaderState[float], now: float, ahead_s: float) -> HeightTarget:
         """How high it flies: now, and in so many seconds, when a setpoint takes effect."""

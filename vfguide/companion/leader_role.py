@@ -18,7 +18,7 @@ from vfguide.companion.state_publisher import StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic
-from vfguide.guidance.height import HeightTarget
+from vfguide.guidance.height import BesidePath, HeightTarget
 from vfguide.guidance.path import PathPoint, desired_course
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
@@ -126,17 +126,19 @@ class LeaderRole(Role):
         *,
         steered: bool,
     ) -> HeightTarget:
-        """Its height: now, and in so many seconds; on the circle of a hold that where it began."""
-        if self._arrangements.flight.circle is not None:
-            return self._planned.hold(motion)
-        return self._planned.along(
-            self._task.path,
-            point,
-            motion,
+        """Its height: now, and in so many seconds; on the circle of a hold that of the hold."""
+        flight = self._arrangements.flight
+        late = flight.is_late(motion.time_s)
+        if flight.circle is not None:
+            return self._planned.hold(motion, ahead_s=ahead_s, late=late)
+        beside = BesidePath(
+            path=self._task.path,
+            point=point,
+            motion=motion,
             flying=self._task.height,
             ahead_s=ahead_s,
-            steered=steered,
         )
+        return self._planned.along(beside, steered=steered, late=late)
 
     def _ordered_task(self, now: float) -> LeaderTask:
         """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""

@@ -28,6 +28,9 @@ LAYER_CLEAR_M = 7.0
 GONE_M = 1000.0
 """In place of the spacing to a vehicle that has no slot."""
 
+LATE_S = 0.5
+"""Who learns of an order so long after it began, as after a start in flight, has not seen where that was."""
+
 BESIDE_M = 30.0
 """A leader that is further away from the circle does not fly it."""
 
@@ -307,6 +310,11 @@ class OrderedFlight:
         if self.time_of(self.order, now) > flown.time_s + flown.duration_s:
             self._settled = flown, found
         return found
+
+    def is_late(self, now: float) -> bool:
+        """Whether the order that is flown began long before a time (s of one's own clock)."""
+        order = self.order
+        return order is not None and self.time_of(order, now) > order.arrangement.time_s + LATE_S
 
     def left(self, now: float) -> float:
         """How long the slots still move by what is flown, s; not positive once they have arrived."""

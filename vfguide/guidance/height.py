@@ -90,30 +90,32 @@ def path_speed(point: PathPoint[float], motion: LeaderState[float]) -> float:
     return motion.ground_speed * tangent_rate_per_speed(point, motion.course) / point.curvature
 
 
-def path_height(
-    path: Path,
-    point: PathPoint[float],
-    motion: LeaderState[float],
-    *,
-    flying: float,
-    ahead_s: float,
-) -> HeightTarget:
-    """The height that a path asks of a leader beside a point of it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BesidePath:
+    """A leader beside its path, and how far its height is looked ahead."""
 
-    Args:
-        path: the leader's.
-        point: of it, nearest to the leader.
-        motion: of the leader at that place.
-        flying: the mission's flying height, m above the origin, from which the path's heights count.
-        ahead_s: from the motion's time to when a setpoint takes effect, s.
-    """
+    path: Path
+    """The leader's."""
+    point: PathPoint[float]
+    """Of the path, nearest to the leader."""
+    motion: LeaderState[float]
+    """Of the leader at that place."""
+    flying: float
+    """The mission's flying height, m above the origin, from which the path's heights count."""
+    ahead_s: float
+    """From the motion's time to when a setpoint takes effect, s."""
+
+
+def path_height(leader: BesidePath) -> HeightTarget:
+    """The height that a path asks of a leader beside it."""
+    point, motion, ahead_s = leader.point, leader.motion, leader.ahead_s
     speed = path_speed(point, motion)
     growth = motion.acceleration / max(motion.ground_speed, 1.0)
     run = speed * ahead_s * (1.0 + 0.5 * growth * min(ahead_s, FASTER_S))
     return HeightTarget(
-        height=flying + point.height,
+        height=leader.flying + point.height,
         climb_rate=point.slope * speed,
-        ahead=flying + path.at(point.progress + run).height,
+        ahead=leader.flying + leader.path.at(point.progress + run).height,
     )
 
 

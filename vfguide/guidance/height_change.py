@@ -85,6 +85,15 @@ def closing_rate(error: float) -> float:
     return math.copysign(math.sqrt(2.0 * CLOSING_ACCELERATION * (size - 0.5 * small)), error)
 
 
+def stopping_way(climb_rate: float) -> float:
+    """The way (m, positive up) on which a climb rate (m/s) comes to rest evenly: see `closing_rate`."""
+    size, small = abs(climb_rate), CLOSING_ACCELERATION / CLOSING_1_S
+    if size <= small:
+        return climb_rate / CLOSING_1_S
+    way = 0.5 * (size * size / CLOSING_ACCELERATION + small / CLOSING_1_S)
+    return math.copysign(way, climb_rate)
+
+
 def changed_height(
     before: HeightMotion, target: HeightTarget, time_s: float, limits: ClimbLimits
 ) -> HeightMotion:

@@ -11,12 +11,20 @@ from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transi
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
-from vfguide.guidance.height_change import SHARE
+from vfguide.guidance.height import HeightTarget
+from vfguide.guidance.height_change import (
+    SHARE,
+    ClimbLimits,
+    HeightMotion,
+    changed_height,
+    stopping_way,
+)
 from vfguide.guidance.path import PathPoint
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import (
+    climb_limits,
     climbs_beyond_limits,
     leader_in_wind,
     slots_beyond_centre,
@@ -164,7 +172,7 @@ def resolve(
     checks = OF_SLOTS if order.path is None else OF_PATHS
     for finding in (
         *_misfits(ordered, conditions, checks),
-        *_outside(ordered, found.circle, height_of(mission, leader)),
+        *_outside(ordered, found.circle, hold_height(mission, leader)),
     ):
         raise RefusedOrderError(f"{_whose(finding, ordered)}{finding.message}; {finding.remedy}")
     if order.path is not None:
@@ -248,6 +256,11 @@ def height_of(mission: Mission, leader: LeaderPlace) -> float:
     return mission.height_above_origin_m + float(point_beside(mission, leader).height)
 
 
+def hold_height(mission: Mission, leader: LeaderPlace) -> float:
+    """Height of a leader above the origin in a hold, m: where its climb has come to rest."""
+    return height_of(mission, leader) + stopping_way(leader.climb_rate)
+
+
 def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
     """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
@@ -277,6 +290,52 @@ def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
     return mission.model_copy(update={"followers": followers})
 
 
+class _LeaderPlan:
+    """Where the leader of a time table is, about: along its path at its airspeed, at its planned height."""
+
+    def __init__(self, mission: Mission) -> None:
+        """Begin at the beginning of the mission's path."""
+        self._mission = self._flown = mission
+        self._limits: ClimbLimits = climb_limits(mission)
+        # On its path the leader is at this progress (m) at this time (s).
+        self._progress = self._since_s = 0.0
+        self._held: LeaderPlace | None = None
+        self._change: HeightMotion | None = None
+
+    def at(self, time_s: float) -> LeaderPlace:
+        """Where it is at a time, s."""
+        place = self._held or self._beside_path(time_s)
+        if self._held is not None or self._change is None:
+            return place
+        motion = self._change
+        for step in range(math.ceil(time_s - motion.time_s) - 1, -1, -1):
+            target = self._beside_path(time_s - step)
+            planned = HeightTarget(
+                height=target.height, climb_rate=target.climb_rate, ahead=target.height
+            )
+            motion = changed_height(motion, planned, time_s - step, self._limits)
+        return replace(place, height=motion.height, climb_rate=motion.climb_rate)
+
+    def hold(self, leader: LeaderPlace) -> None:
+        """Stay where it is: a hold ends about where it has begun."""
+        height = hold_height(self._mission, leader)
+        self._held = replace(leader, height=height, climb_rate=0.0)
+
+    def go_to(self, path: str, leader: LeaderPlace, time_s: float) -> None:
+        """Leave a place at a time (s) for a path."""
+        self._flown, self._held = on_path(self._mission, path), None
+        point = point_beside(self._flown, leader)
+        self._progress = float(point.progress)
+        away_s = abs(point.cross_track_error) / self._mission.leader.airspeed_m_s
+        self._since_s = time_s + away_s
+        self._change = HeightMotion(
+            time_s=time_s, height=leader.height, climb_rate=leader.climb_rate
+        )
+
+    def _beside_path(self, time_s: float) -> LeaderPlace:
+        return planned_place(self._flown, time_s - self._since_s, progress=self._progress)
+
+
 def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
     """The arrangements of a mission's orders, each from where the one before leads to.
 
@@ -285,12 +344,9 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
     """
     formation = formation_of_mission(mission)
     found = []
-    # On its path the leader is at this progress (m) at this time (s).
-    progress = since_s = 0.0
-    held: LeaderPlace | None = None
+    plan = _LeaderPlan(mission)
     for number, timed in enumerate(mission.orders, 1):
-        flown = on_path(mission, formation.path)
-        leader = held or planned_place(flown, timed.at_s - since_s, progress=progress)
+        leader = plan.at(timed.at_s)
         try:
             arrangement, way = resolve(
                 mission, timed.order, formation, number=number, time_s=timed.at_s, leader=leader
@@ -298,12 +354,10 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
         except RefusedOrderError as error:
             raise RefusedOrderError(f"orders[{number - 1}], at {timed.at_s:g} s: {error}") from None
         found.append((arrangement, way))
-        if timed.path is not None or timed.action == "resume":
-            point = point_beside(on_path(mission, arrangement.path), leader)
-            progress = float(point.progress)
-            since_s = timed.at_s + abs(point.cross_track_error) / mission.leader.airspeed_m_s
-        # A hold ends about where it has begun.
-        held = replace(leader, climb_rate=0.0) if arrangement.flown is Manoeuvre.HOLD else None
+        if arrangement.flown is Manoeuvre.HOLD:
+            plan.hold(leader)
+        elif timed.path is not None or timed.action == "resume":
+            plan.go_to(arrangement.path, leader, timed.at_s)
         formation = formation.after(arrangement)
     for (before, _), (after, _) in pairwise(found):
         late_s = before.time_s + before.duration_s - after.time_s

@@ -142,6 +142,19 @@ def test_the_rate_of_a_climb_goes_over_into_that_of_the_change(fly: Fly) -> None
     assert slot_heights(flight) < 0.3
 
 
+@pytest.mark.parametrize("restart_s", [22.0, 35.0, 46.0])
+def test_a_follower_that_is_restarted_in_the_middle_of_a_climb_climbs_on_with_its_leader(
+    fly: Fly, restart_s: float
+) -> None:
+    flight = fly(beside_the_main_path(60.0))
+    flight.until(restart_s)
+    flight.restart("f1")
+    flight.until(75.0)
+    record = flight.record()
+    assert slot_heights(flight) < 0.7
+    assert up(flight, record.followers[0])[-1] == pytest.approx(60.0, abs=0.1)
+
+
 @pytest.mark.parametrize("pilot", [False, True])
 def test_who_takes_the_leader_up_again_goes_on_from_its_height(
     fly: Fly, monkeypatch: pytest.MonkeyPatch, *, pilot: bool
@@ -186,6 +199,20 @@ def test_a_deputy_that_leads_on_takes_all_to_the_height_that_was_ordered(fly: Fl
     assert np.abs(apart[round(AT_S * RATE_HZ) :]).max() < 0.5
     for vehicle in record.followers:
         assert climb_rates(flight, vehicle).max() <= CLIMB_M_S + HOLD_M_S
+
+
+def test_a_hold_in_the_middle_of_a_climb_ends_it_evenly(fly: Fly) -> None:
+    flight = fly(beside_the_main_path(60.0), {"at_s": 36.0, "action": "hold"})
+    flight.until(36.0)
+    begin = up(flight, flight.record().leader)[-1]
+    flight.until(70.0)
+    leader = flight.record().leader
+    rates = climb_rates(flight, leader)
+    assert np.abs(np.diff(rates)).max() * RATE_HZ <= ACCELERATION_M_S2
+    # From 2 m/s at 0.4 m/s² and then exponentially: 2² / 0.8 + 0.3 m.
+    assert up(flight, leader)[-1] == pytest.approx(begin + 5.3, abs=0.3)
+    assert rates.min() > -HOLD_M_S
+    assert slot_heights(flight) == pytest.approx(45.0, abs=0.5)
 
 
 def test_after_a_hold_all_climb_back_to_the_path_together(fly: Fly) -> None:

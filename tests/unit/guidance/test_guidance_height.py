@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from vfguide.guidance.height import (
     ENOUGH,
+    BesidePath,
     HeightDeviation,
     HeightTarget,
     Neighbour,
@@ -48,7 +49,9 @@ NORTHBOUND: LeaderState[float] = LeaderState(
 
 def target(motion: LeaderState[float], ahead_s: float) -> HeightTarget:
     point = CLIMB.nearest_in_space(motion.north, motion.east, motion.course, 0.0)
-    return path_height(CLIMB, point, motion, flying=100.0, ahead_s=ahead_s)
+    return path_height(
+        BesidePath(path=CLIMB, point=point, motion=motion, flying=100.0, ahead_s=ahead_s)
+    )
 
 
 def test_a_setpoint_leads_a_steady_climb_by_the_delay() -> None:
@@ -78,7 +81,8 @@ def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it() -> None:
         NORTHBOUND, north=share * place.north, east=share * place.east, course=place.course
     )
     point = helix.nearest_in_space(motion.north, motion.east, motion.course, place.height)
-    found = path_height(helix, point, motion, flying=0.0, ahead_s=2.0)
+    beside = BesidePath(path=helix, point=point, motion=motion, flying=0.0, ahead_s=2.0)
+    found = path_height(beside)
     # The point beside it runs at 20 / 1.25 m/s.
     assert found.climb_rate == pytest.approx(1.6)
     assert found.ahead == pytest.approx(place.height + 3.2)

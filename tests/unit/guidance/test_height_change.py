@@ -16,6 +16,7 @@ from vfguide.guidance.height_change import (
     change_duration,
     changed_height,
     closing_rate,
+    stopping_way,
     target_on_the_way,
 )
 
@@ -112,3 +113,15 @@ def test_a_setpoint_is_what_the_change_comes_to_when_it_takes_effect() -> None:
 def test_nothing_takes_no_time() -> None:
     assert change_duration(0.0, ClimbLimits()) == 0.0
     assert math.isfinite(change_duration(10.0, LIMITS))
+
+
+@pytest.mark.parametrize(("rate", "way"), [(2.0, 5.3125), (0.4, 0.5), (-1.0, -1.5625), (0.0, 0.0)])
+def test_a_climb_comes_to_rest_on_the_way_that_its_rate_needs(rate: float, way: float) -> None:
+    # Beyond 0.5 m/s the square of it over twice 0.4 m/s², and 0.3 m; below it over 0.8 1/s.
+    assert stopping_way(rate) == pytest.approx(way)
+    assert closing_rate(way) == pytest.approx(rate)
+    begin = HeightMotion(time_s=0.0, height=100.0, climb_rate=rate)
+    rest = held_height(100.0 + way)
+    heights = [changed_height(begin, rest, 0.1 * step, LIMITS).height for step in range(200)]
+    assert heights[-1] == pytest.approx(100.0 + way, abs=0.01)
+    assert max(abs(height - 100.0) for height in heights) <= abs(way) + 0.02

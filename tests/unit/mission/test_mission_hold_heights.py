@@ -56,9 +56,34 @@ def test_a_second_hold_is_where_the_first_was_left() -> None:
         {"at_s": 100, "action": "resume"},
         {"at_s": 140, "action": "hold"},
     ]
-    # Of 140 s it has flown along its path for 80: 331.6 m and 45 m above that are within the fence. Without
+    # Of 140 s it has flown along its path for 80: 331.6 m, 11.5 m on which its climb comes to rest, and 45 m
+    # above that are within the fence. Without
     # the first hold it would be at its end, 435 m, and f3 at 480 m.
     assert len(timetable(climbing(*orders, fence={"max_height_m": 450}))) == 3
+
+
+@pytest.mark.parametrize(("max_height_m", "refused"), [(218, False), (216, True)])
+def test_a_hold_in_the_middle_of_a_change_of_height_counts_from_where_that_comes_to_rest(
+    max_height_m: float, refused: bool
+) -> None:
+    # From 200 m to a path at 100 m, at 1.5 m/s, half of 3, which takes 3 s to reach: after 18 s 24.75 m down.
+    # That comes to rest 3.1 m lower, at 172.1 m, and f3 holds 45 m above that. The new path is at 100 m.
+    low = {"north_m": 0, "east_m": 0}
+    corners = [low, {"north_m": 9000, "east_m": 9000}]
+    high = [{**corner, "up_m": 100} for corner in corners]
+    content = load_mission(Path("shapes")).model_dump(exclude_unset=True)
+    content |= {
+        "path": {"type": "waypoints", "waypoints": high},
+        "paths": {"low": {"type": "waypoints", "waypoints": corners}},
+        "orders": [{"at_s": 10, "path": "low"}, {"at_s": 28, "action": "hold"}],
+        "fence": {"max_height_m": max_height_m},
+    }
+    mission = Mission.model_validate(content)
+    if not refused:
+        assert len(timetable(mission)) == 2
+        return
+    with pytest.raises(RefusedOrderError, match="'f3' flies 217 m"):
+        timetable(mission)
 
 
 @pytest.mark.parametrize(
@@ -82,12 +107,13 @@ def test_an_order_to_hold_counts_from_the_height_at_which_the_leader_is(
         resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
 
 
-@pytest.mark.parametrize(("max_height_m", "flown"), [(344, True), (337, False)])
+@pytest.mark.parametrize(("max_height_m", "flown"), [(361, True), (349, False)])
 def test_an_order_is_rehearsed_from_the_height_and_the_turn_of_the_helix_at_which_the_leader_is(
     max_height_m: float, flown: bool
 ) -> None:
-    # The leader is at 272 m after a minute, on its third turn. The hold begins 8 s later, at 296 m; f3 holds
-    # at 341 m.
+    # The leader is at 272 m after a minute, on its third turn. The hold begins 8 s later, at 296 m, and
+    # its climb of 3 m/s comes to rest within 11.5 m; f3 holds at 352.5 m.
+    # Companions that have heard their leader for 2 s only expect some more.
     fenced = climbing(fence={"max_height_m": max_height_m})
     formation, leader = formation_of_mission(fenced), planned_place(fenced, 60.0)
     # As a program resolves it that knows no fence.
