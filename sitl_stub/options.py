@@ -1,14 +1,17 @@
-"""What the values of options mean: a text or a value of a file in, one checked value out."""
+"""What options and their values mean: a text or a value of a file in, one checked value out."""
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from typing import cast
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
 
+from pydantic import BeforeValidator, PlainValidator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.air import ArticleWind, CalmWind, DiscreteGust, SteadyWind, Wind
 from sitl_stub.route import Route
+from sitl_stub.sensor_errors import Fault
 from sitl_stub.telemetry import TELEMETRY
 
 MAX_WIND_M_S = 50.0
@@ -150,3 +153,47 @@ def parse_stream(text: str) -> tuple[int, int]:
             f"--stream: {text} is not a message and its rate, such as FOLLOW_TARGET:10"
         )
     return number, round(1e6 / rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How a field is an option of the command."""
+
+    metavar: str | None = None
+    """What its value looks like."""
+    name: str | None = None
+    """Without dashes; None: the field's name without its unit."""
+    shown: str | None = None
+    """Its default in the help, where that is no number or word."""
+
+
+def numbers(option: str, names: str) -> BeforeValidator:
+    """Takes finite numbers from a list or from a text with commas."""
+    return BeforeValidator(lambda value: tuple(parse_numbers(option, value, names)))
+
+
+def each(parse: Callable[[Any], object]) -> PlainValidator:
+    """Takes a list of values that are parsed one by one."""
+    return PlainValidator(lambda values: tuple(parse(one) for one in listed(values)))
+
+
+def listed(values: object) -> Iterable[object]:
+    """The values of a list, or a single one."""
+    return values if isinstance(values, list | tuple) else [values]
+
+
+def glitch(value: object) -> Fault:
+    """AT,FOR,N,E: positions off for a time."""
+    return Fault("offset", *parse_numbers("--gps-glitch", value, "AT,FOR,N,E"))
+
+
+def stream(value: object) -> tuple[int, int]:
+    """NAME:HZ as a number and an interval in microseconds."""
+    return parse_stream(str(value))
+
+
+def named_numbers(value: object) -> dict[str, float]:
+    """Numbers by name, or a list of NAME=VALUE."""
+    if isinstance(value, Mapping):
+        return {str(name): float(number) for name, number in value.items()}
+    return dict(parse_plant_option(str(one)) for one in listed(value))

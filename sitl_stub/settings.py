@@ -7,8 +7,7 @@ option of the command is that name without its unit, its help the docstring.
 import math
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -31,14 +30,18 @@ from sitl_stub.config import AutopilotConfig
 from sitl_stub.geometry import displace
 from sitl_stub.links import Address, parse_address
 from sitl_stub.options import (
+    Option,
     OptionError,
     checked,
+    each,
+    glitch,
+    listed,
+    named_numbers,
+    numbers,
     parse_gust,
-    parse_numbers,
-    parse_plant_option,
     parse_route,
-    parse_stream,
     parse_wind,
+    stream,
 )
 from sitl_stub.personality import Loops
 from sitl_stub.plants import options_of
@@ -53,50 +56,6 @@ MAX_COUNT = 100
 
 UNIT = re.compile(r"_(1_s|m_s2|m_s|deg|hz|m|s)$")
 """The end of a field's name that its option does without."""
-
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """How a field is an option of the command."""
-
-    metavar: str | None = None
-    """What its value looks like."""
-    name: str | None = None
-    """Without dashes; None: the field's name without its unit."""
-    shown: str | None = None
-    """Its default in the help, where that is no number or word."""
-
-
-def numbers(option: str, names: str) -> BeforeValidator:
-    """Takes finite numbers from a list or from a text with commas."""
-    return BeforeValidator(lambda value: tuple(parse_numbers(option, value, names)))
-
-
-def each(parse: Callable[[Any], object]) -> PlainValidator:
-    """Takes a list of values that are parsed one by one."""
-    return PlainValidator(lambda values: tuple(parse(one) for one in listed(values)))
-
-
-def listed(values: object) -> Iterable[object]:
-    """The values of a list, or a single one."""
-    return values if isinstance(values, list | tuple) else [values]
-
-
-def glitch(value: object) -> Fault:
-    """AT,FOR,N,E: positions off for a time."""
-    return Fault("offset", *parse_numbers("--gps-glitch", value, "AT,FOR,N,E"))
-
-
-def stream(value: object) -> tuple[int, int]:
-    """NAME:HZ as a number and an interval in microseconds."""
-    return parse_stream(str(value))
-
-
-def named_numbers(value: object) -> dict[str, float]:
-    """Numbers by name, or a list of NAME=VALUE."""
-    if isinstance(value, Mapping):
-        return {str(name): float(number) for name, number in value.items()}
-    return dict(parse_plant_option(str(one)) for one in listed(value))
 
 
 LowHigh = tuple[float, float]

@@ -19,7 +19,7 @@ from vfguide.registry import autopilots
 
 @autopilot("auto")
 class DetectedAutopilot(AutopilotAdapter):
-    """Adapter for whichever autopilot is heard first; it stays with that one."""
+    """Adapter for the autopilot that is heard first. It stays with that one, and asks for nothing before."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
@@ -27,47 +27,47 @@ class DetectedAutopilot(AutopilotAdapter):
 
     @property
     def is_ready(self) -> bool:
-        """As the one that was found; never before."""
+        """What the autopilot that was found has here; False while none is."""
         return self._found is not None and self._found.is_ready
 
     @property
     def counts_ground_stations(self) -> bool:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return self._found is not None and self._found.counts_ground_stations
 
     @property
     def streams_before_engaging(self) -> bool:
-        """As the one that was found; True before, since it may turn out to be so."""
+        """What the autopilot that was found has here; True while none is, since it may turn out to be so."""
         return self._found is None or self._found.streams_before_engaging
 
     @property
     def holds_altitude(self) -> bool:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return self._found is not None and self._found.holds_altitude
 
     @property
     def keep_alive_s(self) -> float:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return 0.0 if self._found is None else self._found.keep_alive_s
 
     @property
     def parts_belong_together(self) -> bool:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return self._found is None or self._found.parts_belong_together
 
     @property
     def engaged_name(self) -> str:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return "the guided mode" if self._found is None else self._found.engaged_name
 
     @property
     def heartbeat_shows_flight(self) -> bool:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return self._found is not None and self._found.heartbeat_shows_flight
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return () if self._found is None else self._found.parameters
 
     def recognise(self, autopilot: int) -> str | None:
@@ -82,48 +82,48 @@ class DetectedAutopilot(AutopilotAdapter):
         return f"the vehicle is {autopilot_name(autopilot)}, which is not spoken here: not steered"
 
     def questions(self) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.questions()
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return None if self._found is None else self._found.hear(report)
 
     def parameter_value(self, report: ParameterReport) -> float:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return report.value if self._found is None else self._found.parameter_value(report)
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         found = self._found
         return AutopilotResponse() if found is None else found.response(parameters, needs)
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.parameter_warnings(parameters, needs)
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.parameter_faults(parameters, needs)
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """As the one that was found; never before."""
+        """What the autopilot that was found has here; False while none is."""
         return self._found is not None and self._found.is_engaged(custom_mode)
 
     def is_handed_back(self, custom_mode: int) -> bool:
-        """As the one that was found; never before."""
+        """What the autopilot that was found has here; False while none is."""
         return self._found is not None and self._found.is_handed_back(custom_mode)
 
     def mode_name(self, custom_mode: int) -> str:
-        """As the one that was found; a number before."""
+        """The name that the autopilot that was found has for it; its number while none is."""
         return f"mode {custom_mode}" if self._found is None else self._found.mode_name(custom_mode)
 
     def goes_home(self, custom_mode: int) -> bool:
-        """As the one that was found; never before."""
+        """What the autopilot that was found has here; False while none is."""
         return self._found is not None and self._found.goes_home(custom_mode)
 
     def denies_guided(self, report: CommandReport) -> bool:
-        """As the one that was found; never before."""
+        """What the autopilot that was found has here; False while none is."""
         return self._found is not None and self._found.denies_guided(report)
 
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
@@ -131,21 +131,21 @@ class DetectedAutopilot(AutopilotAdapter):
         return telemetry_at(self._vehicle, rate_hz)
 
     def engage(self) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.engage()
 
     def hand_back(self) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.hand_back()
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.fly(setpoint)
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.stay_ready(setpoint)
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """As the one that was found."""
+        """What the autopilot that was found has here."""
         return [] if self._found is None else self._found.hold_altitude(altitude_amsl)

@@ -12,7 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vfguide.mavlink.ardupilot import NAMES, arduplane_faults, arduplane_warnings
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.parameters import FlightNeeds, request_parameters
-from vfguide.mavlink.px4 import Px4, px4_faults, px4_warnings
+from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.px4_parameters import px4_faults, px4_warnings
 from vfguide.mavlink.reports import ParameterReport
 
 Make = Callable[..., Any]

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
-from vfguide.mavlink.px4 import Px4, px4_response, px4_warnings
+from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.px4_parameters import px4_response, px4_warnings
 
 Make = Callable[..., Any]
 
