@@ -198,7 +198,7 @@ def described(config: AutopilotConfig) -> list[Parameter]:
 
 
 def guided_p(config: AutopilotConfig) -> float:
-    """As flown by the bank plant; else the bank per course error that gives the plant's alpha."""
+    """GUIDED_P as the bank plant flies it; else the bank per course error that gives the plant's alpha."""
     plant = config.plant
     if plant.banks:
         return plant.guided_p_cdeg_rad

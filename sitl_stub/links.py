@@ -141,7 +141,7 @@ class UdpLink(asyncio.DatagramProtocol):
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
-        """Somebody spoke."""
+        """A datagram came."""
         # Last in the dictionary is who spoke last.
         self._heard_s.pop(addr, None)
         self._heard_s[addr] = asyncio.get_running_loop().time()

@@ -76,10 +76,10 @@ class Report(NamedTuple):
     """Motion as measured."""
 
     latitude_rad: float
-    """As measured: with noise, if there is any."""
+    """Latitude as it is measured: with noise, if there is any."""
 
     longitude_rad: float
-    """As measured."""
+    """Longitude as it is measured."""
 
     personality: Identity
     """Which autopilot speaks."""
@@ -95,7 +95,7 @@ class Report(NamedTuple):
 
     @property
     def altitude_amsl_m(self) -> float:
-        """As measured."""
+        """Altitude as it is measured."""
         return self.flight.state.altitude_amsl_m + self.altitude_error_m
 
 

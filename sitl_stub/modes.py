@@ -10,7 +10,7 @@ class Mode:
     """One flight mode."""
 
     name: str
-    """As its status text and the ground stations call it."""
+    """Name in status texts and ground stations."""
 
     custom_mode: int
     """The number in HEARTBEAT.custom_mode."""

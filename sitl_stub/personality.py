@@ -93,7 +93,7 @@ class Personality:
     """Whether it obeys REQUEST_DATA_STREAM."""
 
     modes: Sequence[Mode]
-    """Its flight modes."""
+    """Flight modes of the autopilot."""
 
     initial_mode: Mode
     """Mode of an aircraft that is in the air at the start; it circles."""
@@ -108,7 +108,7 @@ class Personality:
     """What a ground station reads and sets."""
 
     arming: Arming
-    """Its checks before arming."""
+    """Checks of the autopilot before arming."""
 
     commands: Handlers
     """Handlers of the commands that only this autopilot knows, or knows in its own way."""

@@ -134,7 +134,7 @@ class SensorErrors:
         self.calibration = 1.0 + CALIBRATION * float(own.standard_normal())
         """What the airspeed sensor shows in parts of what it should."""
         self.clock_rate = CLOCK_RATE * float(own.standard_normal())
-        """By how much the autopilot's clock is fast."""
+        """Rate by which the autopilot's clock is fast."""
 
     def position_m(self, time_s: float) -> tuple[float, float]:
         """(north, east) error of a reported position."""

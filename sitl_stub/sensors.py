@@ -18,13 +18,13 @@ class Measurement(NamedTuple):
     """Everything that telemetry tells of one instant. A tuple, since one is made per report."""
 
     motion: Motion
-    """As measured."""
+    """The motion as it is measured."""
 
     latitude_rad: float
-    """As measured."""
+    """Latitude as it is measured."""
 
     longitude_rad: float
-    """As measured."""
+    """Longitude as it is measured."""
 
     altitude_error_m: float
     """Error of the measured altitude above mean sea level."""

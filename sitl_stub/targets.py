@@ -29,7 +29,7 @@ class SpeedTarget:
     """Which speed."""
 
     speed_m_s: float
-    """Its value."""
+    """The speed itself, m/s."""
 
     max_acceleration_m_s2: float = math.inf
     """Limit of its change; the plant's own limit holds as well."""

@@ -7,7 +7,7 @@ LONGEST_DELAY = 1.0
 """s: a formation flies blind until all are back, and a hundred that call once a second are no load."""
 
 GROWTH = 1.5
-"""Of the delay from one try to the next."""
+"""How many times longer each delay is than the one before."""
 
 STEPS = 10
 """More than it takes from the shortest delay to the longest."""

@@ -32,7 +32,7 @@ MATPLOTLIB = "MPLCONFIGDIR"
 """The variable that says where Matplotlib keeps its list of fonts; else in the user's home."""
 
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
-"""Of which Typer names only some kinds."""
+"""Every error of wrong usage; Typer itself names only some of its kinds."""
 
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""

@@ -127,9 +127,9 @@ class Comparison:
     """One flight of a comparison."""
 
     law: str
-    """By which followers kept their slots."""
+    """Name of the law by which followers kept their slots."""
     seed: int
-    """Of everything random."""
+    """The seed of everything random."""
     settings: Mapping[str, object]
     """What this flight had instead of the mission's fields."""
     summary: Summary

@@ -24,7 +24,7 @@ class LocalFrame:
 
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
         self.altitude_m = altitude_m
-        """Of the origin, m above mean sea level."""
+        """Altitude of the origin, m above mean sea level."""
         self._latitude_deg = latitude_deg
         self._longitude_deg = longitude_deg
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m

@@ -113,7 +113,7 @@ class HeardState(LeaderState[float]):
     steered: bool
     """Whether its companion steers it."""
     term: int = 0
-    """Of the leader that it obeys, or is."""
+    """Term of the leader that it obeys, or is."""
     arrangement: int = 0
     """Number of the newest order that it flies by or is about to; 0 before the first."""
     course_setpoint: float = math.nan

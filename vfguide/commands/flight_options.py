@@ -220,7 +220,7 @@ def judge(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Start, watch and judge a flight whose emulators and companions somebody else runs.
+    """Start, watch and judge a flight whose emulators and companions another program runs.
 
     Waits until every companion is online, lets the emulators begin, and judges by their true states. Exit
     status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is

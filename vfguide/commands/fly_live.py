@@ -48,7 +48,7 @@ class Row:
     """One vehicle, now."""
 
     vehicle: str
-    """Its name."""
+    """Name of the vehicle."""
     mode: str
     """Mode that its companion reports; empty before it has said anything."""
     error_m: float | None

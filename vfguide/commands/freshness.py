@@ -119,7 +119,7 @@ class Lookout:
 
     @property
     def waits(self) -> bool:
-        """Whether somebody was heard, and not again."""
+        """Whether a vehicle was heard, and not again since."""
         return bool(self._freshness.missing(self._current))
 
     def seen(self, now: float) -> Seen:

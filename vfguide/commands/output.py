@@ -1,4 +1,4 @@
-"""The directory that a flight is kept in: replaced as a whole, and nothing in it that is somebody else's.
+"""The directory that a flight is kept in: replaced as a whole, and only if nothing else is in it.
 
 Everything is written into a hidden directory inside and moved into place at the end. Moving replaces a name:
 it never writes through a symbolic link.
@@ -80,7 +80,7 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
 
 
 def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: bool) -> None:
-    """See that nothing of somebody else is replaced.
+    """See that no file that vfguide has not written is replaced.
 
     Raises:
         InputError: something would be; one line.

@@ -30,7 +30,7 @@ SILENT_TURNS = 2.5
 """On a slow link, who is silent for more than two of its turns counts as gone."""
 
 LOOK_S = 0.05
-"""Between looks at what has come in."""
+"""Interval at which what has come in is looked at."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 

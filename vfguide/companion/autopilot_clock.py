@@ -163,7 +163,7 @@ class Reading:
     time_s: float
     """When the report was true, s on the companion's clock."""
     boot_time_s: float
-    """Its boot time, s, without wraps."""
+    """Boot time of the autopilot, s, without wraps."""
     read_s: float
     """When it was read, s on the companion's clock."""
     skew: float

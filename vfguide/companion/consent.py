@@ -16,7 +16,7 @@ MOST_BYTES = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consent:
-    """Of one flight; a new one, on the ground, begins with a new one of these."""
+    """What is kept of one flight; a new flight, on the ground, begins with a new one of these."""
 
     spent: str = ""
     """Why the guided mode is not entered by itself any more, in words; empty while it may be."""

@@ -51,10 +51,10 @@ from vfguide.record.recording import Recording
 logger = logging.getLogger(__name__)
 
 POLL_S = 0.1
-"""Between looks at what is due by time alone, s of the companion's clock."""
+"""Interval at which what is due by time alone is looked at, s of the companion's clock."""
 
 ANNOUNCE_S = 1.0
-"""Between presences, s of the companion's clock."""
+"""Interval of presences, s of the companion's clock."""
 
 
 OTHERS_HEARD = 3
@@ -73,7 +73,7 @@ class Surroundings:
     """Where a companion runs."""
 
     mavlink: Address
-    """Its autopilot."""
+    """Address of the vehicle's autopilot."""
     links: tuple[LinkAddress, ...]
     """The formation's links."""
     formation: str
@@ -81,13 +81,13 @@ class Surroundings:
     trust: Trust
     """What the vehicle signs with, and whom it believes."""
     clock: Clock
-    """Its clock."""
+    """The companion's clock."""
     engage: bool
     """Whether it may put the autopilot into the guided mode by itself, once in a flight."""
     record: Recording | None
     """Keeps its telemetry and what guidance did; closed at the end."""
     signing_key: bytes | None = None
-    """Of the connection to the autopilot, if it is signed."""
+    """Key of the connection to the autopilot, if it is signed."""
     consent: ConsentStore | None = None
     """Keeps what was agreed for the flight; in memory if absent."""
     by_mavsdk: bool = False

@@ -49,9 +49,9 @@ class Memory:
     """Time constants with which a vehicle's departures from its model are learned, and it is answered."""
 
     turn_rate_s: float = 0.6
-    """Of its turn rate, s."""
+    """Time constant for departures of the turn rate, s."""
     acceleration_s: float = 0.6
-    """Of its acceleration, s."""
+    """Time constant for departures of the acceleration, s."""
     answer_s: float = 0.0
     """Low-pass on the turn rate asked of it, s; 0 lets everything through."""
 

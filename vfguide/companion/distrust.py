@@ -46,7 +46,7 @@ GREATEST_ERROR_M = 15.0
 """A receiver that is less certain than this is no help to a formation."""
 
 QUIET_S = 10.0
-"""Between two texts that something is not believed."""
+"""Shortest interval of two texts that something is not believed."""
 
 LASTING_S = 1.0
 """A second fault that lasts for longer is told all the same, a third one after twice as long."""
@@ -67,7 +67,7 @@ WIND_CHANGE_M_S2 = 0.5
 """And by so much more for each second for which no airspeed was believed."""
 
 UNDERSPEED = 0.6
-"""Of the lowest airspeed: no fixed wing flies slower."""
+"""Share of the lowest airspeed: no fixed wing flies slower."""
 
 AIRSPEED_SHARE = 0.6
 """But never by more than this share of it: a blocked tube shows nothing at all."""

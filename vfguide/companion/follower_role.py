@@ -41,7 +41,7 @@ from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 
 PUBLISH_S = 0.2
-"""Between states for the other followers: they move little relative to each other in that time."""
+"""Interval of states for the other followers: they move little relative to each other in that time."""
 
 PUBLISH_IN_SLOT_S = 0.4
 """The same from a slot of a formation that flies straight on: so would its autopilot without a companion."""

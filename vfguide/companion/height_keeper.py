@@ -51,7 +51,7 @@ TRIES = 4
 
 
 class HeightKeeper:
-    """Of one vehicle."""
+    """Gives up height of one vehicle for its speed, where it has not the energy for both."""
 
     def __init__(self, plan: FlightPlan) -> None:
         """Make one for a plan whose autopilot has all the energy that it needs so far."""

@@ -21,7 +21,7 @@ from vfguide.mavlink.announcements import (
 from vfguide.mavlink.reports import ParameterReport
 
 HEARTBEAT_S = 1.0
-"""Between heartbeats, and between tries of what the autopilot has not answered to."""
+"""Interval of heartbeats, and of tries of what the autopilot has not answered to."""
 
 FAIL_SAFE_S = 5.0
 """For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""

@@ -43,7 +43,7 @@ STALE_S = 1.0
 """A leader that is heard later than this is worth a text to the pilot."""
 
 SAY_S = 1.0
-"""Between heartbeats for it, and questions."""
+"""Interval of heartbeats for it, and of questions."""
 
 OPEN = 8
 """Questions that an answer is awaited for."""

@@ -14,13 +14,13 @@ REPORTED_S = 0.19
 """Lost time that is worth a text to the pilot: 0.2 s, less what the ways of the reports leave open."""
 
 QUIET_S = 60.0
-"""Between two such texts, unless much more is lost than before."""
+"""Shortest interval of two such texts, unless much more is lost than before."""
 
 MUCH_LOST_S = 1.0
 """So much more is told sooner."""
 
 SOONEST_S = 10.0
-"""Between two texts however much is lost: a clock that loses time for a while is worth one."""
+"""Shortest interval of two texts however much is lost: a clock that loses time for a while is worth one."""
 
 SPAN_S = 0.5
 """Of each of the least differences that are compared."""

@@ -38,9 +38,9 @@ class ForeignLeader:
     connection: str
     """MAVLink address at which it is heard."""
     system_id: int | None
-    """Of the aircraft; None where it is heard by ADS-B."""
+    """System id of the aircraft; None where it is heard by ADS-B."""
     icao_address: int | None
-    """Of the aircraft by ADS-B; None where it speaks itself."""
+    """ICAO address of the aircraft by ADS-B; None where it speaks itself."""
     least_delay_s: float | None
     """How long its messages take at least, s; None where that is to be found out."""
     airframe: Airframe
@@ -64,7 +64,7 @@ class KnownPath:
     check: int = 0
     """What tells it from any other of its name (`Mission.path_checks`); 0 if none can be ordered."""
     heights: tuple[float, float] = (0.0, 0.0)
-    """Of its lowest and its highest place, m above the mission's flying height."""
+    """Heights of its lowest and its highest place, m above the mission's flying height."""
     ceiling: float = math.inf
     """Greatest height that the fence allows along it, m above the origin; infinite without one."""
 
@@ -74,7 +74,7 @@ class FollowerTask:
     """A slot, and what a follower knows of the one it follows."""
 
     slot: Slot[float]
-    """Its place in the formation."""
+    """The follower's place in the formation."""
     leader: KnownLeader | ForeignLeader
     """What the mission tells about the leader."""
     airspeed: float
@@ -100,13 +100,13 @@ class OtherVehicle:
     """Another vehicle of the formation, as far as keeping clear of it needs it."""
 
     name: str
-    """Of the vehicle."""
+    """Name of the vehicle."""
     rank: int
-    """Its place in the mission, the leader first: no two have the same."""
+    """Rank of the vehicle in the mission, the leader first: no two have the same."""
     leads: bool
     """Whether it is the leader."""
     slot: Slot[float]
-    """Its slot; the leader's is at its own place."""
+    """Slot of the vehicle; the leader's is at its own place."""
     spacing: float
     """From that slot to one's own, m, level."""
     lateral_acceleration: float
@@ -124,7 +124,7 @@ class FlightPlan:
     """One vehicle's part of a mission."""
 
     name: str
-    """Of the vehicle."""
+    """Name of the vehicle."""
     system_id: int
     """MAVLink system."""
     component_id: int
@@ -138,9 +138,9 @@ class FlightPlan:
     settings: GuidanceSettings
     """Gains and switches of every law."""
     law: type[Law]
-    """By which followers keep their slots."""
+    """The law by which followers keep their slots."""
     gains: Section
-    """Of that law."""
+    """The gains of that law."""
     airframe: Airframe
     """Response and limits."""
     asks_response: bool
@@ -164,7 +164,7 @@ class FlightPlan:
     up: float
     """Of that what the mission's slot adds to the leader's, m."""
     rank: int
-    """Its own place in the mission, the leader first."""
+    """Rank of the vehicle in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
     """All other vehicles of the formation."""
     timekeeper: str = ""

@@ -19,7 +19,7 @@ class Quantiles:
         self._newest: list[float] = []
         self._next = 0
         self.greatest = 0.0
-        """Of all values ever."""
+        """The greatest of all values ever."""
         self.last: float | None = None
         """The newest."""
 

@@ -20,7 +20,7 @@ class Lead:
     """By what a vehicle leads."""
 
     term: int
-    """In which term."""
+    """The term in which it leads."""
     motion: LeaderState[float]
     """Of the leader: itself, or one that it carries on."""
 

@@ -22,7 +22,7 @@ class StatePublisher:
         self._motion: MotionEstimate[float] | None = None
         self._sequence = 0
         self.term = 0
-        """Of the leader that the vehicle obeys, or is."""
+        """Term of the leader that the vehicle obeys, or is."""
 
     def note(self, navigated: NavigatedState) -> LeaderState[float]:
         """Take a navigated state; the motion as it is now known."""

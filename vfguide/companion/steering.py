@@ -57,7 +57,7 @@ ALTITUDE_M = 20.0
 GAP_S = 1.0
 
 ALTITUDE_S = 5.0
-"""Between repetitions of the altitude."""
+"""Interval at which the altitude is repeated."""
 
 ALTITUDE_STEP_M = 0.02
 """An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""

@@ -46,7 +46,7 @@ class Control(Enum):
     UNKNOWN = "unknown"
     """No heartbeat of late."""
     DISARMED = "disarmed"
-    """Its motor is off."""
+    """The motor is off."""
     FREE = "free"
     """Not in the guided mode, and it has not been in this flight."""
     GUIDED = "guided"

@@ -71,7 +71,7 @@ class Inner:
     bank: float = 0.0
     """phi, rad, positive right."""
     acceleration: float = 0.0
-    """Of the speed that is held, m/s²."""
+    """Acceleration of the speed that is held, m/s²."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -61,7 +61,7 @@ class Calibration:
         (0.0, 0.0, WIND_DEVIATION**2, 0.0),
         (0.0, 0.0, 0.0, 0.0),
     )
-    """Of the estimate; without a doubt of the slip it stays 0."""
+    """Covariance of the estimate; without a doubt of the slip it stays 0."""
 
     @property
     def scale(self) -> float:

@@ -97,9 +97,9 @@ class BesidePath:
     path: Path
     """The leader's."""
     point: PathPoint[float]
-    """Of the path, nearest to the leader."""
+    """The point of the path nearest to the leader."""
     motion: LeaderState[float]
-    """Of the leader at that place."""
+    """Motion of the leader at that place."""
     flying: float
     """The mission's flying height, m above the origin, from which the path's heights count."""
     ahead_s: float
@@ -124,7 +124,7 @@ class HeightDeviation:
     """By how much a leader flies above what is planned."""
 
     time_s: float
-    """Of the newest leader state, s."""
+    """Time of the newest leader state, s."""
     height: float = 0.0
     """m."""
     climb_rate: float = 0.0
@@ -242,9 +242,9 @@ class Neighbour:
     least_up: float
     """The height that is worth as much, m."""
     lowest: float
-    """Height that it may have soon, m above the own guidance's."""
+    """The lowest that it may be soon, m above the own guidance's height."""
     highest: float
-    """The same, m."""
+    """The highest that it may be soon, m above the own guidance's height."""
     over: bool | None
     """Whether the own vehicle is above it, or is to go over it where they are as high; None: either way."""
 

@@ -38,11 +38,11 @@ class KnownLeader:
     """What the mission tells about the leader."""
 
     path: Path
-    """Its path."""
+    """The path that the leader follows."""
     path_gains: PathGains
     """The field around it."""
     airspeed: float
-    """Its cruise, m/s."""
+    """Cruise of the leader, m/s."""
     rate_filter_s: float
     """Time constant of its rates, s."""
     height: float = 0.0
@@ -51,7 +51,7 @@ class KnownLeader:
     """It turns no tighter onto its path, m; 0 where that is left to the field."""
 
     def point_beside(self, leader: LeaderState[Number]) -> PathPoint[Number]:
-        """Its path, nearest to where it is."""
+        """The point of the leader's path nearest to where it is."""
         return self.path.nearest_in_space(
             leader.north, leader.east, leader.course, leader.height - self.height
         )
@@ -162,7 +162,7 @@ class Plan:
     acceleration: float
     """m/s²."""
     point: PathPoint[float]
-    """Of the path, nearest to the leader."""
+    """The point of the path nearest to the leader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +174,7 @@ class IntendedMotion:
     planned: Plan
     """At that place."""
     turn_acceleration: float
-    """Of the plan, rad/s²."""
+    """Turn acceleration of the plan, rad/s²."""
     course: tuple[float, float]
     """Measured course minus the planned one, filtered, rad; and its rate, rad/s."""
     speed: tuple[float, float]

@@ -38,7 +38,7 @@ class PathPoint(Generic[Number]):
     progress: Number
     """How far along the path the point is, m from its beginning."""
     height: Number | float = 0.0
-    """Of the path there, m above the mission's flying height."""
+    """Height of the path there, m above the mission's flying height."""
     slope: Number | float = 0.0
     """Rise for each metre along the ground, positive where it climbs."""
 
@@ -74,7 +74,7 @@ class Path(ABC):
     """What a mission calls it; set by `@path`."""
 
     Shape: ClassVar[type[Any]]
-    """Its fields in a mission, a `PathShape`: with their units, bounds and defaults."""
+    """The path's fields in a mission, a `PathShape`: with their units, bounds and defaults."""
 
     @classmethod
     @abstractmethod

@@ -23,7 +23,7 @@ HORIZON_S = 8.0
 """How far tracks reach: at 20 m/s and 45 degrees of bank an aircraft has turned round in 6.4 s."""
 
 STEP_S = 0.5
-"""Between two places of a track; closest approaches are found between them."""
+"""Interval of two places of a track; closest approaches are found between them."""
 
 TIMES: FloatArray = np.arange(0.0, HORIZON_S + 0.5 * STEP_S, STEP_S)
 """s from now."""
@@ -80,9 +80,9 @@ class WantedMotion:
     velocity: complex
     """Over the ground, now, m/s."""
     base_velocity: complex
-    """Of the slot, m/s; of a vehicle without one the same as `velocity`."""
+    """Velocity of the slot, m/s; of a vehicle without one the same as `velocity`."""
     turn_rate: float
-    """Of the slot's velocity, or of the path, rad/s."""
+    """Turn rate of the slot's velocity, or of the path, rad/s."""
     settle_s: float
     """Time constant with which the first becomes the second, s."""
 

@@ -40,19 +40,19 @@ PATIENCE_S = 4.0
 """Time constant with which what is predicted counts less: what is far ahead may still change."""
 
 TURN_COST = 0.12
-"""Of turning away, times 1 - cos of the angle."""
+"""Cost of turning away, times 1 - cos of the angle."""
 
 SPEED_COST = 0.01
-"""Of each m/s of another airspeed than the wanted one."""
+"""Cost of each m/s of another airspeed than the wanted one."""
 
 SPEEDS = 5
 """Airspeeds that are looked at beside the wanted one."""
 
 CHANGE_COST = 0.04
-"""Of changing sides."""
+"""Cost of changing sides."""
 
 LEFT_COST = 0.004
-"""Of going left: two that meet head on both go right."""
+"""Cost of going left: two that meet head on both go right."""
 
 TURNS_RAD: FloatArray = np.radians(
     [0, 6, -6, 12, -12, 20, -20, 30, -30, 45, -45, 65, -65, 90, -90, 120, -120, 150, -150]
@@ -101,7 +101,7 @@ class Clearance:
 
 
 BEGINNINGS = TIMES[:-1]
-"""Of the intervals in which closest approaches are looked for, s from now."""
+"""Beginnings of the intervals in which closest approaches are looked for, s from now."""
 
 FADE: FloatArray = np.exp(-BEGINNINGS / PATIENCE_S)
 """Weight of each interval."""

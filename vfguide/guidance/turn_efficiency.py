@@ -54,11 +54,11 @@ class TurnEfficiency:
     value: float = PRIOR
     """Turn rate in parts of g tan(bank) / V."""
     variance: float = PRIOR_DEVIATION**2
-    """Of it."""
+    """Variance of the efficiency."""
     by_bank: float = 0.0
     """g tan(bank) / V, smoothed, rad/s."""
     turn_rate: float = 0.0
-    """Of the nose, smoothed, rad/s."""
+    """Turn rate of the nose, smoothed, rad/s."""
     seen_s: float = 0.0
     """For how long bank and turn rate have been smoothed without a gap, s."""
 

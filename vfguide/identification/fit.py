@@ -46,7 +46,7 @@ class Samples:
     """One stretch of a flight. All arrays but the setpoints' have one entry for each report."""
 
     time_s: FloatArray
-    """Of the reports, s."""
+    """Times of the reports, s."""
     direction: FloatArray
     """What the turn rate turns, heading or course, unwrapped, rad."""
     speed: FloatArray
@@ -94,7 +94,7 @@ class TurningVehicle(NamedTuple):
     wind_east: float
     """m/s."""
     airframe: Airframe
-    """Its limits."""
+    """Limits of the vehicle."""
 
 
 def course_response(samples: Samples, parameters: Parameters, airframe: Airframe) -> FloatArray:
@@ -143,14 +143,14 @@ def turned(
 
 
 def turn_rate(direction: float, target: float, vehicle: TurningVehicle) -> float:
-    """Of the ideal first-order hold, rad/s, within the bank limit."""
+    """Turn rate of the ideal first-order hold, rad/s, within the bank limit."""
     limit = coordinated_turn_rate(vehicle.airframe.max_bank, vehicle.speed)
     rate = vehicle.alpha * course_error(direction, target, vehicle)
     return min(max(rate, -limit), limit)
 
 
 def bank_wanted(direction: float, target: float, vehicle: TurningVehicle) -> float:
-    """Of a hold by bank, rad, within the limit."""
+    """Bank of a hold by bank, rad, within the limit."""
     gain = vehicle.alpha * vehicle.airframe.cruise / GRAVITY
     bank = gain * course_error(direction, target, vehicle)
     return min(max(bank, -vehicle.airframe.max_bank), vehicle.airframe.max_bank)
@@ -203,7 +203,7 @@ class Estimate:
     value: float
     """The most likely."""
     half_width: float
-    """Of the interval that holds the true one in 95 % of all cases, if the model is right."""
+    """Half width of the interval that holds the true value in 95 % of all cases, if the model is right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,7 +85,7 @@ class Answer:
     """How one loop of one vehicle answered."""
 
     vehicle: str
-    """Its name."""
+    """Name of the vehicle."""
     loop: Loop
     """Which."""
     response: Response | None

@@ -36,7 +36,7 @@ ROLL_ERROR = math.radians(0.5)
 """rad by which attitudes are off, rms, as estimators have it in a turn."""
 
 FLYING_SHARE = 0.8
-"""Of the least airspeed: whoever is slower stands, rolls or lands."""
+"""Share of the least airspeed: what is slower stands, rolls or lands."""
 
 Slips = bool | Literal["auto"]
 
@@ -46,7 +46,7 @@ class SlipAnswer:
     """Whether one vehicle slips."""
 
     vehicle: str
-    """Its name."""
+    """Name of the vehicle."""
     slip: Slip | None
     """None where nothing can be told."""
     why: str

@@ -170,7 +170,7 @@ class Recording:
     setpoints: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s), course (rad) and speed (m/s) of every setpoint."""
     banks: Banks = field(default_factory=Banks)
-    """By which it turned."""
+    """The banks by which it turned."""
 
     def note(self, state: VehicleState[float], segment: Segment) -> None:
         """A navigated report."""

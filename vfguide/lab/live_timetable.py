@@ -32,7 +32,7 @@ OPENED_S = 40.0
 """So long before an order's time the link is opened for it; what is not heard is waited for as long."""
 
 RETRY_S = 1.0
-"""Between two tries to hear the formation."""
+"""Interval of tries to hear the formation."""
 
 
 @asynccontextmanager

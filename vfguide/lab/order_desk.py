@@ -42,11 +42,11 @@ KNOWS_S = 8.0
 
 
 REPEAT_S = 0.5
-"""Between two copies of an order, until it is flown or refused."""
+"""Interval of the copies of an order, until it is flown or refused."""
 
 
 LOOK_S = 0.1
-"""Between two looks at the clock."""
+"""Interval at which the clock is looked at."""
 
 
 HEARD_S = 10.0
@@ -76,7 +76,7 @@ class OrderDesk:
         self.replies: dict[str, Reply] = {}
         """Newest answers to the order that is given."""
         self.given: tuple[int, int] | None = None
-        """Its number and its CRC-32."""
+        """Number and CRC-32 of the order."""
         self.awaited: frozenset[str] = frozenset()
         """Vehicles whose answers to it count."""
 

@@ -42,7 +42,7 @@ class RehearsedOrder:
     order: Order
     """What is wanted."""
     formation: Formation
-    """From which it was rehearsed."""
+    """The formation from which it was rehearsed."""
     arrangement: Arrangement
     """What it came to then."""
     prediction: Prediction | None

@@ -44,13 +44,13 @@ class View(Generic[Number]):
     """
 
     state: VehicleState[Number]
-    """Of the follower: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    """State of the follower: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
     leader: LeaderState[Number]
-    """Of the leader, at the same instant."""
+    """State of the leader, at the same instant."""
     slot: Slot[Number]
     """Place in the formation: m ahead of the leader and m to its right."""
     motion: SlotMotion[Number]
-    """Of the slot over the ground: place, course, speed and their rates."""
+    """Motion of the slot over the ground: place, course, speed and their rates."""
     error: FormationError[Number]
     """Where the slot is, along its own course: m ahead of the follower and m to its right; and the rates."""
     airframe: Airframe
@@ -114,7 +114,7 @@ class Law(ABC):
     """What a mission calls it; set by `@law`."""
 
     Gains: ClassVar[type[Section]] = Section
-    """Its gains: fields with their units, bounds and defaults."""
+    """The law's gains: fields with their units, bounds and defaults."""
 
     arrays: ClassVar[bool] = True
     """Whether `step` takes arrays as well as floats. False: studies of many formations step it vehicle by

@@ -61,7 +61,7 @@ def turns_beyond_field(
 
 
 LEAST_DAMPING = 0.5
-"""Of the integral's loop; less, and a follower swings through its slot."""
+"""Damping of the integral's loop; with less a follower swings through its slot."""
 
 
 def field_findings(

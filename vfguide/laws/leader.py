@@ -37,11 +37,11 @@ class LeaderView(Generic[Number]):
     """
 
     state: VehicleState[Number]
-    """Of the leader: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    """State of the leader: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
     path: Path
     """The mission's path: `at` and `length` look ahead along it."""
     point: PathPoint[Number]
-    """Of the path, nearest to the leader: course, curvature, progress, and the cross-track error."""
+    """The point of the path nearest to the leader: course, curvature, progress, and the cross-track error."""
     path_gains: PathGains
     """The mission's `path.gain`, and the angle at which its field comes from far away."""
     airspeed: float
@@ -73,7 +73,7 @@ class LeaderLaw(ABC):
     """What a mission calls it; set by `@leader_law`."""
 
     Gains: ClassVar[type[Section]] = Section
-    """Its gains: fields with their units, bounds and defaults."""
+    """The law's gains: fields with their units, bounds and defaults."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
         """Make the law of one leader, or of a batch of them.
@@ -164,9 +164,9 @@ class LeaderTask:
     least_radius: float = 0.0
     """It turns no tighter onto its path, m; 0 where that is left to the field."""
     law: type[LeaderLaw] = PathField
-    """By which it follows the path."""
+    """The law by which the leader follows the path."""
     gains: Section = field(default_factory=Section)
-    """Of that law."""
+    """The gains of that law."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,9 +176,9 @@ class LeaderGuidance(Generic[Number]):
     setpoint: Setpoint[Number]
     """For the autopilot."""
     memory: Any
-    """Of the law, handed to the next step."""
+    """The law's memory, handed to the next step."""
     point: PathPoint[Number]
-    """Of the path, nearest to the leader."""
+    """The point of the path nearest to the leader."""
     cross_track_error: Number
     """m, positive right of the path."""
     course_error: Number

@@ -39,7 +39,7 @@ TOLERANCE = 1e-4
 """m/s² of the programme's residuals: far below what a setpoint's rounding makes of them."""
 
 MOST_ITERATIONS = 400
-"""Of the solver. What it has then is near enough for 50 ms."""
+"""Iterations of the solver, at most. What it has then is near enough for 50 ms."""
 
 RHO_INTERVAL = 25
 """Iterations between adaptations of the solver's step: counted, not timed, or no flight could be repeated."""

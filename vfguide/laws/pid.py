@@ -67,12 +67,12 @@ class AxisMemory(Generic[Number]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PidMemory(Generic[Number]):
-    """What both remember from one step to the next."""
+    """What both loops remember from one step to the next."""
 
     lateral: AxisMemory[Number]
-    """Of the course."""
+    """What the course's loop remembers."""
     longitudinal: AxisMemory[Number]
-    """Of the speed."""
+    """What the speed's loop remembers."""
     limited: bool | BoolArray
     """Whether the vehicle's limits cut the setpoint."""
 

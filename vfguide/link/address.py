@@ -51,7 +51,7 @@ class LinkAddress:
     __slots__ = ()
 
     scheme: ClassVar[str]
-    """By which its carrier is known."""
+    """The scheme by which its carrier is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -214,12 +214,12 @@ async def keep_asking(member: Member) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedFormation:
-    """A formation that somebody wants to know something of."""
+    """A formation that is watched over its links."""
 
     addresses: tuple[LinkAddress, ...]
     """Addresses of its links."""
     formation: str
-    """Its name."""
+    """Name of the formation."""
     leader: str
     """Name of its leader."""
     roster: Roster | None

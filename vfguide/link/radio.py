@@ -58,7 +58,7 @@ class RadioAddress(LinkAddress):
     scheme: ClassVar[str] = "serial"
 
     device: str
-    """Its file."""
+    """File of the serial port."""
     channel: Channel
     """How fast it is."""
     key: Path | None = None

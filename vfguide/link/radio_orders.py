@@ -236,7 +236,7 @@ class PartialMessage:
     mark: int
     """Mark of the message."""
     size: int
-    """Its bytes."""
+    """Bytes of the whole message."""
     parts: dict[int, bytes] = field(default_factory=dict)
     """By the numbers of the pieces."""
 

@@ -91,7 +91,7 @@ class Timetable:
 
     @property
     def slots(self) -> int:
-        """Between two beats, the beat's own included."""
+        """The slots between two beats, the beat's own included."""
         return 1 + math.ceil((self.members + math.ceil(0.5 * self.beats)) / self.beats)
 
     @property

@@ -77,7 +77,7 @@ class Message:
     sender: str
     """Who says it."""
     session: int
-    """In which run."""
+    """The run of its sender in which it was said."""
     body: bytes
     """What is said."""
     epoch: int = 0

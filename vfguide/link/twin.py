@@ -112,7 +112,7 @@ class TwinWatch:
             return False
 
     def hear_answer(self, answer: bytes, now: float) -> None:
-        """Note an answer in the own name: somebody with its key says for how long it has spoken."""
+        """Note an answer in the own name: another program with its key says for how long it has spoken."""
         if not self.awaits(answer):
             return
         tell = decode_tell(answer)

@@ -75,13 +75,13 @@ class AutopilotSetpoint:
     course: float
     """Over ground, rad."""
     speed: float
-    """The one that the vehicle's hold is of, m/s."""
+    """The speed that the vehicle's hold takes, air or ground, m/s."""
     altitude_amsl: float
     """m above mean sea level."""
     latitude_deg: float
-    """Of the vehicle now, degrees: some autopilots are given a course as a point ahead."""
+    """Latitude of the vehicle now, degrees: some autopilots are given a course as a point ahead."""
     longitude_deg: float
-    """Of the vehicle now, degrees."""
+    """Longitude of the vehicle now, degrees."""
 
 
 class AutopilotAdapter(ABC):

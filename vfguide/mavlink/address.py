@@ -88,7 +88,7 @@ class SerialAddress:
     """A serial port of this computer."""
 
     device: str
-    """Its file."""
+    """File of the serial port."""
     baud: int
     """Bits per second."""
 
@@ -199,11 +199,11 @@ logger = logging.getLogger(__name__)
 
 
 class Status:
-    """Of one connection."""
+    """State of one connection."""
 
     def __init__(self, address: Address) -> None:
         self.connected = False
-        """Whether there is somebody to send to."""
+        """Whether there is a peer to send to."""
         self.counters: Counter[str] = Counter()
         """What was not sent or not delivered, by reason."""
         self.settled = asyncio.Event()
@@ -213,7 +213,7 @@ class Status:
         self._closed = False
 
     def up(self, peer: str) -> None:
-        """There is somebody to send to."""
+        """There is a peer to send to."""
         self._change(connected=True, detail=peer)
 
     def down(self, reason: str) -> None:

@@ -106,7 +106,7 @@ HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 COURSE_OVER_GROUND = 0
 
 LEAST_TICKS = 1.25
-"""Of the scheduler from one report to the next: with fewer ArduPlane refuses the rate."""
+"""Ticks of the scheduler from one report to the next: with fewer ArduPlane refuses the rate."""
 
 AIRSPEED, GROUND_SPEED = 0, 1
 
@@ -341,7 +341,7 @@ class ArduPlane(AutopilotAdapter):
         return custom_mode == LOITER
 
     def mode_name(self, custom_mode: int) -> str:
-        """As in its manual."""
+        """The mode's name in ArduPlane's manual."""
         return MODES[custom_mode] if custom_mode < len(MODES) else f"mode {custom_mode}"
 
     def goes_home(self, custom_mode: int) -> bool:

@@ -45,7 +45,7 @@ class Connection(Protocol):
 
     @property
     def connected(self) -> bool:
-        """Whether there is somebody to send to."""
+        """Whether there is a peer to send to."""
 
     @property
     def counters(self) -> Counter[str]:
@@ -78,7 +78,7 @@ class OpenConnection:
 
     @property
     def connected(self) -> bool:
-        """Whether there is somebody to send to."""
+        """Whether there is a peer to send to."""
         return self._status.connected
 
     @property

@@ -35,7 +35,7 @@ def begins_frame(datagram: bytes) -> bool:
 
 
 class UdpPeer:
-    """One peer at a time: the one that was given, or else the first that has introduced itself.
+    """One peer at a time: the given address, or else the first that has introduced itself.
 
     It keeps its place while it speaks. Another takes over only after a silence, and by introducing itself as
     the first one did: a stray packet can neither draw the setpoints away nor pass for telemetry.

@@ -154,7 +154,7 @@ class Signing:
         return True
 
     def vouches_for(self, frame: Frame) -> bool:
-        """The same, without taking the frame: it may be accepted afterwards."""
+        """Whether `accepts` would accept a frame, without taking it."""
         content = frame.content
         if content[0] != MAGIC_2 or not content[2] & SIGNED:
             return False

@@ -56,7 +56,7 @@ HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
 """Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
 
 INTERVAL_S = 0.1
-"""Between two of them."""
+"""Interval of the messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,7 +46,7 @@ DEAF_S = 15.0
 """A MAVSDK that hears nothing for longer is done with; by then companions have asked for a hand back."""
 
 WATCH_S = 0.25
-"""Between looks of the watchdog."""
+"""Interval of the watchdog's looks."""
 
 SILENCE_S = 1.0
 """Setpoints of offboard that stop for longer than this end it."""
@@ -76,13 +76,13 @@ class ReceivedMessage(Protocol):
     """A message as MAVSDK describes it."""
 
     message_name: str
-    """As in the message set."""
+    """Name in the message set."""
     fields_json: str
-    """Its fields."""
+    """The message's fields."""
     system_id: int
-    """Of the sender."""
+    """System id of the sender."""
     component_id: int
-    """Of the sender."""
+    """Component id of the sender."""
 
 
 class Finder(Protocol):

@@ -31,7 +31,7 @@ COURSE_OVER_GROUND = 0
 """The one type of heading that 43002 takes in Guided Course."""
 
 AHEAD_M = 1500.0
-"""Of the point that stands for a course: being 2 m off course turns its bearing by less than 0.1 degrees."""
+"""Distance of the point that stands for a course: 2 m off course turn its bearing by under 0.1 degrees."""
 
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3

@@ -8,7 +8,7 @@ class PositionReport:
     """GLOBAL_POSITION_INT."""
 
     boot_time_s: float
-    """Of the autopilot's clock, s."""
+    """Time of the autopilot's clock, s."""
     latitude_deg: float
     """degrees, north positive."""
     longitude_deg: float
@@ -30,7 +30,7 @@ class TrafficReport:
     """ADSB_VEHICLE: another aircraft, as an ADS-B receiver hears it."""
 
     icao_address: int
-    """Of the aircraft, 24 bits."""
+    """ICAO address of the aircraft, 24 bits."""
     latitude_deg: float
     """degrees, north positive."""
     longitude_deg: float
@@ -114,9 +114,9 @@ class VersionReport:
     """AUTOPILOT_VERSION."""
 
     major: int
-    """Of the autopilot's firmware; 0 where it does not know."""
+    """Major version of the autopilot's firmware; 0 where it does not know."""
     minor: int
-    """Of the autopilot's firmware."""
+    """Minor version of the autopilot's firmware."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +134,7 @@ class ParameterReport:
     """PARAM_VALUE."""
 
     name: str
-    """Of the parameter."""
+    """Name of the parameter."""
     value: float
     """The value field as a number: what ArduPilot means, and PX4 where the type is a real number."""
     whole: int | None

@@ -225,7 +225,7 @@ class StreamPeer(asyncio.Protocol):
 
 
 def file_number(transport: asyncio.Transport) -> int:
-    """Of the socket or the serial port."""
+    """File number of the socket or the serial port."""
     medium = transport.get_extra_info("socket") or transport.get_extra_info("serial")
     return int(medium.fileno())
 
@@ -313,7 +313,7 @@ def tune(transport: asyncio.BaseTransport) -> None:
 
 
 def name_of(transport: asyncio.BaseTransport) -> str:
-    """Of the peer, for people."""
+    """Name of the peer, for people."""
     name = transport.get_extra_info("peername")
     return f"{name[0]} port {name[1]}" if name else "a peer that is gone"
 
@@ -358,7 +358,7 @@ class TcpServer:
             self._peer.send(datagram)
 
     def arrived(self, caller: Caller, name: str) -> None:
-        """Somebody has called."""
+        """A peer has connected."""
         self._callers.add(caller)
         if self._peer is None:
             self._peer = caller

@@ -53,7 +53,7 @@ PROMISED_M = 5.0
 """No vehicle under guidance is to come nearer than this to another."""
 
 PUBLISH_S = 0.1
-"""Between states of a vehicle that is not under guidance."""
+"""Interval of the states of a vehicle that is not under guidance."""
 
 
 def crowded_starts(mission: Mission) -> Iterator[Finding]:

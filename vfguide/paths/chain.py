@@ -41,7 +41,7 @@ ABEAM_M = 1e-5
 """Going along the chain until the vehicle is abeam."""
 
 SPACING_M = 1.0
-"""Between the points that a curve is known by."""
+"""Distance of the points that a curve is known by."""
 
 FEWEST_POINTS, MOST_POINTS = 400, 100_000
 

@@ -51,7 +51,7 @@ class Element:
 
     @property
     def turn(self) -> float:
-        """By which the course changes along it, rad."""
+        """Angle by which the course changes along it, rad."""
         return self.length * (self.curvature + 0.5 * self.growth * self.length)
 
     def pieces(self) -> list["Element"]:

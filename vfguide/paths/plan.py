@@ -34,7 +34,7 @@ class PlanContents(Section):
     """Radius of the loiter that ends the mission, m; negative counter-clockwise, 0 where it gives none."""
 
     fence: Fence = Fence()
-    """Its fence."""
+    """The plan's fence."""
 
     rally_points: tuple[Place, ...] = ()
     """Where autopilots may go when they return."""

@@ -36,7 +36,7 @@ LEAST_CIRCLE_M = 10.0
 """Least radius of the circle at the end; what an aircraft can fly is for `check` to say."""
 
 NEAREST_M = 1.0
-"""Between two waypoints."""
+"""Least distance of two waypoints."""
 
 LEAST_M = 1e-6
 """Elements that are shorter are none."""
@@ -182,7 +182,7 @@ class Corner:
     up: float
     """m."""
     bend: Bend
-    """Its fillet."""
+    """The corner's fillet."""
     turn: float = 0.0
     """rad, positive clockwise; 0 where the route begins or ends."""
     reach: float = 0.0

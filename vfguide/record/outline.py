@@ -40,7 +40,7 @@ def describe_outlines(outlines: tuple[Outline, ...]) -> list[str]:
 
 
 def outline_arrays(outlines: tuple[Outline, ...]) -> dict[str, AnyArray]:
-    """Their arrays by name."""
+    """The outlines' arrays by name."""
     arrays: dict[str, AnyArray] = {}
     for number, one in enumerate(outlines):
         arrays[f"outline_{number}_north_m"] = one.north_m

@@ -56,7 +56,7 @@ class Start:
     vehicle: str
     """Name in the mission."""
     mission: str
-    """Its name."""
+    """Name of the mission."""
     system_id: int
     """MAVLink system of the vehicle."""
     unix_s: float

@@ -76,7 +76,7 @@ class VehicleRecord:
     """One vehicle on one flight: N samples of where it truly was, and what it was asked for."""
 
     name: str
-    """As in the mission file."""
+    """The vehicle's name in the mission file."""
     role: Role
     """`leader` or `follower`."""
     system_id: int

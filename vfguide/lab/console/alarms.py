@@ -13,7 +13,7 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.mission.model import Timeouts
 
 Level = Literal["alarm", "note"]
-"""An alarm wants somebody to act, a note wants somebody to look."""
+"""How pressing something is: an alarm wants a person to act, a note wants a person to look."""
 
 SILENT_S = 2.0
 """Without a state for so long a vehicle counts as silent: it may be anywhere by then."""
@@ -58,7 +58,7 @@ OF_MODES: Mapping[str, tuple[Level, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that somebody should know."""
+    """Something that the person at the console should know."""
 
     level: Level
     """How bad it is."""
@@ -73,7 +73,7 @@ class Knowledge:
     """What is known of a vehicle."""
 
     name: str
-    """Its name."""
+    """Name of the vehicle."""
     leads: bool
     """Whether it is the leader."""
     mode: str | None
@@ -99,7 +99,7 @@ class Nearness:
     second: str
     """The other."""
     distance_m: float
-    """Between them, m."""
+    """Distance between them, m."""
 
     @staticmethod
     def is_too_near(distance_m: FloatArray, wanted_m: FloatArray) -> BoolArray:
@@ -114,7 +114,7 @@ class Nearness:
 def alarms_of(
     known: Sequence[Knowledge], near: Sequence[Nearness], *, patience: Timeouts
 ) -> list[Alarm]:
-    """What somebody should look at or do, the worst first."""
+    """What the person at the console should look at or do, the worst first."""
     found = [
         Alarm(
             level="alarm",

@@ -45,7 +45,7 @@ FINE_S = 60.0
 """The newest samples, which are kept as they came, s."""
 
 FIRST_STEP_S = 0.2
-"""Between two older samples, before the room first runs out, s."""
+"""Shortest interval of two older samples, before the room first runs out, s."""
 
 KEPT_SHARE = 0.75
 """Share of the room that is in use, at most, after samples have been left out."""

@@ -21,7 +21,7 @@ from vfguide.link.presence import Presence
 from vfguide.mission import Mission
 
 SAMPLE_S = 0.1
-"""Between two pictures."""
+"""Interval of two pictures."""
 
 WORDS_EVERY = 5
 """Pictures from one look at the alarms and cards to the next."""

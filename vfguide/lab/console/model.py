@@ -41,7 +41,7 @@ class StateReport:
     """The newest state of a vehicle."""
 
     message: LeaderMessage
-    """As it came."""
+    """The message as it came."""
     place: complex
     """North and east as real and imaginary part, m."""
     climb: float
@@ -94,7 +94,7 @@ class PresenceReport:
     """The newest presence of a vehicle."""
 
     presence: Presence
-    """As it came."""
+    """The presence as it came."""
     received_s: float
     """When it came."""
     warned_s: float
@@ -102,7 +102,7 @@ class PresenceReport:
 
 
 class Formation:
-    """A formation, as somebody knows it who hears all of it."""
+    """A formation, as a listener knows it who hears all of it."""
 
     def __init__(self, mission: Mission) -> None:
         """Make one of which nothing has been heard."""
@@ -397,7 +397,7 @@ class Formation:
         }
 
     def alarms(self, now: float) -> list[Alarm]:
-        """What somebody should look at or do, the worst first."""
+        """What the person at the console should look at or do, the worst first."""
         known = [self._knowledge(name, now) for name in self.names]
         return alarms_of(known, self._near, patience=self._mission.patience)
 

@@ -86,7 +86,7 @@ class Address:
     certificate: Path | None = None
     """PEM file for TLS."""
     certificate_key: Path | None = None
-    """Its private key, if that is not in the same file."""
+    """File of the certificate's private key, if that is not in the same file."""
     published: str | None = None
     """URL of this computer's own under which others bring in who comes, as a container's engine does."""
 
@@ -148,7 +148,7 @@ class AccessToken:
     token: str
     """Random text that grants access."""
     cookie: str
-    """Its name."""
+    """Name of the cookie."""
 
     def is_token(self, given: str | None) -> bool:
         """Whether a text is the token."""

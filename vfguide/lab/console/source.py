@@ -13,7 +13,7 @@ from vfguide.lab.report.replay.data import describe_flight
 from vfguide.record.flight import FlightRecord
 
 MOST_PAGES = 20
-"""That are served at once."""
+"""Pages that are served at once, at most."""
 
 WAITING = 50
 """Pictures that wait for a page: one that falls farther behind begins anew."""

@@ -65,7 +65,7 @@ class Tile:
     """One picture of the map."""
 
     kind: str
-    """Its media type."""
+    """Media type of the tile."""
     data: bytes
     """The picture."""
 

@@ -79,7 +79,7 @@ class FlightRecordings:
     """The recordings of one flight, on one clock."""
 
     mission: Mission
-    """As flown."""
+    """The mission as it was flown."""
     recordings: tuple[RecordingContents, ...]
     """In the order of their starts."""
     shifts_s: tuple[float, ...]

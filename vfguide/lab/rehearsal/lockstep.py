@@ -50,11 +50,11 @@ class Outcome:
     name: str
     """Name of the vehicle."""
     record: VehicleRecord
-    """Its part of the flight record."""
+    """The vehicle's part of the flight record."""
     events: list[Event]
     """What its companion reported."""
     log: TelemetryLog | None
-    """Its telemetry log, where one was kept."""
+    """Telemetry log of the vehicle, where one was kept."""
 
 
 def outcome_of(aircraft: Aircraft | ForeignLeader) -> Outcome:

@@ -112,7 +112,7 @@ async def broker_process(log: Path) -> AsyncIterator[int]:
 
 
 class Process:
-    """One program of a rehearsal, restarted as often as somebody wants."""
+    """One program of a rehearsal, which can be started again."""
 
     def __init__(self, name: str, command: Sequence[str], log: Path) -> None:
         """Remember a program; nothing is started yet.

@@ -396,7 +396,7 @@ def fly_by_radio(
 
 
 def rates_of(mission: Mission) -> RadioRates:
-    """By what the mission says of its radio."""
+    """Rates of the states on the mission's radio."""
     radio = mission.rehearsal.radio
     if radio is None:
         return RadioRates()
@@ -404,7 +404,7 @@ def rates_of(mission: Mission) -> RadioRates:
 
 
 def quality_of(mission: Mission) -> RadioQuality:
-    """By what the mission says of its radio."""
+    """What the mission's radio carries, and what it loses."""
     radio = mission.rehearsal.radio
     if radio is None:
         return RadioQuality()

@@ -17,7 +17,7 @@ class FormationSummary:
     """Mean distance from the slot, over all samples of the window and all followers that an order had not
     sent out of the formation."""
     p95_error_m: float | None
-    """Its 95th percentile."""
+    """95th percentile of the formation error, m."""
     max_error_m: float | None
     """The greatest."""
     mean_error_3d_m: float | None
@@ -76,7 +76,7 @@ class Summary:
     """A flight in figures."""
 
     mission: str
-    """Its name."""
+    """Name of the mission."""
     controller: str
     """Name of the law by which followers kept their slots."""
     plant: str

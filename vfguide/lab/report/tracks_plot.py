@@ -140,9 +140,9 @@ class View:
     """A square piece of ground."""
 
     east_m: float
-    """Its middle."""
+    """Middle of the view, m east."""
     north_m: float
-    """Its middle."""
+    """Middle of the view, m north."""
     side_m: float
     """Length of a side."""
 

@@ -77,7 +77,7 @@ CONNECT_S = 10
 """Patience with a scheduler."""
 
 DRAWN_EVERY_S = 0.5
-"""Between the points of a drawn track."""
+"""Interval of the points of a drawn track."""
 
 
 def article_mission(

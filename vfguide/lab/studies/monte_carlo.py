@@ -37,7 +37,7 @@ START_SPREAD_M = 100.0
 SLOT_RANGE_M = (-60.0, 60.0)
 
 LEAST_SPACING_M = 15.0
-"""Between any two slots and from the leader."""
+"""Least distance of any two slots, and from the leader."""
 
 GAIN_FACTOR = 2.0
 """Gains of the law and kappa are up to this many times those of the mission, or that part of them."""
@@ -277,7 +277,7 @@ class Point:
     mission: str
     """What is flown."""
     law: str
-    """By which law."""
+    """Name of the law."""
     duration_s: float
     """How long."""
 
@@ -293,7 +293,7 @@ class Found:
     max_error_m: float
     """In the last half."""
     settle_10m_s: float | None
-    """None: somebody was 10 m or more out at the end."""
+    """Last time a follower was 10 m or more out, s; None: at the end still."""
     chatter_rad_s: float
     """Back and forth of the course setpoints."""
 

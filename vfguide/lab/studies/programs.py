@@ -84,7 +84,7 @@ async def broker(directory: Path) -> AsyncIterator[tuple[str, int]]:
 
 
 async def listening(port: int, log: Path) -> None:
-    """Wait until somebody listens at a port of the loopback interface.
+    """Wait until a program listens at a port of the loopback interface.
 
     Raises:
         VfguideError: nobody does.
