@@ -91,7 +91,7 @@ class Timetable:
 
     @property
     def slots(self) -> int:
-        """The slots between two beats, the beat's own included."""
+        """How many slots a beat and the time up to the next are divided into."""
         return 1 + math.ceil((self.members + math.ceil(0.5 * self.beats)) / self.beats)
 
     @property
