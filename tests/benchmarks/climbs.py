@@ -5,8 +5,8 @@
 Through MAVLink bytes in lockstep, in the article's wind and with moderate turbulence on top. Distances over
 the second half of each flight: level, of the height alone and in space, from the slots in the leader's own
 frame; and level, from the slots as the formation means them (the leader's true place, the course of its path
-there). Climbs take up all of that half, and the two missions are flown as they are shipped. Exit status: 1
-where a row is not within what is required of it.
+there): the mean, and in gusts also the greatest. Climbs take up all of that half, and the two missions are
+flown as they are shipped. Exit status: 1 where a row is not within what is required of it.
 """
 
 import json
@@ -16,9 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 import vfguide
+from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission, load_mission
 from vfguide.mission.load import parse_mission
 
@@ -55,7 +57,7 @@ class Row:
     mean_m: float
     """Mean distance in space in smooth air, and from the slots as meant in gusts, m."""
     greatest_m: float = math.inf
-    """Greatest distance, m, in smooth air."""
+    """Greatest distance, m: from the slots as they are in smooth air, as meant in gusts."""
 
 
 def rows() -> list[Row]:
@@ -77,27 +79,37 @@ def rows() -> list[Row]:
     return climbs + routes
 
 
+def greatest_as_meant_m(flight: vfguide.Flight) -> float:
+    """Greatest level distance from the slots as meant over the second half, m."""
+    meant = intended_leader(flight.record.reference)
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    distances = [slot_error(meant, one).distance_m[settled] for one in flight.record.followers]
+    return float(np.nanmax(distances))
+
+
 def main() -> int:
     """Fly all, print the table."""
     sys.stdout.write(
-        "| flight | wind | level: mean, greatest | height | in space | as meant | required |\n"
+        "| flight | wind | level: mean, greatest | height | in space | as meant: mean, greatest | wanted |\n"
         "|---|---|---|---|---|---|---|\n"
     )
     good = True
     for row in rows():
         for air, settings in AIR.items():
-            summary = vfguide.fly(row.mission, settings=settings).summary
+            flight = vfguide.fly(row.mission, settings=settings)
+            summary, greatest_m = flight.summary, greatest_as_meant_m(flight)
             formation = summary.formation
             followers = [one for one in summary.vehicles.values() if one.role == "follower"]
             height_m = sum(one.height_error_m.mean for one in followers) / len(followers)
             counted_m = formation.intended_error_m if settings else formation.mean_error_3d_m
             held = counted_m <= row.mean_m
-            held &= bool(settings) or formation.max_error_m <= row.greatest_m
+            held &= (greatest_m if settings else formation.max_error_m) <= row.greatest_m
             good &= held
             sys.stdout.write(
                 f"| {row.name} | {air} | {formation.mean_error_m:.3f}, {formation.max_error_m:.2f} m"
                 f" | {height_m:.3f} m | {formation.mean_error_3d_m:.3f} m"
-                f" | {formation.intended_error_m:.3f} m | {row.mean_m:g} m{'' if held else ': missed'} |\n"
+                f" | {formation.intended_error_m:.3f}, {greatest_m:.2f} m"
+                f" | {row.mean_m:g} m{'' if held else ': missed'} |\n"
             )
             sys.stdout.flush()
     return 0 if good else 1

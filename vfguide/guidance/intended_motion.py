@@ -8,10 +8,9 @@ Of a leader that is heard: slots stand in the leader's course frame and turn wit
 the leader's course swings a slot 50 m away by 50 m times the angle, and asks its follower for turns that
 help nothing. A gust that takes leader and follower alike asks it for speeds that they both have already.
 A formation means to fly along its path at its airspeed, in the mean wind: that is known where the
-leader's place is. What the leader is seen to do is split into that and a difference. The difference is
-filtered with a long memory, and the more the course jitters the more the filtered one counts: in calm air
-slots follow the measured motion at once, in turbulence the meant one (the weight is that of a Wiener
-filter, signal power over signal and noise power).
+leader's place is. What the leader is seen to do is split into that and a difference. The more the course
+jitters, the less the difference counts: in calm air slots follow the measured motion at once, in turbulence
+the meant one (the weight is that of a Wiener filter, signal power over signal and noise power).
 """
 
 import math
@@ -124,7 +123,7 @@ WATCH_S = 8.0
 """Memory of the jitter."""
 
 MEMORY_S = 5.0
-"""Memory of the differences from what is meant."""
+"""Memory of the ground speed's difference from what is meant."""
 
 FAR_RAD = 0.15
 """A leader whose course differs by more than this is on its way to its path: that is no jitter, and slots
@@ -155,14 +154,19 @@ class Plan:
 
     course: float
     """rad."""
-    turn_rate: float
-    """rad/s."""
+    turn_per_m: float
+    """How the course changes along the way, rad/m."""
     ground_speed: float
     """m/s."""
     acceleration: float
     """m/s²."""
     point: PathPoint[float]
     """The point of the path nearest to the leader."""
+
+    @property
+    def turn_rate(self) -> float:
+        """At the planned ground speed, rad/s."""
+        return self.ground_speed * self.turn_per_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,10 +179,8 @@ class IntendedMotion:
     """At that place."""
     turn_acceleration: float
     """Turn acceleration of the plan, rad/s²."""
-    course: tuple[float, float]
-    """Measured course minus the planned one, filtered, rad; and its rate, rad/s."""
     speed: tuple[float, float]
-    """The same of the ground speed, m/s and m/s²."""
+    """Measured ground speed minus the planned one, filtered, m/s; and its rate, m/s²."""
     slow: tuple[float, float]
     """The difference of the course without what is fast in it, rad; and its rate, rad/s."""
     jitter: float
@@ -198,13 +200,13 @@ def planned_motion(
     ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
     # It runs along the path, and towards it on that course.
     tangent_rate = tangent_rate_per_speed(point, course)
-    turn_rate = ground_speed * (tangent_rate + slope * math.sin(course - point.course))
+    turn_per_m = tangent_rate + slope * math.sin(course - point.course)
     further = ground_speed_on_course(known.airspeed, course + TURN_STEP, *wind)
     return Plan(
         course=course,
-        turn_rate=turn_rate,
+        turn_per_m=turn_per_m,
         ground_speed=ground_speed,
-        acceleration=(further - ground_speed) / TURN_STEP * turn_rate,
+        acceleration=(further - ground_speed) / TURN_STEP * ground_speed * turn_per_m,
         point=point,
     )
 
@@ -226,7 +228,6 @@ def intended_at_first(leader: LeaderState[float], planned: Plan) -> IntendedMoti
         motion=leader,
         planned=planned,
         turn_acceleration=0.0,
-        course=(difference, 0.0),
         speed=(leader.ground_speed - planned.ground_speed, 0.0),
         slow=(difference, 0.0),
         jitter=0.0,
@@ -262,7 +263,6 @@ def intended_motion(
         # Not at once: slots would jump.
         jitter = low_pass(before.jitter, 0.0, period, FADE_S)
     weight = max(jitter / (jitter + CALM_RAD * CALM_RAD), trust)
-    course = _tracked(before.course, difference, period, MEMORY_S)
     speed = _tracked(before.speed, leader.ground_speed - planned.ground_speed, period, MEMORY_S)
     turn_acceleration = low_pass(
         before.turn_acceleration,
@@ -274,10 +274,14 @@ def intended_motion(
     def meant(measured: float, filtered: float) -> float:
         return measured + weight * (filtered - measured)
 
-    meant_course = planned.course + (1.0 - trust) * meant(difference, course[0])
+    # A leader that stays on its path flies the path's course on average: what is left of its gusts in an
+    # average of the difference would swing the slots for seconds.
+    meant_course = planned.course + meant(difference, 0.0)
     meant_speed = meant(leader.ground_speed, planned.ground_speed + speed[0])
     north, east = polar(leader.ground_speed, leader.course)
     meant_north, meant_east = polar(meant_speed, meant_course)
+    # The path turns beneath the leader as fast as it truly passes along it, gusts included.
+    passing = leader.ground_speed * math.cos(leader.course - planned.course)
     return IntendedMotion(
         motion=LeaderState(
             time_s=leader.time_s,
@@ -286,7 +290,7 @@ def intended_motion(
             course=meant_course,
             ground_speed=meant_speed,
             acceleration=meant(leader.acceleration, planned.acceleration + speed[1]),
-            turn_rate=meant(leader.turn_rate, planned.turn_rate + (1.0 - trust) * course[1]),
+            turn_rate=meant(leader.turn_rate, passing * planned.turn_per_m),
             turn_acceleration=meant(leader.turn_acceleration, turn_acceleration),
             drift_north=north - meant_north,
             drift_east=east - meant_east,
@@ -295,7 +299,6 @@ def intended_motion(
         ),
         planned=planned,
         turn_acceleration=turn_acceleration,
-        course=course,
         speed=speed,
         slow=slow,
         jitter=jitter,
