@@ -61,7 +61,19 @@ FLYING = (
     "unit/link/test_link_radio_hostile.py",
     "unit/mission/test_mission_file_fuzz.py",
     "unit/mission/test_mission_hold_heights.py",
-    "unit/sitl_stub/test_stub_px4.py",
+    *(
+        f"unit/sitl_stub/test_stub_{name}.py"
+        for name in (
+            "ground_start",
+            "ground_station",
+            "lagging_plant",
+            "measurements",
+            "parameters",
+            "plant",
+            "px4",
+            "receive_fuzz",
+        )
+    ),
     *(
         f"unit/companion/test_companion_{name}.py"
         for name in (

@@ -100,6 +100,7 @@ def test_a_transition_takes_as_long_as_the_slowest_way() -> None:
     assert max(rates) <= LIMITS.forward + 1e-9
 
 
+@pytest.mark.flies
 @settings(deadline=None, max_examples=150)
 @given(
     st.sampled_from(SHAPES),
@@ -119,6 +120,7 @@ def test_no_two_come_within_the_limit_between_any_two_shapes(
     assert distances.min() >= LEAST_M - 0.05
 
 
+@pytest.mark.flies
 @settings(deadline=None, max_examples=150)
 @given(
     st.lists(st.tuples(st.floats(-120, 60), st.floats(-90, 90)), min_size=2, max_size=7),
