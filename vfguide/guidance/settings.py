@@ -15,7 +15,7 @@ from typing import Literal
 from vfguide.elementwise import Number
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.sliding_laws import boundary_layer
-from vfguide.state import Airframe
+from vfguide.state import Airframe, VehicleState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +63,11 @@ LEAST_PERIOD = 0.05
 finer with the rate, and a thinner layer would turn it into chatter."""
 
 
+GUSTS_FACTOR = 2.5
+"""Boundary layer over kappa times the period in gusts: a quarter more than the least that keeps clear of the
+sampled loop's limit cycle."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingGains:
     """Gains of the sliding-mode laws."""
@@ -80,12 +85,29 @@ class SlidingGains:
 
     def layer(self, period: float) -> float:
         """Boundary layer of a loop with this period in seconds."""
+        return self._layer(period, self.boundary_layer_factor)
+
+    def layer_in(
+        self, state: VehicleState[Number], airframe: Airframe, period: float
+    ) -> Number | float:
+        """The same in the air that a vehicle flies in: in gusts no wider than the sampled loop needs.
+
+        Smooth setpoints, which a wider one buys, are worth nothing there; a quick answer is. An autopilot
+        that answers late has no quicker one.
+        """
+        wide = self.layer(period)
+        if not airframe.is_ideal:
+            return wide
+        narrow = self._layer(period, min(self.boundary_layer_factor, GUSTS_FACTOR))
+        return wide + state.gust_share * (narrow - wide)
+
+    def _layer(self, period: float, factor: float) -> float:
         return boundary_layer(
             self.kappa,
             self.epsilon,
             period=max(period, LEAST_PERIOD),
             delay=self.loop_delay_s,
-            factor=self.boundary_layer_factor,
+            factor=factor,
         )
 
 

@@ -33,7 +33,7 @@ def boundary_layer(
 
 
 def sliding_course_rate(
-    course_error: Number, desired_rate: Number, gain: float, layer: float
+    course_error: Number, desired_rate: Number, gain: float, layer: Number | float
 ) -> Number:
     """Course rate (rad/s) that brings the course onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
 
@@ -72,7 +72,7 @@ def sliding_acceleration(
     desired_acceleration: Number,
     *,
     gain: float,
-    layer: float,
+    layer: Number | float,
     rho: float,
 ) -> Number:
     """Acceleration (m/s²) that brings the speed onto the field: dV^d/dt + x_E/rho - kappa sat(V~/epsilon).

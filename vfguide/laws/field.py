@@ -142,7 +142,7 @@ class SlotField(Law):
                 motion.course,
             )
             field = replace(field, speed=field.speed + drift)
-        layer = sliding.layer(view.period)
+        layer = sliding.layer_in(state, self.airframe, view.period)
         course_rate = motion.turn_rate
         if self.answers_course_error:
             course_error = wrap_angle(state.course - field.course)

@@ -115,7 +115,7 @@ class LeaderLaw(ABC):
                 wrap_angle(view.state.course - course),
                 course_rate,
                 self.settings.sliding.kappa,
-                self.settings.sliding.layer(view.period),
+                self.settings.sliding.layer_in(view.state, self.airframe, view.period),
             ),
             ground_speed=view.state.ground_speed,
         )

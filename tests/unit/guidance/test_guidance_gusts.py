@@ -8,8 +8,9 @@ import pytest
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, gusts_after, navigate
+from vfguide.guidance.settings import SlidingGains
 from vfguide.guidance.sliding_laws import foretold_share
-from vfguide.state import VehicleState
+from vfguide.state import Airframe, VehicleState
 
 TIMES = FilterTimes(position_s=2.0, wind_s=0.35)
 PERIOD, AIRSPEED = 0.05, 20.0
@@ -105,3 +106,30 @@ def test_in_gusts_the_rate_of_the_wind_is_not_fed_forward() -> None:
     assert foretold_share(calm, wind_feedforward=True) == 1.0
     assert foretold_share(gusty, wind_feedforward=True) == pytest.approx(0.2)
     assert foretold_share(gusty, wind_feedforward=False) == 0.0
+
+
+def in_gusts(share: float) -> VehicleState[float]:
+    """A vehicle that has found this share of gusts in its wind."""
+    still = navigated(np.zeros((2, 2)))[-1]
+    known = gusts_after(None, 0.0, 0.0, PERIOD)
+    return replace(still, gusts=replace(known, share=share))
+
+
+def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows() -> None:
+    sliding = SlidingGains(
+        kappa=3.0, epsilon=0.01, boundary_layer_factor=4.8, loop_delay_s=0.0, rho=1.0
+    )
+    late = Airframe(course_lag=0.3)
+    # 4.8 . 3 . 0.05 s in smooth air, 2.5 . 3 . 0.05 s in gusts, and half way between them.
+    for share, layer in ((0.0, 0.72), (1.0, 0.375), (0.5, 0.5475)):
+        state = in_gusts(share)
+        assert sliding.layer_in(state, Airframe(), 0.05) == pytest.approx(layer)
+        # An autopilot that answers late has no quicker answer to give.
+        assert sliding.layer_in(state, late, 0.05) == pytest.approx(0.72)
+
+
+def test_a_layer_that_is_narrower_already_stays_so_in_gusts() -> None:
+    sliding = SlidingGains(
+        kappa=3.0, epsilon=0.01, boundary_layer_factor=2.1, loop_delay_s=0.0, rho=1.0
+    )
+    assert sliding.layer_in(in_gusts(1.0), Airframe(), 0.05) == pytest.approx(2.1 * 3.0 * 0.05)
