@@ -139,7 +139,7 @@ class Companion:
 
     def sensors(self, now: float) -> SensorsReport | None:
         """What the autopilot said last of its sensors and its battery; None if that is long ago."""
-        return self._vehicle.own.sensors(now)
+        return self._vehicle.own.sensors.newest(now)
 
     @property
     def snapshot(self) -> Snapshot:

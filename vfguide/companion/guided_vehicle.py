@@ -106,7 +106,7 @@ class GuidedVehicle:
         """
         own = self.own
         words, plan = self._slip_finder.step(
-            self.plan, own.turn_efficiency, now, bank_heard=own.bank_heard
+            self.plan, own.air.turn_efficiency, now, bank_heard=own.air.bank_heard
         )
         if words is not None:
             out.warn(words, now)

@@ -4,10 +4,10 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
+from vfguide.companion.air_motion import LEAST_CALIBRATED, AirData, AirMotion
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import (
-    AirspeedGate,
     AltitudeGate,
     Doubt,
     FrozenPosition,
@@ -25,8 +25,8 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
-from vfguide.elementwise import low_pass, wrap_angle
-from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
+from vfguide.companion.sensor_watch import SensorWatch
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
     Sample,
     VelocityError,
@@ -37,7 +37,6 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
-from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.reports import (
     AirspeedReport,
@@ -68,33 +67,11 @@ SURE_AGAIN_S = CARRIED_S - RETURN_S + GAP_S
 """After nothing was believed for longer, the carried place would be given up before the reports are believed
 again: the vehicle would be steered for a moment, not steered, and steered again."""
 
-AIRSPEED_FRESH_S = 2.0
-"""An airspeed older than this is not used."""
-
-AIR_DATA_FRESH_S = 0.5
-"""A bank, or the airspeed beside it, that is older is of another moment."""
-
-SENSORS_S = 10.0
-"""After so long the word of the sensors and the battery counts as old."""
-
-MOST_BATTERIES = 10
-"""Of a vehicle, that are kept apart."""
-
 REFUSAL_S = 2.0
 """A report that was refused longer ago than this is not why none is used now."""
 
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
-
-
-TURN_RATE_S = 2.0
-"""Time constant of the nose's turn rate, which decides how far a vehicle slips."""
-
-LEAST_CALIBRATED = 5.0
-"""m/s: slower than this nothing is learned of the airspeed sensor."""
-
-LEAST_AIRSPEED = 1.0
-"""m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,22 +84,6 @@ class Place:
     """degrees."""
     altitude_amsl: float
     """m above mean sea level."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirData:
-    """What an autopilot measured of its motion at one moment, as it reports it."""
-
-    heading: float
-    """Where the nose points, rad."""
-    bank: float
-    """rad, positive right."""
-    airspeed: float
-    """As the sensor shows it, m/s."""
-    velocity_north: float
-    """Over ground, m/s."""
-    velocity_east: float
-    """Over ground, m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,22 +133,13 @@ class OwnVehicle:
         self._counters: Counter[str] = Counter()
         self._frozen = FrozenPosition()
         self._health = NavigationHealth()
-        self._batteries: dict[int, tuple[BatteryReport, float]] = {}
-        self._sensors: tuple[SensorsReport, float] | None = None
-        self._airspeed_gate = AirspeedGate(plan.airframe)
-        self._airspeed = 0.0
-        self._airspeed_time = -math.inf
+        self.sensors = SensorWatch()
+        """What the autopilot says of its sensors and batteries."""
         # An autopilot that holds a ground speed gets no airspeed.
-        self._calibrates = plan.airframe.hold == "heading-hold" and not self._blind
-        # While it is not known whether it slips both are learned, of which one is right.
-        kinds = (False, True) if plan.finds_slip else (plan.slips,)
-        self._calibrations = {slips: calibration_of(slips=slips) for slips in kinds}
-        self.turn_efficiency = TurnEfficiency()
-        """What it turns of what its bank says; nothing is learned where no bank is heard."""
-        self._bank = 0.0
-        self._bank_time = -math.inf
-        self._nose: float | None = None
-        self._turn_rate = 0.0
+        self.air = AirMotion(
+            plan, calibrates=plan.airframe.hold == "heading-hold" and not self._blind
+        )
+        """How it moves through the air, as the autopilot's sensors show it."""
         self._state: VehicleState[float] | None = None
         self._velocity_error: VelocityError | None = None
         self._period = self._nominal_period
@@ -196,7 +148,7 @@ class OwnVehicle:
 
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle; what was learned of it is kept."""
-        self._slips = plan.surely_slips
+        self.air.retune(plan)
         airframe = plan.airframe
         memory = memory_of(slips=plan.slips, speed_hold=airframe.speed_hold)
         if airframe.is_ideal:
@@ -210,16 +162,6 @@ class OwnVehicle:
     def doubts(self) -> bool:
         """Whether the position that was reported last is not believed."""
         return self._gate.doubts
-
-    @property
-    def bank_heard(self) -> bool:
-        """Whether the autopilot has ever told a bank."""
-        return math.isfinite(self._bank_time)
-
-    @property
-    def calibration(self) -> Calibration:
-        """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
-        return self._calibrations[self._slips]
 
     @property
     def course_offset(self) -> float:
@@ -255,18 +197,6 @@ class OwnVehicle:
             self._delay_compensator.forget()
         else:
             self._delay_compensator.note(setpoint, now)
-
-    def note_airspeed(self, airspeed: float, now: float) -> None:
-        """Take an airspeed report."""
-        state = self._state
-        expected = None if state is None else state.airspeed / self.calibration.scale
-        if self._gate.doubts:
-            # False velocities lead to a false wind.
-            expected = None
-        if not self._airspeed_gate.passes(airspeed, expected, now):
-            return
-        self._airspeed = airspeed
-        self._airspeed_time = now
 
     def take(self, report: PositionReport, now: float) -> NavigatedState | None:
         """What a position report leads to; None where it is not newer than the one before, or false."""
@@ -314,7 +244,7 @@ class OwnVehicle:
             step = navigate_blind if self._blind else navigate
             state = step(previous, used, self._filters)
         self._state = state
-        self._calibrate(report, interval, now)
+        self.air.learn(report, state, interval, now)
         if self._delay_compensator is not None:
             self._delay_compensator.observe(state)
         return NavigatedState(
@@ -326,20 +256,7 @@ class OwnVehicle:
             moved=moved,
             steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
             delay_compensator=self._delay_compensator,
-            air_data=self._air_data(report, now),
-        )
-
-    def _air_data(self, report: PositionReport, now: float) -> AirData | None:
-        """What a report, and the last bank and airspeed, say of the motion through the air."""
-        fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S
-        if report.heading is None or not (fresh and self._calibrates):
-            return None
-        return AirData(
-            heading=report.heading,
-            bank=self._bank,
-            airspeed=self._airspeed,
-            velocity_north=report.velocity_north,
-            velocity_east=report.velocity_east,
+            air_data=self.air.data(report, now),
         )
 
     def _with_right_velocity(
@@ -397,55 +314,30 @@ class OwnVehicle:
         """Take what the autopilot says beside its positions."""
         match report:
             case AirspeedReport():
-                self.note_airspeed(report.airspeed, now)
+                # False velocities lead to a false wind.
+                known = None if self._gate.doubts else self._state
+                self.air.note_airspeed(report.airspeed, now, known)
             case AttitudeReport():
-                self._bank, self._bank_time = report.bank, now
+                self.air.note_bank(report.bank, now)
             case TimeReport():
                 self._clock.answer(report.stamp, report.autopilot_ns, now)
             case BatteryReport():
-                self._batteries = {
-                    number: (one, when)
-                    for number, (one, when) in self._batteries.items()
-                    if now - when <= SENSORS_S
-                }
-                if len(self._batteries) < MOST_BATTERIES or report.number in self._batteries:
-                    self._batteries[report.number] = report, now
+                self.sensors.note_battery(report, now)
             case _:
                 if isinstance(report, SensorsReport):
-                    self._sensors = report, now
+                    self.sensors.note(report, now)
                 self._health.take(report, now)
-
-    def sensors(self, now: float) -> SensorsReport | None:
-        """What the autopilot said last of its sensors and its battery; None if that is long ago."""
-        if self._sensors is None or now - self._sensors[1] > SENSORS_S:
-            return None
-        return self._with_emptiest_battery(self._sensors[0], now)
-
-    def _with_emptiest_battery(self, said: SensorsReport, now: float) -> SensorsReport:
-        """The same with the battery of which least is left, where several are known."""
-        # Of two that have as much left the first counts: volts belong to what is left of the same battery.
-        known = [(said.battery, said.battery_voltage)]
-        known += [
-            (one.remaining, one.voltage)
-            for one, when in self._batteries.values()
-            if now - when <= SENSORS_S
-        ]
-        counted = [(left, voltage) for left, voltage in known if left is not None]
-        if not counted:
-            return said
-        left, voltage = min(counted, key=lambda one: one[0])
-        return replace(said, battery=left, battery_voltage=voltage)
 
     def words(self) -> list[str]:
         """What a pilot should know of the reports, each once: one sentence each."""
         words = self._doubt.words()
-        words += [word for word in (self._airspeed_gate.word, self._clock.word) if word is not None]
+        words += [word for word in (self.air.gate.word, self._clock.word) if word is not None]
         return words
 
     @property
     def counters(self) -> Counter[str]:
         """Reports that were not used, by reason."""
-        return self._counters + self._doubt.counters + self._airspeed_gate.counters
+        return self._counters + self._doubt.counters + self.air.gate.counters
 
     def _judge(
         self,
@@ -475,15 +367,11 @@ class OwnVehicle:
         place = (report.latitude_deg, report.longitude_deg)
         fault = self._health.fault(reading.read_s)
         if motion.speed < LEAST_CALIBRATED:
-            airspeed = self._known_airspeed(reading.read_s)
+            airspeed = self.air.fresh_airspeed(reading.read_s)
             fault = fault or self._frozen.fault(place, airspeed, reading.boot_time_s)
         if state is None and place == (0.0, 0.0):
             fault = "a position of 0, 0"
         return self._gate.judge(motion, fault=fault, slack_s=slack_s)
-
-    def _known_airspeed(self, now: float) -> float:
-        """As reported, m/s; NaN where none is fresh."""
-        return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan
 
     def _place(
         self,
@@ -507,61 +395,11 @@ class OwnVehicle:
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
         return Place(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 
-    def _calibrate(self, report: PositionReport, interval: float, now: float) -> None:
-        """Learn from a report with a heading and an airspeed of its own."""
-        fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
-        before, self._nose = self._nose, report.heading
-        state = self._state
-        if report.heading is None or before is None or state is None:
-            return
-        flying = fresh and self._airspeed > LEAST_CALIBRATED
-        if not (self._calibrates and flying and interval <= GAP_S):
-            return
-        # In a swing of the yaw the nose does not leave its direction as in a turn: that is averaged out.
-        turn_rate = wrap_angle(report.heading - before) / interval
-        self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
-        if now - self._bank_time <= AIR_DATA_FRESH_S:
-            self.turn_efficiency = learned(
-                self.turn_efficiency,
-                bank=self._bank,
-                airspeed=self.calibration.scale * self._airspeed,
-                turn_rate=turn_rate,
-                period=interval,
-            )
-        wind_rate = math.hypot(state.wind_rate_north, state.wind_rate_east)
-        for slips, known in self._calibrations.items():
-            self._calibrations[slips] = calibrated(
-                known,
-                reported_airspeed=self._airspeed,
-                heading=report.heading,
-                turn_rate=self._turn_rate,
-                velocity_north=report.velocity_north,
-                velocity_east=report.velocity_east,
-                # A nose that leaves the direction of flight looks like a wind that turns with it.
-                wind_rate=0.0 if slips else wind_rate,
-                period=interval,
-            )
-
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
         velocity_north, velocity_east = report.velocity_north, report.velocity_east
-        known = self._state
-        wind_north, wind_east = (known.wind_north, known.wind_east) if known else (0.0, 0.0)
-        heading = report.heading
-        if heading is None:
-            heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
-        calibration = self.calibration
-        airspeed = calibration.scale * self._airspeed
-        blown = now - self._airspeed_time > AIRSPEED_FRESH_S
-        if self._slips and calibration.is_settled:
-            _, wind_north, wind_east, _ = calibration.estimate
-            blown = True
-        if blown:
-            # Heading and airspeed both by the wind that is known. With a measured heading an airspeed that
-            # comes from the wind would change the wind that it comes from, ever more where a compass is off.
-            air_north, air_east = velocity_north - wind_north, velocity_east - wind_east
-            heading, airspeed = math.atan2(air_east, air_north), math.hypot(air_north, air_east)
+        heading, airspeed = self.air.heading_and_airspeed(report, self._state, now)
         return Sample(
             time_s=time_s,
             north=north,
@@ -569,7 +407,7 @@ class OwnVehicle:
             velocity_north=velocity_north,
             velocity_east=velocity_east,
             heading=heading,
-            airspeed=max(airspeed, LEAST_AIRSPEED),
+            airspeed=airspeed,
             climb_rate=report.climb_rate,
         )
 

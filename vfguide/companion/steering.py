@@ -358,5 +358,5 @@ class Steering:
         airframe = self._plan.airframe
         if airframe.hold == "course-hold":
             return speed
-        shown = speed / self._own.calibration.scale
+        shown = speed / self._own.air.calibration.scale
         return min(max(shown, airframe.airspeed_min), airframe.airspeed_max)

@@ -10,9 +10,10 @@ from dataclasses import replace
 from enum import Enum
 from itertools import accumulate
 
+from vfguide.companion.air_motion import AirData
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.own_vehicle import AirData, NavigatedState
+from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Event, Outgoing, Role, RoleStep
 from vfguide.companion.supervisor import Mode

@@ -16,7 +16,7 @@ from vfguide.companion.roles import LeaderRole, role_of
 from vfguide.companion.supervisor import Control, Mode
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.laws.leader import LeaderTask
-from vfguide.mavlink.reports import PositionReport
+from vfguide.mavlink.reports import AirspeedReport, PositionReport
 
 
 def said(announcer: Announcer, from_s: float, to_s: float) -> list[str]:
@@ -177,7 +177,7 @@ def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., Flig
         heading=course,
     )
     own = OwnVehicle(its)
-    own.note_airspeed(20.0, 4.0)
+    own.note(AirspeedReport(airspeed=20.0), 4.0)
     navigated = own.take(report, 4.0)
     assert navigated is not None
     plotted.note(role.step(navigated, Mode.TRACKING), 4.0)

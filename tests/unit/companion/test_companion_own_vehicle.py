@@ -6,7 +6,7 @@ import pytest
 
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
-from vfguide.mavlink.reports import BatteryReport, PositionReport, SensorsReport
+from vfguide.mavlink.reports import AirspeedReport, BatteryReport, PositionReport, SensorsReport
 
 MakePlan = Callable[..., FlightPlan]
 MakeReport = Callable[..., PositionReport]
@@ -41,7 +41,7 @@ def report(plan: MakePlan) -> MakeReport:
 
 def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState:
     """The fix that a report leads to, with 20 m/s of airspeed just heard."""
-    own.note_airspeed(20.0, now)
+    own.note(AirspeedReport(airspeed=20.0), now)
     navigated = own.take(report, now)
     assert navigated is not None
     return navigated
@@ -142,14 +142,14 @@ def test_without_any_airspeed_there_is_no_wind(own: OwnVehicle, report: MakeRepo
 def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(
     own: OwnVehicle, report: MakeReport
 ) -> None:
-    own.note_airspeed(20.0, 42.0)
+    own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(report(5.0), 42.0)
-    own.note_airspeed(12.0, 42.1)
+    own.note(AirspeedReport(airspeed=12.0), 42.1)
     fresh = own.take(report(7.1, north=46.2), 44.1)
     assert fresh is not None
     assert fresh.state.airspeed == 12.0
     # Wind is now (22 - 12, 3) and what is left of (22, 3) is 12 m/s.
-    own.note_airspeed(30.0, 44.1)
+    own.note(AirspeedReport(airspeed=30.0), 44.1)
     old = own.take(report(9.2, north=92.4), 46.2)
     assert old is not None
     assert old.state.airspeed == pytest.approx(12.0)
@@ -166,7 +166,7 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
         latitude, longitude = plan().frame.to_geodetic(north, east)
         velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
         if number == 0:
-            own.note_airspeed(20.0, 40.0)
+            own.note(AirspeedReport(airspeed=20.0), 40.0)
         navigated = own.take(
             PositionReport(
                 boot_time_s=5.0 + time_s,
@@ -195,7 +195,7 @@ def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(
     slow = replace(report(6.9), velocity_north=6.0)
     for number in range(20):
         own.take(replace(slow, boot_time_s=5.05 + 0.1 * number), 42.05 + 0.1 * number)
-    own.note_airspeed(20.0, 44.2)
+    own.note(AirspeedReport(airspeed=20.0), 44.2)
     assert own.counters["airspeed not believed"] == 0
 
 
@@ -214,7 +214,7 @@ def test_a_heading_that_was_never_known_is_the_course(own: OwnVehicle, report: M
 def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
     own: OwnVehicle, report: MakeReport
 ) -> None:
-    own.note_airspeed(0.0, 42.0)
+    own.note(AirspeedReport(airspeed=0.0), 42.0)
     navigated = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
     assert navigated is not None
     assert navigated.state.airspeed == 1.0
@@ -229,7 +229,7 @@ def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
 ) -> None:
     known = plan(vehicle=vehicle)
     own = OwnVehicle(replace(known, settings=replace(known.settings, speed_source="observer")))
-    own.note_airspeed(20.0, 42.0)
+    own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
     # The position says 20 m/s, the velocity 10: who believes it sees a head wind, filtered over 0.35 s.
     navigated = own.take(
@@ -272,17 +272,17 @@ def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(
 
 
 def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own: OwnVehicle) -> None:
-    assert own.sensors(0.0) is None
+    assert own.sensors.newest(0.0) is None
     own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
     own.note(BatteryReport(number=0, remaining=0.9, voltage=12.3), 0.0)
     own.note(BatteryReport(number=1, remaining=0.4, voltage=22.0), 0.0)
     own.note(BatteryReport(number=2, remaining=None, voltage=5.0), 0.0)
-    told = own.sensors(1.0)
+    told = own.sensors.newest(1.0)
     assert told is not None
     assert (told.battery, told.battery_voltage) == (0.4, 22.0)
     # Ten seconds later the second battery is not heard of any more.
     own.note(SensorsReport(gps=True, attitude=True, battery=0.85, battery_voltage=12.2), 10.5)
-    told = own.sensors(10.5)
+    told = own.sensors.newest(10.5)
     assert told is not None
     assert (told.battery, told.battery_voltage) == (0.85, 12.2)
 
@@ -292,7 +292,7 @@ def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(
 ) -> None:
     own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
     own.note(BatteryReport(number=1, remaining=0.4, voltage=None), 0.0)
-    told = own.sensors(1.0)
+    told = own.sensors.newest(1.0)
     assert told is not None
     assert (told.battery, told.battery_voltage) == (0.4, None)
 
@@ -300,6 +300,6 @@ def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(
 def test_a_battery_that_sys_status_knows_nothing_of_is_told(own: OwnVehicle) -> None:
     own.note(SensorsReport(gps=True, attitude=True), 0.0)
     own.note(BatteryReport(number=0, remaining=0.7, voltage=None), 0.0)
-    told = own.sensors(1.0)
+    told = own.sensors.newest(1.0)
     assert told is not None
     assert (told.battery, told.battery_voltage) == (0.7, None)

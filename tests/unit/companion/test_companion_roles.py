@@ -25,7 +25,7 @@ from vfguide.link.packed import (
     encode_packet,
     ticks_of,
 )
-from vfguide.mavlink.reports import PositionReport
+from vfguide.mavlink.reports import AirspeedReport, PositionReport
 from vfguide.mission.model import Mission
 from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
@@ -59,7 +59,7 @@ def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Navigated
         latitude, longitude = plan.frame.to_geodetic(
             200.0 * (math.sin(angle) - math.sin(begin)), 200.0 * (math.cos(begin) - math.cos(angle))
         )
-        own.note_airspeed(20.0, time_s)
+        own.note(AirspeedReport(airspeed=20.0), time_s)
         report = PositionReport(
             boot_time_s=time_s,
             latitude_deg=latitude,

@@ -101,14 +101,14 @@ def test_what_holds_course_and_ground_speed_is_not_asked(mission: Callable[[str]
 
 def test_what_was_learned_outlasts_another_response(finding: FlightPlan) -> None:
     own = OwnVehicle(finding)
-    own.turn_efficiency = known(1.0)
-    calibration = own.calibration
+    own.air.turn_efficiency = known(1.0)
+    calibration = own.air.calibration
     first = own.take(report(finding, 0.0), 0.0)
     assert first is not None
     assert first.delay_compensator is not None
     own.retune(turning(finding, 1.0, slips=False))
-    assert own.turn_efficiency == known(1.0)
-    assert own.calibration is calibration
+    assert own.air.turn_efficiency == known(1.0)
+    assert own.air.calibration is calibration
     # The mission's holds are ideal: setpoints take effect at once.
     second = own.take(report(finding, 0.1), 0.1)
     assert second is not None

@@ -9,7 +9,7 @@ import pytest
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import wrap_angle
-from vfguide.mavlink.reports import PositionReport
+from vfguide.mavlink.reports import AirspeedReport, PositionReport
 
 MakePlan = Callable[..., FlightPlan]
 
@@ -36,7 +36,7 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicl
         )
         north, east = north + PERIOD * velocity[0], east + PERIOD * velocity[1]
         latitude, longitude = plan.frame.to_geodetic(north, east)
-        own.note_airspeed(SHOWN, step * PERIOD)
+        own.note(AirspeedReport(airspeed=SHOWN), step * PERIOD)
         report = PositionReport(
             boot_time_s=step * PERIOD,
             latitude_deg=latitude,
@@ -53,7 +53,7 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicl
 
 def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan) -> None:
     navigated, own, direction = after_laps(replace(plan(), slips=True), 3.0)
-    assert own.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
+    assert own.air.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
     state = navigated.state
     assert (state.wind_north, state.wind_east) == (
         pytest.approx(WIND_NORTH, abs=0.5),

@@ -1,0 +1,191 @@
+"""The own vehicle's motion through the air: reports of airspeed, bank and heading, and what they teach."""
+
+import math
+from dataclasses import dataclass
+
+from vfguide.companion.distrust import AirspeedGate
+from vfguide.companion.plan import FlightPlan
+from vfguide.elementwise import low_pass, wrap_angle
+from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
+from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
+from vfguide.mavlink.reports import PositionReport
+from vfguide.state import VehicleState
+
+LONGEST_S = 1.0
+"""Nothing is learned over a longer interval between two reports."""
+
+AIRSPEED_FRESH_S = 2.0
+"""An airspeed older than this is not used."""
+
+AIR_DATA_FRESH_S = 0.5
+"""A bank, or the airspeed beside it, that is older is of another moment."""
+
+TURN_RATE_S = 2.0
+"""Time constant of the nose's turn rate, which decides how far a vehicle slips."""
+
+LEAST_CALIBRATED = 5.0
+"""m/s: slower than this nothing is learned of the airspeed sensor."""
+
+LEAST_AIRSPEED = 1.0
+"""m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirData:
+    """What an autopilot measured of its motion at one moment, as it reports it."""
+
+    heading: float
+    """Where the nose points, rad."""
+    bank: float
+    """rad, positive right."""
+    airspeed: float
+    """As the sensor shows it, m/s."""
+    velocity_north: float
+    """Over ground, m/s."""
+    velocity_east: float
+    """Over ground, m/s."""
+
+
+class AirMotion:
+    """What one vehicle's airspeed, bank and heading reports say, and the calibration of its airspeed."""
+
+    def __init__(self, plan: FlightPlan, *, calibrates: bool) -> None:
+        """Make one that has heard nothing yet.
+
+        Args:
+            plan: the vehicle's part of the mission.
+            calibrates: whether its setpoints are airspeeds, whose scale has to be learned.
+        """
+        self.gate = AirspeedGate(plan.airframe)
+        """Which airspeeds can be true."""
+        self.turn_efficiency = TurnEfficiency()
+        """What it turns of what its bank says; nothing is learned where no bank is heard."""
+        self._calibrates = calibrates
+        # While it is not known whether it slips both are learned, of which one is right.
+        kinds = (False, True) if plan.finds_slip else (plan.slips,)
+        self._calibrations = {slips: calibration_of(slips=slips) for slips in kinds}
+        self._airspeed = 0.0
+        self._airspeed_time = -math.inf
+        self._bank = 0.0
+        self._bank_time = -math.inf
+        self._nose: float | None = None
+        self._turn_rate = 0.0
+        self.retune(plan)
+
+    def retune(self, plan: FlightPlan) -> None:
+        """Go on with what is known of the vehicle by now; what was learned of it is kept."""
+        self._slips = plan.surely_slips
+
+    @property
+    def bank_heard(self) -> bool:
+        """Whether the autopilot has ever told a bank."""
+        return math.isfinite(self._bank_time)
+
+    @property
+    def calibration(self) -> Calibration:
+        """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
+        return self._calibrations[self._slips]
+
+    def note_airspeed(self, airspeed: float, now: float, known: VehicleState[float] | None) -> None:
+        """Take a reported airspeed (m/s), if it can be true.
+
+        Args:
+            airspeed: m/s.
+            now: s.
+            known: state of the vehicle, by which it is judged; None while that is not believed.
+        """
+        expected = None if known is None else known.airspeed / self.calibration.scale
+        if self.gate.passes(airspeed, expected, now):
+            self._airspeed, self._airspeed_time = airspeed, now
+
+    def note_bank(self, bank: float, now: float) -> None:
+        """Take a reported bank, rad, positive right."""
+        self._bank, self._bank_time = bank, now
+
+    def fresh_airspeed(self, now: float) -> float:
+        """As reported, m/s; NaN where none is fresh."""
+        return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan
+
+    def data(self, report: PositionReport, now: float) -> AirData | None:
+        """What a report, and the last bank and airspeed, say of the motion through the air."""
+        fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S
+        if report.heading is None or not (fresh and self._calibrates):
+            return None
+        return AirData(
+            heading=report.heading,
+            bank=self._bank,
+            airspeed=self._airspeed,
+            velocity_north=report.velocity_north,
+            velocity_east=report.velocity_east,
+        )
+
+    def heading_and_airspeed(
+        self, report: PositionReport, known: VehicleState[float] | None, now: float
+    ) -> tuple[float, float]:
+        """(heading in rad, true airspeed in m/s) at a report; by the wind where the autopilot tells neither.
+
+        Args:
+            report: of the position, with the velocity over ground.
+            known: state of the vehicle before it, with the wind; None while not known.
+            now: s.
+        """
+        velocity_north, velocity_east = report.velocity_north, report.velocity_east
+        wind_north, wind_east = (known.wind_north, known.wind_east) if known else (0.0, 0.0)
+        heading = report.heading
+        if heading is None:
+            heading = math.atan2(velocity_east - wind_east, velocity_north - wind_north)
+        calibration = self.calibration
+        airspeed = calibration.scale * self._airspeed
+        blown = now - self._airspeed_time > AIRSPEED_FRESH_S
+        if self._slips and calibration.is_settled:
+            _, wind_north, wind_east, _ = calibration.estimate
+            blown = True
+        if blown:
+            # Heading and airspeed both by the wind that is known. With a measured heading an airspeed that
+            # comes from the wind would change the wind that it comes from, ever more where a compass is off.
+            air_north, air_east = velocity_north - wind_north, velocity_east - wind_east
+            heading, airspeed = math.atan2(air_east, air_north), math.hypot(air_north, air_east)
+        return heading, max(airspeed, LEAST_AIRSPEED)
+
+    def learn(
+        self, report: PositionReport, state: VehicleState[float], interval: float, now: float
+    ) -> None:
+        """Learn from a report with a heading and an airspeed of its own.
+
+        Args:
+            report: of the position.
+            state: of the vehicle by it.
+            interval: since the report before, s.
+            now: s.
+        """
+        fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
+        before, self._nose = self._nose, report.heading
+        if report.heading is None or before is None:
+            return
+        flying = fresh and self._airspeed > LEAST_CALIBRATED
+        if not (self._calibrates and flying and interval <= LONGEST_S):
+            return
+        # In a swing of the yaw the nose does not leave its direction as in a turn: that is averaged out.
+        turn_rate = wrap_angle(report.heading - before) / interval
+        self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
+        if now - self._bank_time <= AIR_DATA_FRESH_S:
+            self.turn_efficiency = learned(
+                self.turn_efficiency,
+                bank=self._bank,
+                airspeed=self.calibration.scale * self._airspeed,
+                turn_rate=turn_rate,
+                period=interval,
+            )
+        wind_rate = math.hypot(state.wind_rate_north, state.wind_rate_east)
+        for slips, known in self._calibrations.items():
+            self._calibrations[slips] = calibrated(
+                known,
+                reported_airspeed=self._airspeed,
+                heading=report.heading,
+                turn_rate=self._turn_rate,
+                velocity_north=report.velocity_north,
+                velocity_east=report.velocity_east,
+                # A nose that leaves the direction of flight looks like a wind that turns with it.
+                wind_rate=0.0 if slips else wind_rate,
+                period=interval,
+            )
