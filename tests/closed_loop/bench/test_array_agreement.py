@@ -63,8 +63,9 @@ def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
     mission = mission_of_two("circle-wind", "mpc", "heading-hold")
     apart = np.abs(distances_on_arrays(mission, 1)[:, 0] - distances_in_lockstep(mission))
     in_place = round(25.0 * mission.rehearsal.rate_hz)
-    # With bounds at work it may stop at its last iteration, on the way from another solution.
-    assert np.max(apart) < 0.3
+    # On the way into the slot, with bounds at work, it stops at its last iteration in one step of ten: rounding
+    # errors of the inputs then lead to other commands, of which one metre comes in some ten seconds.
+    assert np.max(apart) < 2.0
     assert np.max(apart[:, in_place:]) < 0.005
 
 
