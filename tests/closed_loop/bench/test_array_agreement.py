@@ -63,8 +63,8 @@ def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
     mission = mission_of_two("circle-wind", "mpc", "heading-hold")
     apart = np.abs(distances_on_arrays(mission, 1)[:, 0] - distances_in_lockstep(mission))
     in_place = round(25.0 * mission.rehearsal.rate_hz)
-    # On the way into the slot, with bounds at work, it stops at its last iteration in one step of ten: rounding
-    # errors of the inputs then lead to other commands, of which one metre comes in some ten seconds.
+    # On the way into the slot, with bounds at work, it stops at its last iteration in one step of ten.
+    # Rounding errors of the inputs then lead to other commands, and to a metre within five seconds.
     assert np.max(apart) < 2.0
     assert np.max(apart[:, in_place:]) < 0.005
 

@@ -98,8 +98,8 @@ def test_who_is_behind_in_a_climb_gets_its_speed_by_climbing_later(
     below = height(record, "f3")
     # At 0.25 m/s² it would have caught up 0.5 * 0.25 * 16² = 32 of the 60 m after 16 s, at best.
     assert away(record)[round(16.0 * RATE_HZ)] < 5.0
-    # 28 m/s instead of 20 are (28² - 20²) / 2g = 20 m of height, and 3.5 m/s of climb that it does without for
-    # some 8 s are 28 m. As long as the path climbs at nearly all that it can, it does not get them back ...
+    # 28 m/s instead of 20 are (28² - 20²) / 2g = 20 m of height, and 3.5 m/s of climb that it does without
+    # for some 8 s are 28 m. While the path climbs at nearly all that it can, it does not get them back ...
     assert -50.0 < below.min() < -10.0
     assert arrived_s(record) < 25.0
     # ... and after that it does, from below and without leaving its slot.
