@@ -1,8 +1,10 @@
 """Map tiles of a file that may come from anybody, and addresses of servers."""
 
+import gc
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from hypothesis import given, settings
@@ -45,6 +47,16 @@ def test_a_tile_is_found_by_its_row_from_the_north(tmp_path: Path) -> None:
     assert found is not None
     assert found.kind == "image/jpeg"
     assert tiles.find(2, 3, 2) is None
+
+
+def test_a_map_that_nobody_uses_any_more_is_closed_from_any_thread(tmp_path: Path) -> None:
+    opened = [TileFile(written(tmp_path / "map.mbtiles", (0, 0, 0, PNG)))]
+    # A warning of the thread, which closes the file as it drops it, is an error here.
+    thread = Thread(target=opened.clear)
+    thread.start()
+    thread.join()
+    gc.collect()
+    assert not opened
 
 
 def test_what_the_file_says_of_itself_is_shown_as_text(tmp_path: Path) -> None:

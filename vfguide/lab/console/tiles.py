@@ -157,8 +157,11 @@ class TileFile:
         self._path = path
         self._check_beginning()
         try:
+            # One thread reads it; the garbage collector may close it from another.
             self._file = sqlite3.connect(
-                f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True
+                f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1",
+                uri=True,
+                check_same_thread=False,
             )
             weakref.finalize(self, self._file.close)
             self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_TILE)
