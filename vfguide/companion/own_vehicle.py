@@ -25,7 +25,6 @@ from vfguide.companion.plausibility import (
     Verdict,
     reach_of,
 )
-from vfguide.companion.sensor_watch import SensorWatch
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
     Sample,
@@ -66,6 +65,12 @@ SLIP_S = 0.1
 SURE_AGAIN_S = CARRIED_S - RETURN_S + GAP_S
 """After nothing was believed for longer, the carried place would be given up before the reports are believed
 again: the vehicle would be steered for a moment, not steered, and steered again."""
+
+SENSORS_S = 10.0
+"""After so long the word of the sensors and the battery counts as old."""
+
+MOST_BATTERIES = 10
+"""Of a vehicle, that are kept apart."""
 
 REFUSAL_S = 2.0
 """A report that was refused longer ago than this is not why none is used now."""
@@ -108,6 +113,46 @@ class NavigatedState:
     """Where the vehicle will be when setpoints take effect; None where they do at once."""
     air_data: AirData | None = None
     """None where heading, bank or airspeed is missing or old, or a ground speed is held."""
+
+
+class SensorWatch:
+    """The newest word of one vehicle's sensors and of each of its batteries."""
+
+    def __init__(self) -> None:
+        self._batteries: dict[int, tuple[BatteryReport, float]] = {}
+        self._said: tuple[SensorsReport, float] | None = None
+
+    def note(self, report: SensorsReport, now: float) -> None:
+        """Take what the autopilot says of its sensors."""
+        self._said = report, now
+
+    def note_battery(self, report: BatteryReport, now: float) -> None:
+        """Take what it says of one battery."""
+        self._batteries = {
+            number: (one, when)
+            for number, (one, when) in self._batteries.items()
+            if now - when <= SENSORS_S
+        }
+        if len(self._batteries) < MOST_BATTERIES or report.number in self._batteries:
+            self._batteries[report.number] = report, now
+
+    def newest(self, now: float) -> SensorsReport | None:
+        """What was said last, with the battery of which least is left; None if that is long ago."""
+        if self._said is None or now - self._said[1] > SENSORS_S:
+            return None
+        said = self._said[0]
+        # Of two that have as much left the first counts: volts belong to what is left of the same battery.
+        known = [(said.battery, said.battery_voltage)]
+        known += [
+            (one.remaining, one.voltage)
+            for one, when in self._batteries.values()
+            if now - when <= SENSORS_S
+        ]
+        counted = [(left, voltage) for left, voltage in known if left is not None]
+        if not counted:
+            return said
+        left, voltage = min(counted, key=lambda one: one[0])
+        return replace(said, battery=left, battery_voltage=voltage)
 
 
 class OwnVehicle:
