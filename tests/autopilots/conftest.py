@@ -1,10 +1,9 @@
-"""The autopilots' programs: a machine without them may do without these tests, CI may not."""
+"""The autopilots' programs, no part of the project: tests that miss one are skipped with the reason."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 
@@ -12,15 +11,13 @@ from tests.autopilots.formation import Plan, load
 from tests.autopilots.programs import FlightError, find_mosquitto
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
 
-Found = TypeVar("Found")
-
 MISSIONS = Path(__file__).parents[2] / "missions"
 
 
-def found_or_skipped(find: Callable[[], Found]) -> Found:
-    """What is found; without it the test is skipped, or fails where CI runs."""
+def broker_program() -> str:
+    """Find mosquitto; without it the test fails in CI, and is skipped elsewhere."""
     try:
-        return find()
+        return find_mosquitto()
     except FlightError as error:
         if os.environ.get("CI"):
             pytest.fail(str(error))
@@ -28,8 +25,11 @@ def found_or_skipped(find: Callable[[], Found]) -> Found:
 
 
 def program(kind: str) -> Path:
-    """The autopilot's program that a variable names."""
-    return found_or_skipped(lambda: find_program(kind, os.environ.get(kind.upper())))
+    """Find the autopilot's program that a variable names; skip the test where there is none."""
+    try:
+        return find_program(kind, os.environ.get(kind.upper()))
+    except FlightError as error:
+        pytest.skip(str(error))
 
 
 def formation_of(
@@ -48,7 +48,7 @@ def formation_of(
         binary=program(kind),
         conditions=conditions,
         directory=directory,
-        mosquitto=found_or_skipped(find_mosquitto),
+        mosquitto=broker_program(),
         engage=engage,
         # By what a deputy leads is in what companions record.
         record=bool(deputies),
