@@ -53,6 +53,7 @@ FLYING = (
     "unit/report",
     "unit/identification",
     "unit/bench",
+    "unit/autopilots/test_recorded_answers.py",
     "unit/basics/test_api_pages.py",
     "unit/formation/test_formation_order_desk.py",
     "unit/guidance/test_guidance_racetrack.py",

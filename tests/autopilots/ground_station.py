@@ -32,6 +32,7 @@ WANTED = frozenset(
         mavlink.MAVLINK_MSG_ID_SIM_STATE,
         mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     }
 )
@@ -89,8 +90,11 @@ class GroundStation:
         self.modes: list[ModeChange] = []
         self.texts: list[tuple[float, str]] = []
         self.parameters: dict[str, float] = {}
+        self.parameter_types: dict[str, int] = {}
         self.unknown_parameters: set[str] = set()
         self.armed = False
+        self.airspeed_m_s = math.nan
+        """As the autopilot shows it."""
         self.version: tuple[int, int] | None = None
         """Of the firmware, and its capabilities; once it was asked for."""
         self.results: dict[int, int] = {}
@@ -233,13 +237,21 @@ class GroundStation:
             self.version = message.flight_sw_version, message.capabilities
         elif kind == "COMMAND_ACK":
             self.results[message.command] = message.result
-        elif kind == "PARAM_VALUE":
-            self.parameters[message.param_id] = message.param_value
-        elif kind == "PARAM_ERROR" and message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
-            self.unknown_parameters.add(message.param_id)
+        elif kind == "VFR_HUD":
+            self.airspeed_m_s = message.airspeed
+        elif kind in {"PARAM_VALUE", "PARAM_ERROR"}:
+            self._take_parameter(message)
         elif self._clock is not None and (state := self._truth(message)) is not None:
             clock_s, clock_arrival_s = self._clock
             self.fixes.append(Fix(arrival_s, clock_s, clock_arrival_s, *state))
+
+    def _take_parameter(self, message: MAVLink_message) -> None:
+        if message.get_type() == "PARAM_VALUE":
+            # Whoever waits for the value looks at the type, too.
+            self.parameter_types[message.param_id] = message.param_type
+            self.parameters[message.param_id] = message.param_value
+        elif message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+            self.unknown_parameters.add(message.param_id)
 
 
 def wanted_frames(data: bytes) -> tuple[list[Frame], bytes]:

@@ -5,11 +5,8 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind
-from sitl_stub.px4 import Px4
-from tests.autopilots.px4_manners import BEHAVIOURS, MANNERS, PARAMETERS, RATES_HZ, whole_as_real
+from sitl_stub import PlantParameters, SteadyWind
 
 Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
@@ -487,90 +484,3 @@ def test_position_control_is_left_to_the_pilot(station: Station) -> None:
 def test_wind_is_not_among_its_messages(station: Station) -> None:
     vehicle = station(autopilot="px4")
     assert vehicle.interval(168, 100_000) == "DENIED"
-
-
-class EmulatedPx4:
-    """The emulator as `px4_manners` asks for it, which asks the real program in the same words."""
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle = vehicle
-        self.system_id = 7
-        self._time_s = 0.0
-        self._heard: list[MAVLink_message] = []
-
-    def _hear(self, messages: list[MAVLink_message]) -> list[MAVLink_message]:
-        self._heard += messages
-        return messages
-
-    def result(self, command: int, *parameters: float) -> int:
-        replies = self._hear(self.vehicle.command_long(command, *parameters))
-        (ack,) = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
-        return int(ack.result)
-
-    def send(self, message: MAVLink_message) -> None:
-        self._hear(self.vehicle.send(message))
-
-    def pass_time(self, seconds: float) -> None:
-        self._time_s += seconds
-        self._hear(self.vehicle.advance(self._time_s))
-
-    def course_deg(self) -> float:
-        return course_deg(self.vehicle)
-
-    def mode(self) -> tuple[int, int]:
-        beats = [one for one in self._heard if one.get_type() == "HEARTBEAT"]
-        return beats[-1].custom_mode >> 16 & 0xFF, beats[-1].custom_mode >> 24
-
-    def texts(self) -> list[str]:
-        return [one.text for one in self._heard if one.get_type() == "STATUSTEXT"]
-
-    def parameter(self, name: str) -> float | None:
-        asked = mavlink.MAVLink_param_request_read_message(7, 1, name.encode(), -1)
-        (told,) = self.vehicle.send(asked)
-        return told.param_value if told.get_type() == "PARAM_VALUE" else None
-
-    def unasked_hz(self) -> dict[str, float]:
-        before = len(self._heard)
-        self.pass_time(4.0)
-        names = [one.get_type() for one in self._heard[before:]]
-        return {name: names.count(name) / 4.0 for name in RATES_HZ}
-
-
-@pytest.fixture
-def emulated(ground_station: Callable[[Autopilot, int], Vehicle]) -> EmulatedPx4:
-    """One that has taken off and loiters, with the limit of bank that sitl-stub gives a PX4."""
-    config = AutopilotConfig(
-        system_id=7,
-        autopilot="px4",
-        plant=PlantParameters(max_bank_rad=math.radians(Px4.max_bank_deg)),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=0.0,
-        home_altitude_amsl_m=0.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
-        airborne=False,
-        armed=False,
-    )
-    subject = EmulatedPx4(ground_station(Autopilot(config, CalmWind()), 7))
-    assert subject.result(mavlink.MAV_CMD_NAV_TAKEOFF, -1.0, 0.0, 0.0, *[math.nan] * 4) == 0
-    assert subject.result(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == 0
-    subject.pass_time(60.0)
-    assert subject.mode() == (4, 3)
-    return subject
-
-
-def test_it_behaves_as_the_real_program_does(emulated: EmulatedPx4) -> None:
-    """The list that tests/autopilots ask a real PX4."""
-    seen = {behaviour.what: behaviour.seen(emulated) for behaviour in BEHAVIOURS}
-    assert seen == {behaviour.what: behaviour.expected for behaviour in BEHAVIOURS}
-
-
-def test_it_answers_as_the_real_program_does(emulated: EmulatedPx4) -> None:
-    answered = {one.what: emulated.result(one.command, *one.parameters) for one in MANNERS}
-    assert answered == {one.what: one.result for one in MANNERS}
-
-
-def test_its_fail_safes_are_set_as_the_real_program_has_them(emulated: EmulatedPx4) -> None:
-    for name, value in PARAMETERS.items():
-        assert emulated.parameter(name) == whole_as_real(value)
