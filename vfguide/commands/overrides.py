@@ -112,9 +112,9 @@ def overridden(mission: Mission, overrides: Overrides) -> dict[str, Any]:
         hold = "heading-hold" if banks else overrides.plant
         for vehicle in content["vehicles"].values():
             vehicle["plant"] = hold
-        emulator(content)["plant"] = overrides.plant if banks else None
+        emulate(content, "plant", overrides.plant if banks else None)
     if overrides.speed_response is not None:
-        emulator(content)["speed_response"] = overrides.speed_response
+        emulate(content, "speed_response", overrides.speed_response)
     if overrides.wind is not None:
         content["wind"] = {"type": overrides.wind}
     for place, value in overrides.settings:
@@ -201,7 +201,9 @@ def put(content: dict[str, Any], place: Location, value: object) -> None:
         ) from error
 
 
-def emulator(content: dict[str, Any]) -> dict[str, Any]:
-    """The part of a mission file about the emulated autopilots; there is one afterwards."""
+def emulate(content: dict[str, Any], field: str, value: object) -> None:
+    """Give all emulated aircraft of a mission the same value, whatever single ones have."""
     section: dict[str, Any] = content.setdefault("rehearsal", {}).setdefault("emulator", {})
-    return section
+    section[field] = value
+    for own in section.get("vehicles", {}).values():
+        own.pop(field, None)

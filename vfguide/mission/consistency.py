@@ -68,6 +68,7 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Inconsistency, ...]:
         _paths_without_use,
         _contradicting_orders,
         _lost_strangers,
+        _emulated_strangers,
         _unused_vehicles,
         _shared_system_ids,
         _crowded_slots,
@@ -286,6 +287,18 @@ def _lost_strangers(data: Mapping[str, object]) -> Iterator[Inconsistency]:
                 ("rehearsal", "losses", index, "vehicle"),
                 f"'{name}' has no companion to lose",
                 f"name one of: {', '.join(names)}",
+            )
+
+
+def _emulated_strangers(data: Mapping[str, object]) -> Iterator[Inconsistency]:
+    """Emulated aircraft that differ from the others and that nobody flies."""
+    names = [role.vehicle for role in _roles(data)]
+    for name in _group(data, "rehearsal", "emulator", "vehicles"):
+        if names and name not in names:
+            yield Inconsistency(
+                ("rehearsal", "emulator", "vehicles", name),
+                f"there is no vehicle '{name}' in the formation",
+                f"remove it, or name one of: {', '.join(names)}",
             )
 
 

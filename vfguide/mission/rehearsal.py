@@ -9,6 +9,7 @@ from vfguide.mission.quantity import (
     Coordinate,
     Course,
     Duration,
+    Gain,
     NotNegative,
     Number,
     Positive,
@@ -17,6 +18,7 @@ from vfguide.mission.quantity import (
     WholeNumber,
     known_in,
 )
+from vfguide.mission.vehicle import AirspeedRange, ClimbRange
 from vfguide.registry import emulated_autopilots, plants
 
 
@@ -130,8 +132,8 @@ class Start(Section):
         return dict(self.__pydantic_extra__)
 
 
-class Emulator(Section):
-    """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
+class EmulatedAircraft(Section):
+    """What an emulated aircraft really is, apart from what its companion is told: see docs/emulator.md."""
 
     autopilot: Annotated[str, AfterValidator(known_in(emulated_autopilots))] | None = None
     """What really answers; if absent, the autopilot that each vehicle's own `autopilot` is for. Another one
@@ -145,6 +147,28 @@ class Emulator(Section):
 
     plant_options: dict[str, Number] = Field(default_factory=dict)
     """Numbers of a plant of one's own, by their names."""
+
+    alpha_1_s: Annotated[Gain, Field(le=20.0)] | None = None
+    """All plants but `bank` and `six-dof`: real bandwidth of the course (or heading) hold, 1/s; if absent
+    what `vehicles` declares, as with all numbers down to `height_delay_s`."""
+
+    beta_1_s: Annotated[Gain, Field(le=20.0)] | None = None
+    """`speed_response: first-order`: real bandwidth of the speed hold, 1/s."""
+
+    airspeed_range_m_s: AirspeedRange | None = None
+    """Lowest and highest airspeed that it really flies, m/s."""
+
+    max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] | None = None
+    """Bank that it really reaches, degrees."""
+
+    max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] | None = None
+    """Fastest real change of speed, either way, m/s²."""
+
+    climb_range_m_s: ClimbRange | None = None
+    """Fastest real descent, negative, and climb, m/s."""
+
+    height_delay_s: Annotated[Duration, Field(gt=0.0, le=20.0)] | None = None
+    """By how much its height really lags behind a setpoint that climbs steadily, s."""
 
     guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
     """`bank`, `six-dof`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
@@ -177,6 +201,19 @@ class Emulator(Section):
 
     loop_rate_hz: Annotated[Number, Field(ge=10.0, le=1000.0)] | None = None
     """Rate of the scheduler on whose ticks telemetry leaves, Hz; if absent it leaves exactly on time."""
+
+
+class Emulator(EmulatedAircraft):
+    """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
+
+    vehicles: dict[VehicleName, EmulatedAircraft] = Field(default_factory=dict)
+    """Single vehicles by name, where they differ from the others: `{f1: {alpha_1_s: 0.4}}`."""
+
+    def of(self, name: str) -> EmulatedAircraft:
+        """Return what a vehicle really is: its own fields before those that hold for all."""
+        common = self.model_dump(exclude_unset=True, exclude={"vehicles"})
+        own = self.vehicles.get(name, EmulatedAircraft()).model_dump(exclude_unset=True)
+        return EmulatedAircraft.model_validate(common | own)
 
 
 class LeaderTelemetry(Section):

@@ -57,9 +57,10 @@ def mission_schema() -> dict[str, object]:
             "description": "What every vehicle has that does not say otherwise.",
         }
     }
-    emulator = schema["$defs"]["Emulator"]["properties"]
-    emulator["plant"]["anyOf"][0]["enum"] = list(plants.own)
-    emulator["autopilot"]["anyOf"][0]["enum"] = list(emulated_autopilots.own)
+    for section in ("Emulator", "EmulatedAircraft"):
+        emulated = schema["$defs"][section]["properties"]
+        emulated["plant"]["anyOf"][0]["enum"] = list(plants.own)
+        emulated["autopilot"]["anyOf"][0]["enum"] = list(emulated_autopilots.own)
     del schema["$defs"]["PathShape"]
     mapping = {}
     for name in paths.own:

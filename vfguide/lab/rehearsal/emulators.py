@@ -16,8 +16,7 @@ from vfguide.registry import load_plugins_of_the_environment
 BOOTED_S = 1234.5
 """What its clock shows at the start of a rehearsal: nobody else's shows that."""
 
-OF_THE_VEHICLE = (
-    "system_id",
+DECLARED = (
     "alpha_1_s",
     "beta_1_s",
     "airspeed_range_m_s",
@@ -26,7 +25,7 @@ OF_THE_VEHICLE = (
     "climb_range_m_s",
     "height_delay_s",
 )
-"""Fields that a vehicle and its emulator have alike."""
+"""Fields that are true of an aircraft as its companion is told, where the emulator has none of its own."""
 
 ROUTE_POINTS = 361
 """Points of a mission's path, where an aircraft flies it by itself."""
@@ -41,14 +40,16 @@ def settings_of(mission: Mission, name: str) -> dict[str, object]:
     Lockstep, live flights and containers all make their emulators of this.
     """
     vehicle, rehearsal = mission.vehicles[name], mission.rehearsal
-    emulator, start = rehearsal.emulator, start_of(mission, name)
+    emulator, start = rehearsal.emulator.of(name), start_of(mission, name)
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
     ground = mission.origin.altitude_amsl_m
     altitude = ground + mission.height_above_origin_m + start.up_m
-    lowest, highest = vehicle.airspeed_range_m_s
+    declared = {field: getattr(vehicle, field) for field in DECLARED}
+    lowest, highest = emulator.airspeed_range_m_s or vehicle.airspeed_range_m_s
     settings: dict[str, object] = {
-        **emulator.model_dump(mode="json"),
-        **{field: getattr(vehicle, field) for field in OF_THE_VEHICLE},
+        **declared,
+        **emulator.model_dump(mode="json", exclude_none=True),
+        "system_id": vehicle.system_id,
         "autopilot": emulator.autopilot or vehicle.emulated_autopilot,
         "plant": emulator.plant or vehicle.plant,
         "wind": mission.wind.model_dump(mode="json"),
@@ -87,7 +88,9 @@ def checked_settings(mission: Mission, name: str) -> sitl_stub.Settings:
         settings = sitl_stub.Settings.of(settings_of(mission, name))
         sitl_stub.plant_of(settings.config().plant)
     except ValueError as error:
-        raise InputError(f"rehearsal.emulator: {error}") from error
+        own = name in mission.rehearsal.emulator.vehicles
+        place = f"rehearsal.emulator.vehicles.{name}" if own else "rehearsal.emulator"
+        raise InputError(f"{place}: {error}") from error
     return settings
 
 

@@ -170,6 +170,7 @@ def flight_record(
 ) -> FlightRecord:
     """The record of a whole flight, from those of its vehicles, leader first, and what companions said."""
     path_north, path_east = drawn_path(mission, vehicles[0])
+    plant = mission.rehearsal.emulator.of(mission.leader.vehicle).plant
     return FlightRecord(
         time_s=np.array(times, dtype=np.float64),
         vehicles=tuple(vehicles),
@@ -179,7 +180,7 @@ def flight_record(
         outlines=drawn_outlines(mission, vehicles[0]),
         mission=mission.name,
         controller=mission.controller.type,
-        plant=mission.rehearsal.emulator.plant or mission.leader_vehicle.plant,
+        plant=plant or mission.leader_vehicle.plant,
         wind=mission.wind.type,
         mode=mode,
         rate_hz=mission.rehearsal.rate_hz,

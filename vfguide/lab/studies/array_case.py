@@ -24,6 +24,7 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mission.controller import gains_of
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Section
+from vfguide.mission.rehearsal import Emulator
 from vfguide.mission.starts import follower_start, leader_start
 from vfguide.registry import laws
 from vfguide.state import Airframe, Setpoint
@@ -145,6 +146,7 @@ def conditions_of(
         (rehearsal.radio is not None, "a shared radio"),
         (settings.speed_source == "observer", "a leader without measured ground speed"),
         (any(not one.is_ideal for one in airframes), "vehicles that answer late"),
+        (rehearsal.emulator != Emulator(), "aircraft that fly otherwise than declared"),
         (
             settings.slot_frame != "leader",
             f"slot_frame: {settings.slot_frame} (set controller.slot_frame: leader)",
