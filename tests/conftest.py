@@ -1,5 +1,7 @@
 """Which tests fly in real time, and what that means for how they are run: docs/architecture.md, Tests."""
 
+import asyncio
+import inspect
 import os
 import re
 import sysconfig
@@ -156,6 +158,17 @@ class Sharing(LoadScopeScheduling):  # type: ignore[misc]
         places = (place for place in TOGETHER if file.is_relative_to(place))
         alone = str(file) if any(map(file.is_relative_to, REAL_TIME)) else nodeid
         return alone if str(file) in LIGHT else next(places, alone)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine in an event loop of its own."""
+    test = pyfuncitem.obj
+    if not inspect.iscoroutinefunction(test):
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in inspect.signature(test).parameters}
+    asyncio.run(test(**given))
+    return True
 
 
 @pytest.hookimpl(optionalhook=True)

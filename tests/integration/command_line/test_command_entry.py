@@ -18,23 +18,20 @@ def test_the_version_is_told(command: Make) -> None:
     assert (outcome.status, outcome.out) == (0, f"vfguide {version('vfguide')}\n")
 
 
-def test_ctrl_c_while_the_program_loads_is_no_fault() -> None:
-    async def stopped() -> tuple[int | None, str]:
-        # Tells of each module as soon as it is loaded; pydantic comes half way.
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-X", "importtime", "-m", "vfguide", "check", "none.yaml"),
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
-        )
-        assert process.stderr is not None
-        async with asyncio.timeout(PATIENCE_S):
-            while b"pydantic" not in (line := await process.stderr.readline()):
-                assert line, "ended before it had loaded"
-            process.send_signal(signal.SIGINT)
-            _, err = await process.communicate()
-        return process.returncode, err.decode()
-
-    status, err = asyncio.run(stopped())
+async def test_ctrl_c_while_the_program_loads_is_no_fault() -> None:
+    # Tells of each module as soon as it is loaded; pydantic comes half way.
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-X", "importtime", "-m", "vfguide", "check", "none.yaml"),
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    assert process.stderr is not None
+    async with asyncio.timeout(PATIENCE_S):
+        while b"pydantic" not in (line := await process.stderr.readline()):
+            assert line, "ended before it had loaded"
+        process.send_signal(signal.SIGINT)
+        _, err = await process.communicate()
+    status, err = process.returncode, err.decode()
     assert status == 3
     assert "Traceback" not in err
     assert "KeyboardInterrupt" not in err

@@ -47,18 +47,14 @@ async def under_way(
         await flight.wait()
 
 
-def test_a_stopped_flight_ends_with_3_and_is_kept(
+async def test_a_stopped_flight_ends_with_3_and_is_kept(
     command: Make, pair_with: Make, tmp_path: Path
 ) -> None:
     directory = tmp_path / "out"
-
-    async def stopped() -> tuple[int | None, bytes, str]:
-        async with under_way(pair_with(), "--json", "--out", directory) as flight:
-            flight.send_signal(signal.SIGINT)
-            out, err = await flight.communicate()
-            return flight.returncode, out, err.decode()
-
-    status, out, err = asyncio.run(stopped())
+    async with under_way(pair_with(), "--json", "--out", directory) as flight:
+        flight.send_signal(signal.SIGINT)
+        out, err = await flight.communicate()
+        status, err = flight.returncode, err.decode()
     assert status == 3
     assert "Traceback" not in err
     summary = json.loads(out)
@@ -73,20 +69,18 @@ def test_a_stopped_flight_ends_with_3_and_is_kept(
     assert f"{flown_s:g} s in" in again.out
 
 
-def test_who_stops_the_report_too_is_told_what_is_left(pair_with: Make, tmp_path: Path) -> None:
+async def test_who_stops_the_report_too_is_told_what_is_left(
+    pair_with: Make, tmp_path: Path
+) -> None:
     directory = tmp_path / "out"
-
-    async def stopped() -> tuple[int | None, str]:
-        async with under_way(pair_with(), "--out", directory) as flight:
-            flight.send_signal(signal.SIGINT)
-            async with asyncio.timeout(PATIENCE_S):
-                while not list(directory.glob(".partial-*/flight.npz")):
-                    await asyncio.sleep(0.01)
-            flight.send_signal(signal.SIGINT)
-            _, err = await flight.communicate()
-            return flight.returncode, err.decode()
-
-    status, err = asyncio.run(stopped())
+    async with under_way(pair_with(), "--out", directory) as flight:
+        flight.send_signal(signal.SIGINT)
+        async with asyncio.timeout(PATIENCE_S):
+            while not list(directory.glob(".partial-*/flight.npz")):
+                await asyncio.sleep(0.01)
+        flight.send_signal(signal.SIGINT)
+        _, err = await flight.communicate()
+        status, err = flight.returncode, err.decode()
     (left,) = directory.iterdir()
     assert status == 3
     assert err.splitlines()[-1] == f"{left}: holds what was written so far"
@@ -122,33 +116,26 @@ def test_a_stopped_flight_takes_no_earlier_ones_place(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
+async def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
     pair_with: Make, number: signal.Signals
 ) -> None:
     """As Ctrl-C in a terminal, `timeout` and a service manager do."""
-
-    async def stopped() -> tuple[int | None, str]:
-        async with under_way(pair_with()) as flight:
-            os.killpg(flight.pid, number)
-            _, err = await flight.communicate()
-            return flight.returncode, err.decode()
-
-    status, err = asyncio.run(stopped())
+    async with under_way(pair_with()) as flight:
+        os.killpg(flight.pid, number)
+        _, err = await flight.communicate()
+        status, err = flight.returncode, err.decode()
     assert status == 3
     assert err.splitlines()[-1].startswith("stopped after ")
     assert "Traceback" not in err
 
 
 @pytest.mark.skipif(os.cpu_count() == 1, reason="on one core all is flown in one process")
-def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
-    async def broken() -> tuple[int | None, str]:
-        async with under_way(pair_with()) as flight:
-            (worker,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
-            os.kill(worker, signal.SIGKILL)
-            _, err = await flight.communicate()
-            return flight.returncode, err.decode()
-
-    status, err = asyncio.run(broken())
+async def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
+    async with under_way(pair_with()) as flight:
+        (worker,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
+        os.kill(worker, signal.SIGKILL)
+        _, err = await flight.communicate()
+        status, err = flight.returncode, err.decode()
     assert status == 3
     assert err.splitlines()[-1] == "a flight process died (exit code -9)"
     assert "Traceback" not in err

@@ -28,28 +28,25 @@ async def printed_address(flight: Process) -> re.Match[str]:
     raise AssertionError(said)
 
 
-def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path: Path) -> None:
-    async def fly() -> tuple[set[str], set[str], int | None, str]:
-        flight = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--console"),
-            cwd=tmp_path,
-            stdout=PIPE,
-            stderr=PIPE,
-        )
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                found = await printed_address(flight)
-                visitor = await asyncio.to_thread(logged_in, found[0].removeprefix("console: "))
-                names, heard = await asyncio.to_thread(aircraft_heard, visitor, found[1])
-                flight.send_signal(signal.SIGINT)
-                _, said = await flight.communicate()
-        finally:
-            if flight.returncode is None:
-                flight.kill()
-                await flight.wait()
-        return names, heard, flight.returncode, said.decode()
-
-    names, heard, status, said = asyncio.run(fly())
+async def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path: Path) -> None:
+    flight = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--console"),
+        cwd=tmp_path,
+        stdout=PIPE,
+        stderr=PIPE,
+    )
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            found = await printed_address(flight)
+            visitor = await asyncio.to_thread(logged_in, found[0].removeprefix("console: "))
+            names, heard = await asyncio.to_thread(aircraft_heard, visitor, found[1])
+            flight.send_signal(signal.SIGINT)
+            _, said = await flight.communicate()
+    finally:
+        if flight.returncode is None:
+            flight.kill()
+            await flight.wait()
+    status, said = flight.returncode, said.decode()
     assert heard == names == set(load_mission(MISSION).companions)
     # Stopped before its end.
     assert status == 3, said

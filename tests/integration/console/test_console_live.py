@@ -1,6 +1,5 @@
 """The console on live rehearsals: what it shows while aircraft fly, companions die and the broker goes."""
 
-import asyncio
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -95,36 +94,33 @@ async def overflow(page: Page) -> int:
     return width
 
 
-def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
+async def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
     mission: Mission, mosquitto_program: str, open_page: OpenPage, tmp_path: Path
 ) -> None:
-    async def fly() -> None:
-        async with (
-            running(mosquitto_program, tmp_path) as broker,
-            watched(mission, broker, tmp_path) as (flight, url),
-            open_page(url) as page,
-        ):
-            for name in flight.names:
-                await expect(card(page, name).locator(".mode")).to_have_text(
-                    "tracking", timeout=PATIENCE_MS
-                )
-            assert "token" not in page.url
-            before = await place(page, "f1")
-            await page.wait_for_timeout(1000)
-            after = await place(page, "f1")
-            moved = abs(complex(*after) - complex(*before))
-            # About 40 m: 20 m/s at twice the real time, in a second of a busy machine.
-            assert 10.0 < moved < 200.0
-            await flight.companions["f2"].kill()
-            killed = card(page, "f2")
-            await expect(killed).to_have_attribute("data-level", "alarm", timeout=PATIENCE_MS)
-            await expect(killed.locator(".mode")).to_have_text("offline", timeout=PATIENCE_MS)
-            await expect(page.get_by_role("alert")).to_contain_text("f2 has lost its companion")
-            assert await card(page, "f1").get_attribute("data-level") == "good"
-            await flight.companions["f2"].start()
-            await expect(killed).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
-
-    asyncio.run(fly())
+    async with (
+        running(mosquitto_program, tmp_path) as broker,
+        watched(mission, broker, tmp_path) as (flight, url),
+        open_page(url) as page,
+    ):
+        for name in flight.names:
+            await expect(card(page, name).locator(".mode")).to_have_text(
+                "tracking", timeout=PATIENCE_MS
+            )
+        assert "token" not in page.url
+        before = await place(page, "f1")
+        await page.wait_for_timeout(1000)
+        after = await place(page, "f1")
+        moved = abs(complex(*after) - complex(*before))
+        # About 40 m: 20 m/s at twice the real time, in a second of a busy machine.
+        assert 10.0 < moved < 200.0
+        await flight.companions["f2"].kill()
+        killed = card(page, "f2")
+        await expect(killed).to_have_attribute("data-level", "alarm", timeout=PATIENCE_MS)
+        await expect(killed.locator(".mode")).to_have_text("offline", timeout=PATIENCE_MS)
+        await expect(page.get_by_role("alert")).to_contain_text("f2 has lost its companion")
+        assert await card(page, "f1").get_attribute("data-level") == "good"
+        await flight.companions["f2"].start()
+        await expect(killed).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
 
 
 async def in_view(page: Page, place: Locator) -> bool:
@@ -179,46 +175,43 @@ async def order_trail(page: Page) -> None:
     )
 
 
-def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_off_after_a_broker_s_death(
+async def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_off_after_a_broker_s_death(
     mission: Mission, mosquitto_program: str, open_page: OpenPage, tmp_path: Path
 ) -> None:
-    async def fly() -> None:
-        async with (
-            running(mosquitto_program, tmp_path) as broker,
-            watched(mission, broker, tmp_path, operators=True) as (_, url),
-            open_page(f"{url.partition('?')[0]}?token={OPERATOR}", phone=True, dark=True) as page,
-        ):
-            leader, alarms = card(page, "leader"), page.get_by_role("alert")
-            await expect(leader.locator(".mode")).to_have_text("tracking", timeout=PATIENCE_MS)
-            abort = page.get_by_role("button", name="ABORT")
-            assert await overflow(page) <= 0
-            assert await in_view(page, abort)
-            await looks_on(url, open_page)
-            await broker.kill()
-            await expect(alarms).to_contain_text("No connection", timeout=PATIENCE_MS)
-            await expect(alarms).to_contain_text("No aircraft has been heard", timeout=PATIENCE_MS)
-            await expect(leader).to_have_attribute("data-level", "alarm")
-            assert await overflow(page) <= 0
-            stood = await place(page, "leader")
-            await broker.start()
-            await expect(alarms).not_to_contain_text("No connection", timeout=PATIENCE_MS)
-            await expect(leader).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
-            assert await place(page, "leader") != stood
-            # Back in the flight, where words of now are left out, and to now again.
-            await page.evaluate("document.getElementById('replay').player.seek(1)")
-            await expect(page.locator("#freshness")).to_contain_text("ago")
-            await page.get_by_role("button", name="Back to now").tap()
-            await expect(page.locator("#freshness")).to_contain_text("live")
-            await order_trail(page)
-            assert await overflow(page) <= 0
-            assert await in_view(page, abort)
-            await abort.tap()
-            await expect(page.locator("#outcome")).to_contain_text(
-                "back at their autopilots", timeout=PATIENCE_MS
-            )
-            answers = page.get_by_role("list", name="Answers")
-            await expect(answers).to_contain_text("f1: handed back")
-            await expect(page.locator("#flies")).to_contain_text("all was called off")
-            await expect(card(page, "f1").locator(".mode")).not_to_have_text("tracking")
-
-    asyncio.run(fly())
+    async with (
+        running(mosquitto_program, tmp_path) as broker,
+        watched(mission, broker, tmp_path, operators=True) as (_, url),
+        open_page(f"{url.partition('?')[0]}?token={OPERATOR}", phone=True, dark=True) as page,
+    ):
+        leader, alarms = card(page, "leader"), page.get_by_role("alert")
+        await expect(leader.locator(".mode")).to_have_text("tracking", timeout=PATIENCE_MS)
+        abort = page.get_by_role("button", name="ABORT")
+        assert await overflow(page) <= 0
+        assert await in_view(page, abort)
+        await looks_on(url, open_page)
+        await broker.kill()
+        await expect(alarms).to_contain_text("No connection", timeout=PATIENCE_MS)
+        await expect(alarms).to_contain_text("No aircraft has been heard", timeout=PATIENCE_MS)
+        await expect(leader).to_have_attribute("data-level", "alarm")
+        assert await overflow(page) <= 0
+        stood = await place(page, "leader")
+        await broker.start()
+        await expect(alarms).not_to_contain_text("No connection", timeout=PATIENCE_MS)
+        await expect(leader).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
+        assert await place(page, "leader") != stood
+        # Back in the flight, where words of now are left out, and to now again.
+        await page.evaluate("document.getElementById('replay').player.seek(1)")
+        await expect(page.locator("#freshness")).to_contain_text("ago")
+        await page.get_by_role("button", name="Back to now").tap()
+        await expect(page.locator("#freshness")).to_contain_text("live")
+        await order_trail(page)
+        assert await overflow(page) <= 0
+        assert await in_view(page, abort)
+        await abort.tap()
+        await expect(page.locator("#outcome")).to_contain_text(
+            "back at their autopilots", timeout=PATIENCE_MS
+        )
+        answers = page.get_by_role("list", name="Answers")
+        await expect(answers).to_contain_text("f1: handed back")
+        await expect(page.locator("#flies")).to_contain_text("all was called off")
+        await expect(card(page, "f1").locator(".mode")).not_to_have_text("tracking")

@@ -1,6 +1,5 @@
 """The console's page when its server goes, comes back or is another one, and on a recorded flight."""
 
-import asyncio
 import json
 import math
 import socket
@@ -76,83 +75,73 @@ FOCUSED = """() => {
 }"""
 
 
-def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(
+async def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(
     open_page: OpenPage,
 ) -> None:
-    async def look() -> None:
-        async with (
-            nobody(free_port(socket.SOCK_STREAM), "a" * 24, "o" * 24) as url,
-            open_page(f"{url.partition('?')[0]}?token={'o' * 24}") as page,
-        ):
-            await expect(page.get_by_role("button", name="ABORT")).to_be_visible()
-            wanted, reached, words = await page.evaluate(ENABLED), 0, []
-            # Once round at most: the page's own places without controls are passed, too.
-            for _ in range(2 * wanted):
-                await page.keyboard.press("Tab")
-                if (found := await page.evaluate(FOCUSED)) is not None:
-                    reached = found[0]
-                    words.append(found[1])
-                if reached == wanted:
-                    break
-            assert reached == wanted
-            # What calls everything off comes first of all.
-            assert words[0] == "ABORT"
-            await page.get_by_role("button", name="ABORT").focus()
-            await page.keyboard.press("Enter")
-            await expect(page.locator("#outcome")).to_contain_text("abort")
-
-    asyncio.run(look())
+    async with (
+        nobody(free_port(socket.SOCK_STREAM), "a" * 24, "o" * 24) as url,
+        open_page(f"{url.partition('?')[0]}?token={'o' * 24}") as page,
+    ):
+        await expect(page.get_by_role("button", name="ABORT")).to_be_visible()
+        wanted, reached, words = await page.evaluate(ENABLED), 0, []
+        # Once round at most: the page's own places without controls are passed, too.
+        for _ in range(2 * wanted):
+            await page.keyboard.press("Tab")
+            if (found := await page.evaluate(FOCUSED)) is not None:
+                reached = found[0]
+                words.append(found[1])
+            if reached == wanted:
+                break
+        assert reached == wanted
+        # What calls everything off comes first of all.
+        assert words[0] == "ABORT"
+        await page.get_by_role("button", name="ABORT").focus()
+        await page.keyboard.press("Enter")
+        await expect(page.locator("#outcome")).to_contain_text("abort")
 
 
-def test_a_link_on_another_site_opens_the_page_at_the_first_press(
+async def test_a_link_on_another_site_opens_the_page_at_the_first_press(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
-    async def look() -> None:
-        async with (
-            served(RecordedFlight(record), Address(port=0), title="flight") as url,
-            open_page("about:blank") as page,
-        ):
-            mail = f'<a href="{url}">console</a>'
-            await page.route(
-                "http://mail.example/",
-                lambda route: route.fulfill(body=mail, content_type="text/html"),
-            )
-            await page.goto("http://mail.example/")
-            await page.get_by_role("link", name="console").click()
-            await expect(page.get_by_role("heading", name="flight")).to_be_visible()
-
-    asyncio.run(look())
+    async with (
+        served(RecordedFlight(record), Address(port=0), title="flight") as url,
+        open_page("about:blank") as page,
+    ):
+        mail = f'<a href="{url}">console</a>'
+        await page.route(
+            "http://mail.example/",
+            lambda route: route.fulfill(body=mail, content_type="text/html"),
+        )
+        await page.goto("http://mail.example/")
+        await page.get_by_role("link", name="console").click()
+        await expect(page.get_by_role("heading", name="flight")).to_be_visible()
 
 
-def test_a_recorded_flight_plays_and_its_names_stay_text(
+async def test_a_recorded_flight_plays_and_its_names_stay_text(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
     said = FlightEvent(time_s=1.0, vehicle=HOSTILE, kind="order", text=f"order 1 {HOSTILE}")
     record = replace(record, events=(said,))
-
-    async def look() -> None:
-        async with (
-            served(RecordedFlight(record), Address(port=0), title=record.mission) as url,
-            open_page(url) as page,
-        ):
-            await expect(page.get_by_role("heading", name=HOSTILE)).to_be_visible()
-            card = page.get_by_role("article", name=HOSTILE)
-            await expect(card).to_be_visible()
-            assert await page.locator("img").count() == 0
-            slider = page.get_by_label("Time", exact=True)
-            before = float(await slider.input_value())
-            await page.wait_for_function(
-                "before => Number(document.querySelector('[data-part=slider]').value) > before + 1",
-                arg=before,
-            )
-            await expect(page.locator("#freshness")).to_contain_text("recorded flight")
-            await page.evaluate("document.getElementById('replay').player.pause()")
-            entry = page.locator("[data-part=events] button.order")
-            await expect(entry).to_contain_text(HOSTILE)
-            await entry.click()
-            assert float(await slider.input_value()) == 1.0
-
-    asyncio.run(look())
+    async with (
+        served(RecordedFlight(record), Address(port=0), title=record.mission) as url,
+        open_page(url) as page,
+    ):
+        await expect(page.get_by_role("heading", name=HOSTILE)).to_be_visible()
+        card = page.get_by_role("article", name=HOSTILE)
+        await expect(card).to_be_visible()
+        assert await page.locator("img").count() == 0
+        slider = page.get_by_label("Time", exact=True)
+        before = float(await slider.input_value())
+        await page.wait_for_function(
+            "before => Number(document.querySelector('[data-part=slider]').value) > before + 1",
+            arg=before,
+        )
+        await expect(page.locator("#freshness")).to_contain_text("recorded flight")
+        await page.evaluate("document.getElementById('replay').player.pause()")
+        entry = page.locator("[data-part=events] button.order")
+        await expect(entry).to_contain_text(HOSTILE)
+        await entry.click()
+        assert float(await slider.input_value()) == 1.0
 
 
 TRACE = "document.querySelector('canvas.trace').toDataURL()"
@@ -168,23 +157,20 @@ async def trace_after(page: Page, *times_s: float) -> str:
     return str(await page.evaluate(TRACE))
 
 
-def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
+async def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
-    async def look() -> None:
-        async with (
-            served(RecordedFlight(record), Address(port=0), title="a") as url,
-            open_page(url) as page,
-        ):
-            await expect(page.locator("canvas.trace").first).to_be_visible()
-            await page.evaluate("document.getElementById('replay').player.pause()")
-            early, late = await trace_after(page, 2.0), await trace_after(page, 10.0)
-            assert early != late
-            # Faster than traces are drawn.
-            assert await trace_after(page, 2.0, 10.0) == late
-            assert await trace_after(page, 10.0, 2.0) == early
-
-    asyncio.run(look())
+    async with (
+        served(RecordedFlight(record), Address(port=0), title="a") as url,
+        open_page(url) as page,
+    ):
+        await expect(page.locator("canvas.trace").first).to_be_visible()
+        await page.evaluate("document.getElementById('replay').player.pause()")
+        early, late = await trace_after(page, 2.0), await trace_after(page, 10.0)
+        assert early != late
+        # Faster than traces are drawn.
+        assert await trace_after(page, 2.0, 10.0) == late
+        assert await trace_after(page, 10.0, 2.0) == early
 
 
 def map_of(path: Path, mission: Mission) -> Path:
@@ -214,36 +200,34 @@ GREEN = """() => {
 }"""
 
 
-def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
+async def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
     record: FlightRecord, open_page: OpenPage, tmp_path: Path
 ) -> None:
     mission = load_mission(MISSION)
     tiles = open_tiles(str(map_of(tmp_path / "a.mbtiles", mission)))
     source = RecordedFlight(record, tiles=tiles)
-
-    async def look() -> None:
-        async with (
-            served(source, Address(port=0), title="a") as url,
-            open_page(url) as page,
-        ):
-            await page.wait_for_function(GREEN)
-            await expect(page.get_by_text("Survey", exact=True)).to_be_visible()
-            # 5 km north and 6 km west, as the companions reckon it.
-            place = mission.origin.latitude_deg + 0.05, mission.origin.longitude_deg - 0.08
-            found = await page.evaluate(
-                "place => document.getElementById('replay').player.scene.underlay.toLocal(...place)",
-                list(place),
-            )
-            north, east = local_frame(mission).to_local(*place)
-            assert (found["north"], found["east"]) == pytest.approx((north, east), abs=0.1)
-            await page.get_by_role("button", name="Map").click()
-            await page.wait_for_function(f"() => !({GREEN})()")
-            await expect(page.locator(".margins").first).to_contain_text("to its limit")
-
-    asyncio.run(look())
+    async with (
+        served(source, Address(port=0), title="a") as url,
+        open_page(url) as page,
+    ):
+        await page.wait_for_function(GREEN)
+        await expect(page.get_by_text("Survey", exact=True)).to_be_visible()
+        # 5 km north and 6 km west, as the companions reckon it.
+        place = mission.origin.latitude_deg + 0.05, mission.origin.longitude_deg - 0.08
+        found = await page.evaluate(
+            "place => document.getElementById('replay').player.scene.underlay.toLocal(...place)",
+            list(place),
+        )
+        north, east = local_frame(mission).to_local(*place)
+        assert (found["north"], found["east"]) == pytest.approx((north, east), abs=0.1)
+        await page.get_by_role("button", name="Map").click()
+        await page.wait_for_function(f"() => !({GREEN})()")
+        await expect(page.locator(".margins").first).to_contain_text("to its limit")
 
 
-def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_page: OpenPage) -> None:
+async def test_looking_back_shows_the_path_and_the_order_of_that_moment(
+    open_page: OpenPage,
+) -> None:
     content = load_mission(MISSION).model_dump(exclude_unset=True)
     content["paths"] = {"other": {"type": "line", "course_deg": 90.0}}
     mission = Mission.model_validate(content)
@@ -257,49 +241,42 @@ def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_page: Ope
     words = {"cards": formation.cards(9.9), "alarms": [], "flies": formation.flies()}
     opening = json.dumps({**formation.describe(), **words})
     source.opening = lambda: opening  # type: ignore[method-assign]
-
-    async def look() -> None:
-        async with (
-            served(source, Address(port=0), title="a") as url,
-            open_page(url) as page,
-        ):
-            flies = page.locator("#flies")
-            path = "document.getElementById('replay').player.flight.pathName"
-            await expect(flies).to_contain_text("order 7")
-            assert await page.evaluate(path) == "other"
-            await page.evaluate("document.getElementById('replay').player.pause()")
-            await page.evaluate("document.getElementById('replay').player.seek(2)")
-            await expect(flies).to_have_text("leader leads · the mission's formation")
-            assert await page.evaluate(path) == "main"
-            # The order is an entry of the time line, too: it was heard of at the sample at 4.9 s.
-            entry = page.locator("[data-part=events] button")
-            await expect(entry).to_have_count(1)
-            await expect(entry).to_contain_text("order 7: ")
-            await entry.click()
-            assert await page.get_by_label("Time", exact=True).input_value() == "4.9"
-            await expect(flies).to_contain_text("order 7")
-            await page.get_by_role("button", name="Back to now").click()
-            await expect(flies).to_contain_text("order 7")
-            assert await page.evaluate(path) == "other"
-
-    asyncio.run(look())
+    async with (
+        served(source, Address(port=0), title="a") as url,
+        open_page(url) as page,
+    ):
+        flies = page.locator("#flies")
+        path = "document.getElementById('replay').player.flight.pathName"
+        await expect(flies).to_contain_text("order 7")
+        assert await page.evaluate(path) == "other"
+        await page.evaluate("document.getElementById('replay').player.pause()")
+        await page.evaluate("document.getElementById('replay').player.seek(2)")
+        await expect(flies).to_have_text("leader leads · the mission's formation")
+        assert await page.evaluate(path) == "main"
+        # The order is an entry of the time line, too: it was heard of at the sample at 4.9 s.
+        entry = page.locator("[data-part=events] button")
+        await expect(entry).to_have_count(1)
+        await expect(entry).to_contain_text("order 7: ")
+        await entry.click()
+        assert await page.get_by_label("Time", exact=True).input_value() == "4.9"
+        await expect(flies).to_contain_text("order 7")
+        await page.get_by_role("button", name="Back to now").click()
+        await expect(flies).to_contain_text("order 7")
+        assert await page.evaluate(path) == "other"
 
 
-def test_a_page_comes_back_to_a_server_that_was_started_again_with_its_token(
+async def test_a_page_comes_back_to_a_server_that_was_started_again_with_its_token(
     open_page: OpenPage,
 ) -> None:
-    async def look() -> None:
-        port = free_port(socket.SOCK_STREAM)
-        async with AsyncExitStack() as stack:
-            async with nobody(port, "a" * 24) as url:
-                page = await stack.enter_async_context(open_page(url))
-                status = page.locator("#freshness")
-                await expect(status).to_contain_text("live", timeout=PATIENCE_MS)
-            await expect(status).to_contain_text("No word from the console", timeout=PATIENCE_MS)
-            async with nobody(port, "a" * 24):
-                await expect(status).to_contain_text("live", timeout=PATIENCE_MS)
-            await expect(status).to_contain_text("No word from the console", timeout=PATIENCE_MS)
-            async with nobody(port, "b" * 24):
-                await expect(status).to_contain_text("open the address", timeout=PATIENCE_MS)
-
-    asyncio.run(look())
+    port = free_port(socket.SOCK_STREAM)
+    async with AsyncExitStack() as stack:
+        async with nobody(port, "a" * 24) as url:
+            page = await stack.enter_async_context(open_page(url))
+            status = page.locator("#freshness")
+            await expect(status).to_contain_text("live", timeout=PATIENCE_MS)
+        await expect(status).to_contain_text("No word from the console", timeout=PATIENCE_MS)
+        async with nobody(port, "a" * 24):
+            await expect(status).to_contain_text("live", timeout=PATIENCE_MS)
+        await expect(status).to_contain_text("No word from the console", timeout=PATIENCE_MS)
+        async with nobody(port, "b" * 24):
+            await expect(status).to_contain_text("open the address", timeout=PATIENCE_MS)

@@ -109,27 +109,26 @@ def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
     when_served(look)
 
 
-def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use() -> None:
-    async def run() -> None:
-        tokens = {"token": "t" * 24, "operator_token": "o" * 24}
-        async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
-            page = url.partition("?")[0]
-            assert url == f"{page}?token={'t' * 24}"
-            kept = []
-            for token in ("t" * 24, "o" * 24):
-                _, cookies = await asyncio.to_thread(cookies_of, page, token)
-                kept.append(cookies)
-            looks, orders = kept
-            assert len(looks) == 1
-            assert len(orders) == 2
-            (own,) = (one for one in orders if "operator" in one)
-            assert {"HttpOnly", "SameSite=strict"} <= set(own.split("; "))
-            for cookies, first in ((looks, "event: flight"), (orders, "event: operator")):
-                cookie = "; ".join(one.split("; ")[0] for one in cookies)
-                _, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
-                assert text.startswith(first)
-
-    asyncio.run(run())
+async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use() -> (
+    None
+):
+    tokens = {"token": "t" * 24, "operator_token": "o" * 24}
+    async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
+        page = url.partition("?")[0]
+        assert url == f"{page}?token={'t' * 24}"
+        kept = []
+        for token in ("t" * 24, "o" * 24):
+            _, cookies = await asyncio.to_thread(cookies_of, page, token)
+            kept.append(cookies)
+        looks, orders = kept
+        assert len(looks) == 1
+        assert len(orders) == 2
+        (own,) = (one for one in orders if "operator" in one)
+        assert {"HttpOnly", "SameSite=strict"} <= set(own.split("; "))
+        for cookies, first in ((looks, "event: flight"), (orders, "event: operator")):
+            cookie = "; ".join(one.split("; ")[0] for one in cookies)
+            _, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+            assert text.startswith(first)
 
 
 def test_every_answer_allows_the_pages_own_files_alone() -> None:
@@ -293,23 +292,19 @@ def picture_file(path: Path) -> Path:
     return path
 
 
-def test_tiles_are_for_who_has_the_token_and_the_page_may_show_pictures_only_with_a_map(
+async def test_tiles_are_for_who_has_the_token_and_the_page_may_show_pictures_only_with_a_map(
     tmp_path: Path,
 ) -> None:
     source = Nothing()
     source.tiles = open_tiles(str(picture_file(tmp_path / "a.mbtiles")))
-
-    async def run() -> None:
-        async with served(source, ANYWHERE, title="a", token="t" * 24) as url:
-            parts = urlsplit(url)
-            status, headers, _ = await asyncio.to_thread(ask, url, "/tiles/0/0/0")
-            assert status == 403
-            cookie = f"vfguide-console-{parts.port}={'t' * 24}"
-            status, headers, text = await asyncio.to_thread(ask, url, "/tiles/0/0/0", cookie=cookie)
-            assert (status, headers["content-type"]) == (200, "image/jpeg")
-            assert headers["content-security-policy"].endswith("; img-src 'self'")
-            for path in ("/tiles/1/0/0", "/tiles/0/0/9", "/tiles/-1/0/0", "/tiles/0/0/../../x"):
-                status, _, text = await asyncio.to_thread(ask, url, path, cookie=cookie)
-                assert status == 404, text
-
-    asyncio.run(run())
+    async with served(source, ANYWHERE, title="a", token="t" * 24) as url:
+        parts = urlsplit(url)
+        status, headers, _ = await asyncio.to_thread(ask, url, "/tiles/0/0/0")
+        assert status == 403
+        cookie = f"vfguide-console-{parts.port}={'t' * 24}"
+        status, headers, text = await asyncio.to_thread(ask, url, "/tiles/0/0/0", cookie=cookie)
+        assert (status, headers["content-type"]) == (200, "image/jpeg")
+        assert headers["content-security-policy"].endswith("; img-src 'self'")
+        for path in ("/tiles/1/0/0", "/tiles/0/0/9", "/tiles/-1/0/0", "/tiles/0/0/../../x"):
+            status, _, text = await asyncio.to_thread(ask, url, path, cookie=cookie)
+            assert status == 404, text

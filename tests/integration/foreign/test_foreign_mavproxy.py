@@ -78,80 +78,71 @@ async def console(
         await process.communicate()
 
 
-def test_it_loads_parameters_arms_takes_off_and_flies_guided(
+async def test_it_loads_parameters_arms_takes_off_and_flies_guided(
     emulate: Emulate, mavproxy: Path, tmp_path: Path
 ) -> None:
-    async def test() -> None:
-        async with (
-            emulate("--speedup", "5", "--ready-after", "2", "--plant", "bank") as emulation,
-            console(mavproxy, tmp_path / "state", emulation.port) as ground,
-        ):
-            await ground.says("Detected vehicle 1:1")
-            await ground.says("Received ")
-            assert int((await ground.says(" parameters")).strip()) > 40
-            ground.type("param show GUIDED_P")
-            await ground.says("12000")
-            ground.type("param set TKOFF_ALT 60")
-            ground.type("wp list")
-            await ground.says("Requesting 0 waypoints")
-            ground.type("arm throttle")
-            await ground.says("ARMED")
-            ground.type("mode TAKEOFF")
-            await ground.says("Mode TAKEOFF")
-            height_m = 588.0 + 60.0
-            await emulation.until(lambda state: state["altitude_amsl_m"] > height_m - 2.0)
-            ground.type("mode GUIDED")
-            await ground.says("Mode GUIDED")
-            # GUIDED_CHANGE_HEADING: course over ground, 200 degrees, 9.8 m/s^2.
-            ground.type("long 43002 0 200 9.8")
-            await ground.says("ACCEPTED")
-            await emulation.until(lambda state: abs(state["course_rad"] - 3.4907) < 0.01)
-
-    asyncio.run(test())
+    async with (
+        emulate("--speedup", "5", "--ready-after", "2", "--plant", "bank") as emulation,
+        console(mavproxy, tmp_path / "state", emulation.port) as ground,
+    ):
+        await ground.says("Detected vehicle 1:1")
+        await ground.says("Received ")
+        assert int((await ground.says(" parameters")).strip()) > 40
+        ground.type("param show GUIDED_P")
+        await ground.says("12000")
+        ground.type("param set TKOFF_ALT 60")
+        ground.type("wp list")
+        await ground.says("Requesting 0 waypoints")
+        ground.type("arm throttle")
+        await ground.says("ARMED")
+        ground.type("mode TAKEOFF")
+        await ground.says("Mode TAKEOFF")
+        height_m = 588.0 + 60.0
+        await emulation.until(lambda state: state["altitude_amsl_m"] > height_m - 2.0)
+        ground.type("mode GUIDED")
+        await ground.says("Mode GUIDED")
+        # GUIDED_CHANGE_HEADING: course over ground, 200 degrees, 9.8 m/s^2.
+        ground.type("long 43002 0 200 9.8")
+        await ground.says("ACCEPTED")
+        await emulation.until(lambda state: abs(state["course_rad"] - 3.4907) < 0.01)
 
 
-def test_disarming_in_the_air_and_leaving_the_airspeed_range_are_refused(
+async def test_disarming_in_the_air_and_leaving_the_airspeed_range_are_refused(
     emulate: Emulate, mavproxy: Path, tmp_path: Path
 ) -> None:
-    async def test() -> None:
-        async with (
-            emulate("--airborne") as emulation,
-            console(mavproxy, tmp_path / "state", emulation.port) as ground,
-        ):
-            await ground.says("online system 1")
-            ground.type("disarm")
-            await ground.says("COMPONENT_ARM_DISARM: FAILED")
-            ground.type("mode GUIDED")
-            await ground.says("Mode GUIDED")
-            ground.type("long 43000 0 40 0")
-            await ground.says("FAILED")
-            ground.type("long 43000 1 20 0")
-            await ground.says("DENIED")
-            assert emulation.latest()["armed"]
-
-    asyncio.run(test())
+    async with (
+        emulate("--airborne") as emulation,
+        console(mavproxy, tmp_path / "state", emulation.port) as ground,
+    ):
+        await ground.says("online system 1")
+        ground.type("disarm")
+        await ground.says("COMPONENT_ARM_DISARM: FAILED")
+        ground.type("mode GUIDED")
+        await ground.says("Mode GUIDED")
+        ground.type("long 43000 0 40 0")
+        await ground.says("FAILED")
+        ground.type("long 43000 1 20 0")
+        await ground.says("DENIED")
+        assert emulation.latest()["armed"]
 
 
-def test_a_signed_link_is_set_up_with_its_passphrase(
+async def test_a_signed_link_is_set_up_with_its_passphrase(
     emulate: Emulate, mavproxy: Path, tmp_path: Path
 ) -> None:
-    async def test() -> None:
-        options = ("--airborne", "--signing-key", "sesame-4711")
-        modules = "mode,arm,signing"
-        async with (
-            emulate(*options) as emulation,
-            console(mavproxy, tmp_path / "state", emulation.port, modules) as ground,
-        ):
-            await ground.says("Detected vehicle 1:1")
-            ground.type("mode GUIDED")
-            await asyncio.sleep(1.0)  # an unsigned command has had every chance to be obeyed
-            assert emulation.latest()["mode"] == "LOITER"
-            ground.type("signing key sesame-4711")
-            ground.type("mode GUIDED")
-            await ground.says("Mode GUIDED")
-            await emulation.until(lambda state: state["mode"] == "GUIDED")
-
-    asyncio.run(test())
+    options = ("--airborne", "--signing-key", "sesame-4711")
+    modules = "mode,arm,signing"
+    async with (
+        emulate(*options) as emulation,
+        console(mavproxy, tmp_path / "state", emulation.port, modules) as ground,
+    ):
+        await ground.says("Detected vehicle 1:1")
+        ground.type("mode GUIDED")
+        await asyncio.sleep(1.0)  # an unsigned command has had every chance to be obeyed
+        assert emulation.latest()["mode"] == "LOITER"
+        ground.type("signing key sesame-4711")
+        ground.type("mode GUIDED")
+        await ground.says("Mode GUIDED")
+        await emulation.until(lambda state: state["mode"] == "GUIDED")
 
 
 def free_port() -> int:
@@ -192,33 +183,30 @@ async def companion(port: int, directory: Path) -> AsyncIterator[None]:
         await process.wait()
 
 
-def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_output(
+async def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_output(
     emulate: Emulate, mavproxy: Path, tmp_path: Path
 ) -> None:
-    async def test() -> None:
-        to_companion, to_station = free_port(), free_port()
-        station = Listener()
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: station, local_addr=("127.0.0.1", to_station)
-        )
-        async with (
-            emulate("--airborne") as emulation,
-            console(
-                mavproxy,
-                tmp_path / "state",
-                emulation.port,
-                "mode",
-                outputs=(to_companion, to_station),
-            ) as ground,
-            companion(to_companion, tmp_path),
-        ):
-            await ground.says("Detected vehicle 1:1")
-            async with asyncio.timeout(PATIENCE_S):
-                # Parameters come to who asks for them: the companion's questions have arrived.
-                while not station.heard[1, "PARAM_VALUE"] or not station.heard[1, "TIMESYNC"]:
-                    await asyncio.sleep(0.1)
-            await asyncio.sleep(2.0)  # some of its heartbeats and values, two of these a second
-            assert not [kind for component, kind in station.heard if component == 191]
-        transport.close()
-
-    asyncio.run(test())
+    to_companion, to_station = free_port(), free_port()
+    station = Listener()
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+        lambda: station, local_addr=("127.0.0.1", to_station)
+    )
+    async with (
+        emulate("--airborne") as emulation,
+        console(
+            mavproxy,
+            tmp_path / "state",
+            emulation.port,
+            "mode",
+            outputs=(to_companion, to_station),
+        ) as ground,
+        companion(to_companion, tmp_path),
+    ):
+        await ground.says("Detected vehicle 1:1")
+        async with asyncio.timeout(PATIENCE_S):
+            # Parameters come to who asks for them: the companion's questions have arrived.
+            while not station.heard[1, "PARAM_VALUE"] or not station.heard[1, "TIMESYNC"]:
+                await asyncio.sleep(0.1)
+        await asyncio.sleep(2.0)  # some of its heartbeats and values, two of these a second
+        assert not [kind for component, kind in station.heard if component == 191]
+    transport.close()

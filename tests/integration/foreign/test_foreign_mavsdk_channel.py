@@ -47,34 +47,31 @@ async def until(condition: Callable[[], object]) -> None:
             await asyncio.sleep(0.02)
 
 
-def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
+async def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
     emulate: Emulate,
 ) -> None:
-    async def test() -> None:
-        codec, plane = Codec(3, 1), Px4(VEHICLE)
-        reports: list[Report] = []
+    codec, plane = Codec(3, 1), Px4(VEHICLE)
+    reports: list[Report] = []
 
-        def take(data: bytes) -> None:
-            reports.extend(codec.decode(data))
+    def take(data: bytes) -> None:
+        reports.extend(codec.decode(data))
 
-        def answered(command: int) -> bool:
-            return any(isinstance(one, CommandReport) and one.command == command for one in reports)
+    def answered(command: int) -> bool:
+        return any(isinstance(one, CommandReport) and one.command == command for one in reports)
 
-        async with emulate("--autopilot", "px4", "--airborne", "--system-id", "3") as emulation:
-            address = parse_address(f"udpin://127.0.0.1:{emulation.port}")
-            async with open_connection(address, take, random=Random(1), by_mavsdk=True) as made:
-                await until(lambda: made.connected)
-                # As they are: MAVSDK has no call for Guided Course.
-                made.send(codec.encode(plane.engage()))
-                await emulation.until(lambda state: state["mode"] == "AUTO.COURSE")
-                made.send(codec.encode(plane.fly(SETPOINT)))
-                await until(lambda: answered(43_002) and answered(178))
-                await emulation.until(lambda state: abs(state["course_rad"] - 1.0) < 0.01)
-                made.send(codec.encode(plane.hand_back()))  # by MAVSDK's own call
-                await emulation.until(lambda state: state["mode"] == "AUTO.LOITER")
-                await until(lambda: answered(176))
-
-    asyncio.run(test())
+    async with emulate("--autopilot", "px4", "--airborne", "--system-id", "3") as emulation:
+        address = parse_address(f"udpin://127.0.0.1:{emulation.port}")
+        async with open_connection(address, take, random=Random(1), by_mavsdk=True) as made:
+            await until(lambda: made.connected)
+            # As they are: MAVSDK has no call for Guided Course.
+            made.send(codec.encode(plane.engage()))
+            await emulation.until(lambda state: state["mode"] == "AUTO.COURSE")
+            made.send(codec.encode(plane.fly(SETPOINT)))
+            await until(lambda: answered(43_002) and answered(178))
+            await emulation.until(lambda state: abs(state["course_rad"] - 1.0) < 0.01)
+            made.send(codec.encode(plane.hand_back()))  # by MAVSDK's own call
+            await emulation.until(lambda state: state["mode"] == "AUTO.LOITER")
+            await until(lambda: answered(176))
 
 
 class SerialPort:
@@ -107,25 +104,21 @@ class SerialPort:
             await asyncio.sleep(0.1)
 
 
-def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
+async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 1.0)
     heard: list[bytes] = []
-
-    async def test() -> None:
-        port = SerialPort(tmp_path / "tty")
-        address = parse_address(f"serial://{port.path}:57600")
-        async with open_connection(address, heard.append, random=Random(1), by_mavsdk=True) as made:
-            assert not made.connected
-            await until(lambda: made.counters["tries"] >= 3)
-            for _ in range(2):
-                heard.clear()
-                async with port.plugged_in():
-                    await until(lambda: made.connected and heard)
-                await until(lambda: not made.connected)
-
-    asyncio.run(test())
+    port = SerialPort(tmp_path / "tty")
+    address = parse_address(f"serial://{port.path}:57600")
+    async with open_connection(address, heard.append, random=Random(1), by_mavsdk=True) as made:
+        assert not made.connected
+        await until(lambda: made.counters["tries"] >= 3)
+        for _ in range(2):
+            heard.clear()
+            async with port.plugged_in():
+                await until(lambda: made.connected and heard)
+            await until(lambda: not made.connected)
 
 
 def test_a_port_that_another_program_has_is_told_before_anything_flies(port: int) -> None:

@@ -15,32 +15,25 @@ MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
 FLY = (sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live")
 
 
-def test_no_process_outlives_the_flight_that_started_it(
+async def test_no_process_outlives_the_flight_that_started_it(
     until: Callable[..., Any], tmp_path: Path
 ) -> None:
-    async def killed() -> None:
-        flight = await asyncio.create_subprocess_exec(*FLY, "--out", str(tmp_path / "out"))
-        # The broker, four companions and four emulators.
-        await until(lambda: len(children_of(flight.pid)) >= 9)
-        children = children_of(flight.pid)
-        flight.send_signal(signal.SIGKILL)
-        await flight.wait()
-        await until(lambda: not any(is_running(one) for one in children))
-
-    asyncio.run(killed())
+    flight = await asyncio.create_subprocess_exec(*FLY, "--out", str(tmp_path / "out"))
+    # The broker, four companions and four emulators.
+    await until(lambda: len(children_of(flight.pid)) >= 9)
+    children = children_of(flight.pid)
+    flight.send_signal(signal.SIGKILL)
+    await flight.wait()
+    await until(lambda: not any(is_running(one) for one in children))
 
 
-def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path: Path) -> None:
+async def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path: Path) -> None:
     link = f"mqtt://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-
-    async def ended() -> tuple[int | None, str]:
-        flight = await asyncio.create_subprocess_exec(
-            *(*FLY, "--link", link, "--out", str(tmp_path / "out")), stderr=asyncio.subprocess.PIPE
-        )
-        _, err = await flight.communicate()
-        return flight.returncode, err.decode()
-
-    status, err = asyncio.run(ended())
+    flight = await asyncio.create_subprocess_exec(
+        *(*FLY, "--link", link, "--out", str(tmp_path / "out")), stderr=asyncio.subprocess.PIPE
+    )
+    _, err = await flight.communicate()
+    status, err = flight.returncode, err.decode()
     assert status == 3
     assert err == (
         f"link {link}/vfguide: Connection refused; start a broker there, or correct the address of the link\n"

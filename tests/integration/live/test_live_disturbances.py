@@ -4,7 +4,6 @@ Times are those of the simulation, distances those of the true states. That nobo
 and that every program survives and ends well is seen to by the fixture.
 """
 
-import asyncio
 import signal
 import socket
 import time
@@ -32,77 +31,70 @@ LOST_S = 3.0
 """Of a recording whose companion is killed, at most: it is written every second."""
 
 
-def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_hang_and_reboot(
+async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_hang_and_reboot(
     flown: Flown,
 ) -> None:
-    async def fly() -> None:
-        async with flown() as watched:
-            await watched.settle()
-            for length_s in (2.0, 20.0):
-                await watched.broker.kill()
-                await watched.wait(length_s)
-                await watched.until_followers_are("predicting")
-                await watched.broker.start()
-                ended_s = watched.flight.time_s
-                await watched.until_followers_are("tracking")
-                assert await watched.recovery_s(ended_s) <= RECOVERY_S
+    async with flown() as watched:
+        await watched.settle()
+        for length_s in (2.0, 20.0):
+            await watched.broker.kill()
+            await watched.wait(length_s)
+            await watched.until_followers_are("predicting")
+            await watched.broker.start()
+            ended_s = watched.flight.time_s
+            await watched.until_followers_are("tracking")
+            assert await watched.recovery_s(ended_s) <= RECOVERY_S
 
-            emulators = watched.flight.emulators
-            before = watched.log("f1").count("-> predicting")
-            emulators["leader"].signal(signal.SIGSTOP)
-            await watched.wait(3.0)
-            emulators["leader"].signal(signal.SIGCONT)
-            assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
-            assert watched.log("f1").count("-> predicting") > before
+        emulators = watched.flight.emulators
+        before = watched.log("f1").count("-> predicting")
+        emulators["leader"].signal(signal.SIGSTOP)
+        await watched.wait(3.0)
+        emulators["leader"].signal(signal.SIGCONT)
+        assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
+        assert watched.log("f1").count("-> predicting") > before
 
-            emulators["f2"].signal(signal.SIGHUP)
-            # It stays where it came up: a reboot gives a companion no right to take it.
-            await watched.until(lambda: "the autopilot has rebooted" in watched.log("f2"))
-            await watched.wait(5.0)
-            assert "rebooted: it is not engaged again by itself" in watched.log("f2")
-
-    asyncio.run(fly())
+        emulators["f2"].signal(signal.SIGHUP)
+        # It stays where it came up: a reboot gives a companion no right to take it.
+        await watched.until(lambda: "the autopilot has rebooted" in watched.log("f2"))
+        await watched.wait(5.0)
+        assert "rebooted: it is not engaged again by itself" in watched.log("f2")
 
 
-def test_a_second_link_carries_on_and_companions_that_are_killed_take_their_places_again(
+async def test_a_second_link_carries_on_and_companions_that_are_killed_take_their_places_again(
     flown: Flown, speedup: float
 ) -> None:
     group = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
+    async with flown(beside_broker=[group]) as watched:
+        await watched.settle()
+        await broker_is_not_missed(watched)
 
-    async def fly() -> None:
-        async with flown(beside_broker=[group]) as watched:
-            await watched.settle()
-            await broker_is_not_missed(watched)
+        companions = watched.flight.companions
+        # It flies straight on meanwhile, inside of the turn, through the places of the others.
+        killed_s = time.time()
+        await companions["f2"].kill()
+        assert killed_s - recorded_until_s(watched.directory, "f2", speedup) < LOST_S
+        await watched.wait(3.0)
+        await watched.start_again("f2")
+        assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
 
-            companions = watched.flight.companions
-            # It flies straight on meanwhile, inside of the turn, through the places of the others.
-            killed_s = time.time()
-            await companions["f2"].kill()
-            assert killed_s - recorded_until_s(watched.directory, "f2", speedup) < LOST_S
-            await watched.wait(3.0)
-            await watched.start_again("f2")
-            assert await watched.recovery_s(watched.flight.time_s) <= RECOVERY_S
+        await companions["leader"].kill()
+        heard = len(watched.heard_s)
+        await companions["leader"].start()
+        await watched.until(lambda: len(watched.heard_s) > heard)
+        assert await watched.recovery_s(watched.heard_s[heard]) <= RECOVERY_S
 
-            await companions["leader"].kill()
-            heard = len(watched.heard_s)
-            await companions["leader"].start()
-            await watched.until(lambda: len(watched.heard_s) > heard)
-            assert await watched.recovery_s(watched.heard_s[heard]) <= RECOVERY_S
-
-            await watched.stop_companions()
-            # By themselves: one that has to be killed after some seconds ends with -9.
-            assert {one.exit_code for one in companions.values()} == {0}
-            truths = watched.flight.truth_collector.truths
-            await watched.until(
-                lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4
-            )
-            for name in watched.flight.names:
-                assert "stopping: handing back" in watched.log(name)
-                recorded = guidance_files(watched.directory / RECORDINGS, name)
-                assert recorded
-                assert all(file.stat().st_size > 0 for file in recorded)
-
-    asyncio.run(fly())
+        await watched.stop_companions()
+        # By themselves: one that has to be killed after some seconds ends with -9.
+        assert {one.exit_code for one in companions.values()} == {0}
+        truths = watched.flight.truth_collector.truths
+        await watched.until(
+            lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4
+        )
+        for name in watched.flight.names:
+            assert "stopping: handing back" in watched.log(name)
+            recorded = guidance_files(watched.directory / RECORDINGS, name)
+            assert recorded
+            assert all(file.stat().st_size > 0 for file in recorded)
 
 
 async def broker_is_not_missed(watched: Any) -> None:  # noqa: ANN401 - the fixture's

@@ -28,24 +28,20 @@ acceptance: {min_separation_m: 10}
 PATIENCE_S = 300.0
 
 
-def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
+async def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
     broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
 ) -> None:
     mission = tmp_path / "mixed.yaml"
     mission.write_text(MISSION)
-
-    async def fly() -> tuple[bytes, bytes]:
-        async with broker_in(tmp_path) as broker:
-            process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
-                *("--speedup", f"{speedup:g}", "--link", broker.url),
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-            )
-            async with asyncio.timeout(PATIENCE_S):
-                return await process.communicate()
-
-    out, err = asyncio.run(fly())
+    async with broker_in(tmp_path) as broker:
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
+            *("--speedup", f"{speedup:g}", "--link", broker.url),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        async with asyncio.timeout(PATIENCE_S):
+            out, err = await process.communicate()
     assert b"Traceback" not in err, err.decode()
     summary = json.loads(out)
     # Errors are of the second half: until then MAVSDK has found its autopilot, and its aircraft its slot.

@@ -47,33 +47,29 @@ async def ordered(
     return process.returncode, out.decode()
 
 
-def test_orders_are_flown_by_processes_over_whichever_real_link_they_come(
+async def test_orders_are_flown_by_processes_over_whichever_real_link_they_come(
     broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
 ) -> None:
     mission = mission_without_orders()
     udp = f"udp://239.255.78.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
-
-    async def fly() -> tuple[list[tuple[int | None, str]], Any]:
-        async with (
-            broker_in(tmp_path) as broker,
-            live_flight(mission, directory=tmp_path, links=[udp, broker.url]) as flight,
-        ):
-            await asyncio.sleep(IN_SLOTS_S)
-            said = [
-                await ordered(flight, tmp_path, udp, "trail", "--spacing", "20", "--dry-run"),
-                await ordered(flight, tmp_path, udp, "trail", "--spacing", "4"),
-                await ordered(flight, tmp_path, udp, "trail", "--spacing", "20"),
-            ]
-            await asyncio.sleep(20.0)
-            # Another process on the other link: it hears of the order before from the vehicles.
-            said.append(await ordered(flight, tmp_path, broker.url, "slot", "f1=-60,20"))
-            await asyncio.sleep(18.0)
-            said.append(await ordered(flight, tmp_path, broker.url, "lead", "f1"))
-            await asyncio.sleep(3.0)
-            await flight.stop_companions()
-            return said, flight.record(wall_s=0.0)
-
-    said, record = asyncio.run(fly())
+    async with (
+        broker_in(tmp_path) as broker,
+        live_flight(mission, directory=tmp_path, links=[udp, broker.url]) as flight,
+    ):
+        await asyncio.sleep(IN_SLOTS_S)
+        said = [
+            await ordered(flight, tmp_path, udp, "trail", "--spacing", "20", "--dry-run"),
+            await ordered(flight, tmp_path, udp, "trail", "--spacing", "4"),
+            await ordered(flight, tmp_path, udp, "trail", "--spacing", "20"),
+        ]
+        await asyncio.sleep(20.0)
+        # Another process on the other link: it hears of the order before from the vehicles.
+        said.append(await ordered(flight, tmp_path, broker.url, "slot", "f1=-60,20"))
+        await asyncio.sleep(18.0)
+        said.append(await ordered(flight, tmp_path, broker.url, "lead", "f1"))
+        await asyncio.sleep(3.0)
+        await flight.stop_companions()
+        record = flight.record(wall_s=0.0)
     (dry, dry_text), (refused, refused_text), (status, text), (last, last_text), lead = said
     assert dry == 0, dry_text
     assert "rehearsed: nearest" in dry_text

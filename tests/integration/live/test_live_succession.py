@@ -78,68 +78,61 @@ class Logs:
 
 
 @pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
-def test_a_deputy_leads_when_the_leaders_companion_is_killed(
+async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
     kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
 ) -> None:
-    async def fly() -> None:
-        async with (
-            link_of(kind, tmp_path, broker_in) as link,
-            live_flight(with_deputies, directory=tmp_path, links=[link], speedup=speedup) as flight,
-        ):
-            logs = Logs(flight, tmp_path)
-            await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
-            # It has to be heard that its companion steers it: else there is no leader to succeed.
-            steered_s = flight.time_s
-            await logs.until(lambda: flight.time_s > steered_s + 3.0)
-            await flight.companions["leader"].kill()
-            led_s = await logs.until(lambda: "leads the formation in place of" in logs.of("f1"))
-            assert led_s < LEADS_S
-            await logs.until(lambda: all(LEAD in logs.of(name) for name in ("f2", "f3")))
+    async with (
+        link_of(kind, tmp_path, broker_in) as link,
+        live_flight(with_deputies, directory=tmp_path, links=[link], speedup=speedup) as flight,
+    ):
+        logs = Logs(flight, tmp_path)
+        await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
+        # It has to be heard that its companion steers it: else there is no leader to succeed.
+        steered_s = flight.time_s
+        await logs.until(lambda: flight.time_s > steered_s + 3.0)
+        await flight.companions["leader"].kill()
+        led_s = await logs.until(lambda: "leads the formation in place of" in logs.of("f1"))
+        assert led_s < LEADS_S
+        await logs.until(lambda: all(LEAD in logs.of(name) for name in ("f2", "f3")))
 
-            # The formation's time and the leader's session are to be had of the deputy now.
-            await flight.companions["f3"].kill()
-            steering = logs.times_steering("f3")
-            await flight.companions["f3"].start()
-            await logs.until(lambda: logs.times_steering("f3") > steering)
-            await logs.until(lambda: logs.of("f3").count(LEAD) == 2)
+        # The formation's time and the leader's session are to be had of the deputy now.
+        await flight.companions["f3"].kill()
+        steering = logs.times_steering("f3")
+        await flight.companions["f3"].start()
+        await logs.until(lambda: logs.times_steering("f3") > steering)
+        await logs.until(lambda: logs.of("f3").count(LEAD) == 2)
 
-            # Whose companion comes back finds another leader, and follows.
-            steering = logs.times_steering("leader")
-            await flight.companions["leader"].start()
-            await logs.until(lambda: LEAD in logs.of("leader"))
-            await logs.until(lambda: logs.times_steering("leader") > steering)
-            assert "breakaway" not in "".join(logs.of(name) for name in flight.names)
-
-    asyncio.run(fly())
+        # Whose companion comes back finds another leader, and follows.
+        steering = logs.times_steering("leader")
+        await flight.companions["leader"].start()
+        await logs.until(lambda: LEAD in logs.of("leader"))
+        await logs.until(lambda: logs.times_steering("leader") > steering)
+        assert "breakaway" not in "".join(logs.of(name) for name in flight.names)
 
 
-def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
+async def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
     with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
 ) -> None:
     content = with_deputies.model_dump(exclude_unset=True)
     lost_s, back_s = 10.0, 16.0
     loss = {"vehicle": "f3", "at_s": lost_s, "for_s": back_s - lost_s}
     content["rehearsal"] = {**content["rehearsal"], "losses": [loss]}
-
-    async def fly() -> None:
-        async with (
-            broker_in(tmp_path) as broker,
-            live_flight(
-                Mission.model_validate(content),
-                directory=tmp_path,
-                links=[broker.url],
-                speedup=speedup,
-            ) as flight,
-            companions_lost(flight),
-        ):
-            logs, companion = Logs(flight, tmp_path), flight.companions["f3"]
-            await logs.until(lambda: not companion.running)
-            assert companion.exit_code == -9
-            assert flight.time_s >= lost_s
-            flight.check()
-            steering = logs.times_steering("f3")
-            await logs.until(lambda: companion.running)
-            assert flight.time_s >= back_s
-            await logs.until(lambda: logs.times_steering("f3") > steering)
-
-    asyncio.run(fly())
+    async with (
+        broker_in(tmp_path) as broker,
+        live_flight(
+            Mission.model_validate(content),
+            directory=tmp_path,
+            links=[broker.url],
+            speedup=speedup,
+        ) as flight,
+        companions_lost(flight),
+    ):
+        logs, companion = Logs(flight, tmp_path), flight.companions["f3"]
+        await logs.until(lambda: not companion.running)
+        assert companion.exit_code == -9
+        assert flight.time_s >= lost_s
+        flight.check()
+        steering = logs.times_steering("f3")
+        await logs.until(lambda: companion.running)
+        assert flight.time_s >= back_s
+        await logs.until(lambda: logs.times_steering("f3") > steering)

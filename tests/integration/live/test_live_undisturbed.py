@@ -21,22 +21,19 @@ DURATION_S = 64.0
 PATIENCE_S = 300.0
 
 
-def test_live_flight_is_as_good_as_the_mission_asks(
+async def test_live_flight_is_as_good_as_the_mission_asks(
     broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
 ) -> None:
-    async def fly() -> tuple[int | None, bytes, bytes]:
-        async with broker_in(tmp_path) as broker:
-            process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
-                *("--speedup", f"{speedup:g}", "--duration", str(DURATION_S), "--link", broker.url),
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-            )
-            async with asyncio.timeout(PATIENCE_S):
-                out, err = await process.communicate()
-            return process.returncode, out, err
-
-    status, out, err = asyncio.run(fly())
+    async with broker_in(tmp_path) as broker:
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),
+            *("--speedup", f"{speedup:g}", "--duration", str(DURATION_S), "--link", broker.url),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        async with asyncio.timeout(PATIENCE_S):
+            out, err = await process.communicate()
+        status = process.returncode
     assert b"Traceback" not in err, err.decode()
     summary = json.loads(out)
     assert status == 0, summary["rejections"]

@@ -68,19 +68,16 @@ def certified(secure_port: int, keys: Path) -> Make:
     return lambda options: f"mqtts://127.0.0.1:{secure_port}?{options.format(keys)}"
 
 
-def test_certificates_on_both_sides(certified: Make, opened: Make, until: Make) -> None:
-    async def scenario() -> None:
-        url = certified("ca={0}/ours.pem&cert={0}/vehicle.pem&key={0}/vehicle.key")
-        async with (
-            opened(url, "lead") as (leader, _),
-            opened(url, "f1", "lead") as (link, box),
-        ):
-            await until(lambda: leader.connected and link.connected)
-            for number in range(50):
-                leader.publish(b"%d" % number)
-                await until(lambda number=number: box[-1:] == [b"%d" % number])
-
-    asyncio.run(scenario())
+async def test_certificates_on_both_sides(certified: Make, opened: Make, until: Make) -> None:
+    url = certified("ca={0}/ours.pem&cert={0}/vehicle.pem&key={0}/vehicle.key")
+    async with (
+        opened(url, "lead") as (leader, _),
+        opened(url, "f1", "lead") as (link, box),
+    ):
+        await until(lambda: leader.connected and link.connected)
+        for number in range(50):
+            leader.publish(b"%d" % number)
+            await until(lambda number=number: box[-1:] == [b"%d" % number])
 
 
 @pytest.mark.parametrize(
@@ -98,33 +95,27 @@ def test_certificates_on_both_sides(certified: Make, opened: Make, until: Make) 
     ],
     ids=["broker of another authority", "no certificate", "vehicle of another authority"],
 )
-def test_a_certificate_that_is_not_trusted_is_one_clear_line(
+async def test_a_certificate_that_is_not_trusted_is_one_clear_line(
     certified: Make, opened: Make, options: str, complaint: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        async with opened(certified(options), "f1", "lead") as (link, _):
-            async with asyncio.timeout(60.0):
-                # Where the broker hangs up before its alert is read, the reason comes with a later try.
-                while complaint not in link.detail:
-                    await asyncio.sleep(0.01)
-            assert "_ssl" not in link.detail
-
-    asyncio.run(scenario())
+    async with opened(certified(options), "f1", "lead") as (link, _):
+        async with asyncio.timeout(60.0):
+            # Where the broker hangs up before its alert is read, the reason comes with a later try.
+            while complaint not in link.detail:
+                await asyncio.sleep(0.01)
+        assert "_ssl" not in link.detail
     warnings = [record for record in caplog.records if record.levelno >= logging.WARNING]
     assert warnings
     assert all(record.exc_info is None for record in warnings)
     assert complaint in caplog.text
 
 
-def test_without_tls_a_secure_broker_is_not_reached(
+async def test_without_tls_a_secure_broker_is_not_reached(
     secure_port: int, opened: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        async with opened(secure_port, "f1", "lead") as (link, _):
-            await until(lambda: link.counters["failed to connect"] >= 1)
-            assert not link.connected
-
-    asyncio.run(scenario())
+    async with opened(secure_port, "f1", "lead") as (link, _):
+        await until(lambda: link.counters["failed to connect"] >= 1)
+        assert not link.connected
 
 
 @pytest.mark.parametrize(
@@ -136,18 +127,15 @@ def test_without_tls_a_secure_broker_is_not_reached(
         ("cert={0}/nowhere.pem&key={0}/vehicle.key", "No such file"),
     ],
 )
-def test_files_that_are_no_certificates_are_one_clear_line(
+async def test_files_that_are_no_certificates_are_one_clear_line(
     keys: Path, opened: Make, options: str, fault: str
 ) -> None:
-    async def scenario() -> None:
-        url = f"mqtts://crew:hunter2@127.0.0.1:1?{options.format(keys)}"
-        with pytest.raises(InputError) as caught:
-            async with opened(url, "f1"):
-                pytest.fail("opened")
-        line = str(caught.value)
-        assert line.startswith("link mqtts://127.0.0.1:1/vfguide: ")
-        assert fault.format(keys) in line
-        assert "hunter2" not in line
-        assert "\n" not in line
-
-    asyncio.run(scenario())
+    url = f"mqtts://crew:hunter2@127.0.0.1:1?{options.format(keys)}"
+    with pytest.raises(InputError) as caught:
+        async with opened(url, "f1"):
+            pytest.fail("opened")
+    line = str(caught.value)
+    assert line.startswith("link mqtts://127.0.0.1:1/vfguide: ")
+    assert fault.format(keys) in line
+    assert "hunter2" not in line
+    assert "\n" not in line

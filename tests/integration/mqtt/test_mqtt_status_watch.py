@@ -106,54 +106,48 @@ def file(tmp_path: Path) -> Path:
     return Path(shutil.copy(MISSION, tmp_path / "mission.yaml"))
 
 
-def test_it_says_go_once_all_have_spoken_and_tells_a_lost_broker_from_silent_companions(
+async def test_it_says_go_once_all_have_spoken_and_tells_a_lost_broker_from_silent_companions(
     mosquitto: Make, file: Path
 ) -> None:
-    async def run() -> None:
-        broker, companions = mosquitto(), Companions(file)
-        async with aiomqtt.Client("127.0.0.1", broker.port) as client:
-            # The broker keeps its word, nobody speaks any more.
-            await companions.say(client, "f3")
+    broker, companions = mosquitto(), Companions(file)
+    async with aiomqtt.Client("127.0.0.1", broker.port) as client:
+        # The broker keeps its word, nobody speaks any more.
+        await companions.say(client, "f3")
+    companions.living.remove("f3")
+    speaking = asyncio.create_task(companions.speak(broker.port))
+    async with watch(file, broker.port) as process:
+        for line in await lines_until(process, "it may be gone"):
+            assert line.startswith("NO-GO")
+        (kept,) = await lines_until(process, "NO-GO")
+        assert kept.startswith("NO-GO  f3: nothing new of its companion in ")
+        assert ";" not in kept
+        companions.living.add("f3")
+        await lines_until(process, "GO  line-calm: all 4 companions are ready")
         companions.living.remove("f3")
-        speaking = asyncio.create_task(companions.speak(broker.port))
-        async with watch(file, broker.port) as process:
-            for line in await lines_until(process, "it may be gone"):
-                assert line.startswith("NO-GO")
-            (kept,) = await lines_until(process, "NO-GO")
-            assert kept.startswith("NO-GO  f3: nothing new of its companion in ")
-            assert ";" not in kept
-            companions.living.add("f3")
-            await lines_until(process, "GO  line-calm: all 4 companions are ready")
-            companions.living.remove("f3")
-            await lines_until(process, "NO-GO  f3: its companion has been silent for ")
-            companions.living.add("f3")
-            await lines_until(process, "GO  line-calm")
-            broker.kill()
-            *before, lost = await lines_until(process, "NO-GO")
-            assert all(line.startswith("GO  ") for line in before)
-            assert lost.startswith(f"NO-GO  link mqtt://127.0.0.1:{broker.port}/vfguide: ")
-            assert "nothing is known of the vehicles until it stands again" in lost
-            broker.start()
-            await lines_until(process, "GO  line-calm")
-        speaking.cancel()
-
-    asyncio.run(run())
+        await lines_until(process, "NO-GO  f3: its companion has been silent for ")
+        companions.living.add("f3")
+        await lines_until(process, "GO  line-calm")
+        broker.kill()
+        *before, lost = await lines_until(process, "NO-GO")
+        assert all(line.startswith("GO  ") for line in before)
+        assert lost.startswith(f"NO-GO  link mqtt://127.0.0.1:{broker.port}/vfguide: ")
+        assert "nothing is known of the vehicles until it stands again" in lost
+        broker.start()
+        await lines_until(process, "GO  line-calm")
+    speaking.cancel()
 
 
-def test_as_json_each_look_is_a_line_and_a_lost_broker_is_no_silent_companion(
+async def test_as_json_each_look_is_a_line_and_a_lost_broker_is_no_silent_companion(
     mosquitto: Make, file: Path
 ) -> None:
-    async def run() -> None:
-        broker, companions = mosquitto(), Companions(file)
-        speaking = asyncio.create_task(companions.speak(broker.port))
-        async with watch(file, broker.port, "--json") as process:
-            *_, line = await lines_until(process, '"online"')
-            assert list(json.loads(line)) == list(companions.names)
-            broker.kill()
-            *_, line = await lines_until(process, "not heard")
-            said = json.loads(line)
-            assert {one["status"] for one in said.values()} == {"not heard"}
-            assert "until it stands again" in said["leader"]["obstacle"]
-        speaking.cancel()
-
-    asyncio.run(run())
+    broker, companions = mosquitto(), Companions(file)
+    speaking = asyncio.create_task(companions.speak(broker.port))
+    async with watch(file, broker.port, "--json") as process:
+        *_, line = await lines_until(process, '"online"')
+        assert list(json.loads(line)) == list(companions.names)
+        broker.kill()
+        *_, line = await lines_until(process, "not heard")
+        said = json.loads(line)
+        assert {one["status"] for one in said.values()} == {"not heard"}
+        assert "until it stands again" in said["leader"]["obstacle"]
+    speaking.cancel()

@@ -50,136 +50,118 @@ async def speak(link: Link, until_heard: Callable[[], object]) -> None:
             await asyncio.sleep(0.02)
 
 
-def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(
+async def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(
     mosquitto: Make, opened: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        broker = mosquitto()
-        async with (
-            opened(broker.port, "lead") as (leader, _),
-            opened(broker.port, "f1", "lead") as (link, box),
-        ):
-            await speak(leader, lambda: box)
-            broker.kill()
-            lost = time.monotonic()
-            await until(lambda: not leader.connected and not link.connected)
-            leader.publish(b"into the void")
-            assert leader.counters["dropped: not connected"] == 1
-            # An outage of two seconds, which is what a restart takes.
-            await asyncio.sleep(max(lost + 2.0 - time.monotonic(), 0.0))
-            broker.start()
-            box.clear()
-            await speak(leader, lambda: box)
-            assert time.monotonic() - lost < PROMPT_S
-            assert leader.counters["disconnected"] == link.counters["disconnected"] == 1
-            assert leader.counters["connected"] == link.counters["connected"] == 2
-            assert b"into the void" not in box
-
-    asyncio.run(scenario())
+    broker = mosquitto()
+    async with (
+        opened(broker.port, "lead") as (leader, _),
+        opened(broker.port, "f1", "lead") as (link, box),
+    ):
+        await speak(leader, lambda: box)
+        broker.kill()
+        lost = time.monotonic()
+        await until(lambda: not leader.connected and not link.connected)
+        leader.publish(b"into the void")
+        assert leader.counters["dropped: not connected"] == 1
+        # An outage of two seconds, which is what a restart takes.
+        await asyncio.sleep(max(lost + 2.0 - time.monotonic(), 0.0))
+        broker.start()
+        box.clear()
+        await speak(leader, lambda: box)
+        assert time.monotonic() - lost < PROMPT_S
+        assert leader.counters["disconnected"] == link.counters["disconnected"] == 1
+        assert leader.counters["connected"] == link.counters["connected"] == 2
+        assert b"into the void" not in box
 
 
-def test_a_broker_that_comes_late_is_found(
+async def test_a_broker_that_comes_late_is_found(
     mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        broker = mosquitto()
-        broker.kill()
-        began = time.monotonic()
-        async with opened(broker.port, "f1", "lead") as (link, _):
-            assert time.monotonic() - began < PROMPT_S
-            assert not link.connected
-            assert "refused" in link.detail
-            broker.start()
-            await until(lambda: link.connected)
-            assert link.detail == ""
-
-    asyncio.run(scenario())
+    broker = mosquitto()
+    broker.kill()
+    began = time.monotonic()
+    async with opened(broker.port, "f1", "lead") as (link, _):
+        assert time.monotonic() - began < PROMPT_S
+        assert not link.connected
+        assert "refused" in link.detail
+        broker.start()
+        await until(lambda: link.connected)
+        assert link.detail == ""
     # However many tries it took, one line says that the broker is away.
     assert caplog.text.count("not connected") == 1
 
 
-def test_a_broker_that_hangs_is_noticed_and_found_again(
+async def test_a_broker_that_hangs_is_noticed_and_found_again(
     mosquitto: Make, opened: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        broker = mosquitto()
-        async with (
-            opened(broker.port, "lead") as (leader, _),
-            opened(broker.port, "f1", "lead") as (link, box),
-        ):
-            await speak(leader, lambda: box)
-            broker.freeze()
-            frozen = time.monotonic()
-            while leader.connected or link.connected:
-                leader.publish(b"unheard")
-                await asyncio.sleep(0.02)
-            assert time.monotonic() - frozen < PROMPT_S
-            broker.thaw()
-            box.clear()
-            await speak(leader, lambda: box)
-            await until(lambda: link.connected and leader.connected)
-
-    asyncio.run(scenario())
+    broker = mosquitto()
+    async with (
+        opened(broker.port, "lead") as (leader, _),
+        opened(broker.port, "f1", "lead") as (link, box),
+    ):
+        await speak(leader, lambda: box)
+        broker.freeze()
+        frozen = time.monotonic()
+        while leader.connected or link.connected:
+            leader.publish(b"unheard")
+            await asyncio.sleep(0.02)
+        assert time.monotonic() - frozen < PROMPT_S
+        broker.thaw()
+        box.clear()
+        await speak(leader, lambda: box)
+        await until(lambda: link.connected and leader.connected)
 
 
-def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto: Make, opened: Make) -> None:
-    async def scenario() -> None:
-        broker = mosquitto()
-        async with opened(broker.port, "lead") as (link, _):
-            assert link.connected
-            broker.freeze()
-            ends = time.monotonic()
-        assert time.monotonic() - ends < PROMPT_S
-
-    asyncio.run(scenario())
+async def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto: Make, opened: Make) -> None:
+    broker = mosquitto()
+    async with opened(broker.port, "lead") as (link, _):
+        assert link.connected
+        broker.freeze()
+        ends = time.monotonic()
+    assert time.monotonic() - ends < PROMPT_S
 
 
 @pytest.mark.parametrize("word", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x20\x02"])
-def test_a_server_that_is_no_broker_is_given_up_and_tried_again(
+async def test_a_server_that_is_no_broker_is_given_up_and_tried_again(
     opened: Make, until: Make, word: bytes
 ) -> None:
-    async def scenario() -> None:
-        calls: list[asyncio.StreamWriter] = []
+    calls: list[asyncio.StreamWriter] = []
 
-        async def take(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            calls.append(writer)
-            writer.write(word)
+    async def take(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        calls.append(writer)
+        writer.write(word)
 
-        server = await asyncio.start_server(take, "127.0.0.1", 0)
-        port = server.sockets[0].getsockname()[1]
-        try:
-            async with opened(port, "f1", "lead") as (link, _):
-                await until(lambda: len(calls) >= 2)
-                assert not link.connected
-                await until(lambda: link.counters["failed to connect"] >= 1)
-                assert link.detail
-        finally:
-            server.close()
-            for writer in calls:
-                writer.transport.abort()
-
-    asyncio.run(scenario())
+    server = await asyncio.start_server(take, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    try:
+        async with opened(port, "f1", "lead") as (link, _):
+            await until(lambda: len(calls) >= 2)
+            assert not link.connected
+            await until(lambda: link.counters["failed to connect"] >= 1)
+            assert link.detail
+    finally:
+        server.close()
+        for writer in calls:
+            writer.transport.abort()
 
 
-def test_a_wrong_password_is_named_and_tried_again(
+async def test_a_wrong_password_is_named_and_tried_again(
     mosquitto: Make,
     password_file: Make,
     opened: Make,
     until: Make,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    async def scenario() -> None:
-        file = password_file("crew", "right")
-        broker = mosquitto(f"allow_anonymous false\npassword_file {file}\n", basis="user root\n")
-        url = "mqtt://crew:{}@127.0.0.1:{}"
-        async with opened(url.format("wrong-hunter2", broker.port), "f1", "lead") as (link, _):
-            await until(lambda: link.counters["refused"] >= 3)
-            assert not link.connected
-            assert "wrong user name or password" in link.detail
-        async with opened(url.format("right", broker.port), "f1", "lead") as (link, _):
-            assert link.connected
-
-    asyncio.run(scenario())
+    file = password_file("crew", "right")
+    broker = mosquitto(f"allow_anonymous false\npassword_file {file}\n", basis="user root\n")
+    url = "mqtt://crew:{}@127.0.0.1:{}"
+    async with opened(url.format("wrong-hunter2", broker.port), "f1", "lead") as (link, _):
+        await until(lambda: link.counters["refused"] >= 3)
+        assert not link.connected
+        assert "wrong user name or password" in link.detail
+    async with opened(url.format("right", broker.port), "f1", "lead") as (link, _):
+        assert link.connected
     warnings = [record for record in caplog.records if record.levelno >= logging.WARNING]
     assert [record.exc_info for record in warnings] == [None]
     assert "wrong user name or password" in caplog.text
@@ -187,25 +169,22 @@ def test_a_wrong_password_is_named_and_tried_again(
     assert "hunter2" not in caplog.text
 
 
-def test_a_broker_that_does_not_let_a_vehicle_speak_is_found_out(
+async def test_a_broker_that_does_not_let_a_vehicle_speak_is_found_out(
     mosquitto: Make, opened: Make, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        rules = tmp_path / "rules"
-        rules.write_text("topic read vfguide/#\ntopic write vfguide/+/+/presence\n")
-        broker = mosquitto(f"acl_file {rules}\n")
-        async with opened(broker.port, "lead") as (link, _):
-            await speak(link, lambda: link.counters["not heard"])
-            # The connection itself is all right.
-            assert link.connected
-            assert link.counters["connected"] == 1
-
-    asyncio.run(scenario())
+    rules = tmp_path / "rules"
+    rules.write_text("topic read vfguide/#\ntopic write vfguide/+/+/presence\n")
+    broker = mosquitto(f"acl_file {rules}\n")
+    async with opened(broker.port, "lead") as (link, _):
+        await speak(link, lambda: link.counters["not heard"])
+        # The connection itself is all right.
+        assert link.connected
+        assert link.counters["connected"] == 1
     assert "own states do not come back" in caplog.text
     assert "vfguide/test/lead/state" in caplog.text
 
 
-def test_a_stranger_who_publishes_states_of_a_vehicle_is_counted_and_not_believed(
+async def test_a_stranger_who_publishes_states_of_a_vehicle_is_counted_and_not_believed(
     mosquitto: Make, opened: Make
 ) -> None:
     async def scenario() -> None:
@@ -215,109 +194,94 @@ def test_a_stranger_who_publishes_states_of_a_vehicle_is_counted_and_not_believe
                 await other.publish("vfguide/test/lead/state", b"not what lead said")
                 await asyncio.sleep(0.02)
 
-    async def bounded() -> None:
-        await asyncio.wait_for(scenario(), 60.0)
-
-    asyncio.run(bounded())
+    await asyncio.wait_for(scenario(), 60.0)
 
 
-def test_two_vehicles_of_the_same_name_are_found_out(
+async def test_two_vehicles_of_the_same_name_are_found_out(
     mosquitto: Make, opened: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        port = mosquitto().port
-        async with opened(port, "f1", "lead") as (one, _), opened(port, "f1", "lead") as (other, _):
-            number = 0
-            async with asyncio.timeout(60.0):
-                while not one.counters["refused: another companion of this name"]:
-                    number += 1
-                    one.publish(b"one %d" % number)
-                    other.publish(b"other %d" % number)
-                    await asyncio.sleep(0.02)
-
-    asyncio.run(scenario())
+    port = mosquitto().port
+    async with opened(port, "f1", "lead") as (one, _), opened(port, "f1", "lead") as (other, _):
+        number = 0
+        async with asyncio.timeout(60.0):
+            while not one.counters["refused: another companion of this name"]:
+                number += 1
+                one.publish(b"one %d" % number)
+                other.publish(b"other %d" % number)
+                await asyncio.sleep(0.02)
     assert "a companion calls itself 'f1', too" in caplog.text
 
 
-def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and_steps_back(
+async def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and_steps_back(
     mosquitto: Make, opened: Make
 ) -> None:
-    async def scenario() -> None:
-        port = mosquitto().port
-        async with opened(port, "lead") as (first, _):
-            async with asyncio.timeout(60.0):
-                # It has spoken for longer, by whatever this computer takes its time.
-                for number in range(25):
-                    first.publish(b"first %d" % number)
+    port = mosquitto().port
+    async with opened(port, "lead") as (first, _):
+        async with asyncio.timeout(60.0):
+            # It has spoken for longer, by whatever this computer takes its time.
+            for number in range(25):
+                first.publish(b"first %d" % number)
+                await asyncio.sleep(0.02)
+            async with opened(port, "lead") as (second, _):
+                number = 0
+                while not second.counters["not said: another companion of this name"]:
+                    number += 1
+                    first.publish(b"first, later %d" % number)
+                    second.publish(b"second %d" % number)
                     await asyncio.sleep(0.02)
-                async with opened(port, "lead") as (second, _):
-                    number = 0
-                    while not second.counters["not said: another companion of this name"]:
-                        number += 1
-                        first.publish(b"first, later %d" % number)
-                        second.publish(b"second %d" % number)
-                        await asyncio.sleep(0.02)
-            assert not first.counters["not said: another companion of this name"]
-
-    asyncio.run(scenario())
+        assert not first.counters["not said: another companion of this name"]
 
 
-def test_who_may_only_read_cannot_throw_the_leader_out(
+async def test_who_may_only_read_cannot_throw_the_leader_out(
     mosquitto: Make, password_file: Make, opened: Make, tmp_path: Path
 ) -> None:
-    async def scenario() -> None:
-        users = "".join(password_file(name, "word").read_text() for name in ("lead", "eye"))
-        passwords, rules = tmp_path / "passwords", tmp_path / "rules"
-        passwords.write_text(users)
-        rules.write_text("user eye\ntopic read #\nuser lead\ntopic readwrite #\n")
-        broker = mosquitto(
-            f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n",
-            basis="user root\n",
+    users = "".join(password_file(name, "word").read_text() for name in ("lead", "eye"))
+    passwords, rules = tmp_path / "passwords", tmp_path / "rules"
+    passwords.write_text(users)
+    rules.write_text("user eye\ntopic read #\nuser lead\ntopic readwrite #\n")
+    broker = mosquitto(
+        f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n",
+        basis="user root\n",
+    )
+    names, word = ("vfguide/test/lead", "lead"), "word"
+    async with opened(f"mqtt://lead:word@127.0.0.1:{broker.port}", "lead") as (link, _):
+        assert link.connected
+        for name in names * 3:
+            async with aiomqtt.Client(
+                "127.0.0.1", broker.port, identifier=name, username="eye", password=word
+            ) as eye:
+                await eye.subscribe("vfguide/test/lead/state")
+                link.publish(name.encode())
+                heard = await asyncio.wait_for(anext(eye.messages), 60.0)
+                assert decode_envelope(heard.payload).body == name.encode()
+        assert link.counters["connected"] == 1
+        assert link.counters["disconnected"] == 0
+
+
+async def test_a_vehicle_that_is_killed_goes_offline(any_broker: Make, until: Make) -> None:
+    async with any_broker() as port:
+        victim = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"
         )
-        names, word = ("vfguide/test/lead", "lead"), "word"
-        async with opened(f"mqtt://lead:word@127.0.0.1:{broker.port}", "lead") as (link, _):
-            assert link.connected
-            for name in names * 3:
-                async with aiomqtt.Client(
-                    "127.0.0.1", broker.port, identifier=name, username="eye", password=word
-                ) as eye:
-                    await eye.subscribe("vfguide/test/lead/state")
-                    link.publish(name.encode())
-                    heard = await asyncio.wait_for(anext(eye.messages), 60.0)
-                    assert decode_envelope(heard.payload).body == name.encode()
-            assert link.counters["connected"] == 1
-            assert link.counters["disconnected"] == 0
+        seen: list[str] = []
 
-    asyncio.run(scenario())
+        async def watch() -> None:
+            async with aiomqtt.Client("127.0.0.1", port) as client:
+                await client.subscribe("vfguide/test/f1/presence", qos=1)
+                while True:
+                    message = await anext(client.messages)
+                    presence = decode_presence(decode_envelope(message.payload).body)
+                    seen.append(presence.status)
 
-
-def test_a_vehicle_that_is_killed_goes_offline(any_broker: Make, until: Make) -> None:
-    async def scenario() -> None:
-        async with any_broker() as port:
-            victim = await asyncio.create_subprocess_exec(
-                sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"
-            )
-            seen: list[str] = []
-
-            async def watch() -> None:
-                async with aiomqtt.Client("127.0.0.1", port) as client:
-                    await client.subscribe("vfguide/test/f1/presence", qos=1)
-                    while True:
-                        message = await anext(client.messages)
-                        presence = decode_presence(decode_envelope(message.payload).body)
-                        seen.append(presence.status)
-
-            watching = asyncio.create_task(watch())
-            try:
-                await until(lambda: seen)
-                assert seen[-1] == "online"
-                os.kill(victim.pid, signal.SIGKILL)
-                await until(lambda: seen[-1] == "offline")
-            finally:
-                with suppress(ProcessLookupError):
-                    victim.kill()
-                await victim.wait()
-                watching.cancel()
-                await asyncio.wait({watching})
-
-    asyncio.run(scenario())
+        watching = asyncio.create_task(watch())
+        try:
+            await until(lambda: seen)
+            assert seen[-1] == "online"
+            os.kill(victim.pid, signal.SIGKILL)
+            await until(lambda: seen[-1] == "offline")
+        finally:
+            with suppress(ProcessLookupError):
+                victim.kill()
+            await victim.wait()
+            watching.cancel()
+            await asyncio.wait({watching})

@@ -90,114 +90,91 @@ def air(tmp_path: Path) -> SharedAir:
     return SharedAir(tmp_path)
 
 
-def test_a_formation_hears_itself_over_its_radios(air: SharedAir) -> None:
+async def test_a_formation_hears_itself_over_its_radios(air: SharedAir) -> None:
     names = (LEADER, "f1", "f2")
-
-    async def scenario() -> None:
-        for name in names:
-            air.plug(name)
-        async with crews_on(air, *names) as (leader, one, other):
-            await until(lambda: one.heard and other.heard)
-            await until(lambda: {"f1", "f2"} <= set(leader.neighbours) and "f2" in one.neighbours)
-            assert one.member.peer_clock is not None
-            # All read one clock here.
-            assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s < 0.1
-            assert leader.link.connected
-            assert one.link.connected
-
-    asyncio.run(scenario())
+    for name in names:
+        air.plug(name)
+    async with crews_on(air, *names) as (leader, one, other):
+        await until(lambda: one.heard and other.heard)
+        await until(lambda: {"f1", "f2"} <= set(leader.neighbours) and "f2" in one.neighbours)
+        assert one.member.peer_clock is not None
+        # All read one clock here.
+        assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s < 0.1
+        assert leader.link.connected
+        assert one.link.connected
 
 
-def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back_by_itself(
+async def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back_by_itself(
     air: SharedAir, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        for name in (LEADER, "f1"):
-            air.plug(name)
-        async with crews_on(air, LEADER, "f1") as (leader, one):
-            await until(lambda: one.heard)
-            one.link.news()
-            air.plugs["f1"].pull_out()
-            await until(lambda: not one.link.connected)
-            assert "tty-f1:57600 is lost" in "".join(one.link.news())
-            await asyncio.sleep(OUTAGE_S)
-            assert not one.link.connected
-            assert "No such file or directory" in one.link.detail
-            assert not one.link.news()
-            one.heard.clear()
-            air.plugs["f1"].put_in()
-            await until(lambda: one.heard)
-            assert one.link.connected
-            assert "is back" in "".join(one.link.news())
-            assert one.counters["disconnected"] == 1
-            assert leader.counters["failed to use"] == 0
-
-    asyncio.run(scenario())
+    for name in (LEADER, "f1"):
+        air.plug(name)
+    async with crews_on(air, LEADER, "f1") as (leader, one):
+        await until(lambda: one.heard)
+        one.link.news()
+        air.plugs["f1"].pull_out()
+        await until(lambda: not one.link.connected)
+        assert "tty-f1:57600 is lost" in "".join(one.link.news())
+        await asyncio.sleep(OUTAGE_S)
+        assert not one.link.connected
+        assert "No such file or directory" in one.link.detail
+        assert not one.link.news()
+        one.heard.clear()
+        air.plugs["f1"].put_in()
+        await until(lambda: one.heard)
+        assert one.link.connected
+        assert "is back" in "".join(one.link.news())
+        assert one.counters["disconnected"] == 1
+        assert leader.counters["failed to use"] == 0
     # That it has gone, and that it is not there: each once, however often it is tried.
     assert 1 <= caplog.text.count("tty-f1:57600: not connected") <= 2
 
 
-def test_a_port_that_is_not_there_is_one_line_and_tried_again(
+async def test_a_port_that_is_not_there_is_one_line_and_tried_again(
     air: SharedAir, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        async with crews_on(air, "f1") as (one,):
-            await until(lambda: one.counters["failed to connect"] >= 3)
-            assert "No such file or directory" in one.link.detail
-
-    asyncio.run(scenario())
+    async with crews_on(air, "f1") as (one,):
+        await until(lambda: one.counters["failed to connect"] >= 3)
+        assert "No such file or directory" in one.link.detail
     assert caplog.text.count("not connected") == 1
 
 
-def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
+async def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
     random = Random(2)
-
-    async def scenario() -> None:
-        for name in (LEADER, "f1"):
-            air.plug(name)
-        async with crews_on(air, LEADER, "f1") as (_, one):
-            await until(lambda: one.heard)
-            for _ in range(100):
-                air.plugs["f1"].hear(random.randbytes(random.randrange(60)))
-                await asyncio.sleep(0.01)
-            one.heard.clear()
-            await until(lambda: len(one.heard) > 5)
-            assert one.counters["refused: damaged on the air"] > 5
-            assert one.counters["failed to use"] == 0
-
-    asyncio.run(scenario())
+    for name in (LEADER, "f1"):
+        air.plug(name)
+    async with crews_on(air, LEADER, "f1") as (_, one):
+        await until(lambda: one.heard)
+        for _ in range(100):
+            air.plugs["f1"].hear(random.randbytes(random.randrange(60)))
+            await asyncio.sleep(0.01)
+        one.heard.clear()
+        await until(lambda: len(one.heard) > 5)
+        assert one.counters["refused: damaged on the air"] > 5
+        assert one.counters["failed to use"] == 0
 
 
-def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
+async def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
     watched = WatchedFormation(
         addresses=parse_links([air.address("eye")]),
         formation=FORMATION,
         leader=LEADER,
         roster=ROSTER,
     )
-
-    async def scenario() -> None:
-        for name in (LEADER, "f1", "f2", "eye"):
-            air.plug(name)
-        async with crews_on(air, LEADER, "f1", "f2") as (_, one, other):
-            await until(lambda: one.heard and other.heard)
-            found = dict[str, Presence]()
-            async with asyncio.timeout(PATIENCE_S):
-                while set(found) != {LEADER, "f1", "f2"}:
-                    found = await presences(watched, seconds=5.0, random=Random(1))
-            assert {presence.status for presence in found.values()} == {"online"}
-
-    asyncio.run(scenario())
+    for name in (LEADER, "f1", "f2", "eye"):
+        air.plug(name)
+    async with crews_on(air, LEADER, "f1", "f2") as (_, one, other):
+        await until(lambda: one.heard and other.heard)
+        found = dict[str, Presence]()
+        async with asyncio.timeout(PATIENCE_S):
+            while set(found) != {LEADER, "f1", "f2"}:
+                found = await presences(watched, seconds=5.0, random=Random(1))
+        assert {presence.status for presence in found.values()} == {"online"}
 
 
-def test_without_the_radio_key_nothing_is_opened(air: SharedAir) -> None:
-    async def scenario() -> None:
-        crew = Crew("f1")
-        (address,) = parse_links([air.address("f1", key=False)])
-        with pytest.raises(InputError, match="a radio needs the formation's radio key"):
-            async with open_link(
-                (address,), formation=FORMATION, member=crew.member, random=Random(1)
-            ):
-                pass
-
-    asyncio.run(scenario())
+async def test_without_the_radio_key_nothing_is_opened(air: SharedAir) -> None:
+    crew = Crew("f1")
+    (address,) = parse_links([air.address("f1", key=False)])
+    with pytest.raises(InputError, match="a radio needs the formation's radio key"):
+        async with open_link((address,), formation=FORMATION, member=crew.member, random=Random(1)):
+            pass

@@ -36,48 +36,41 @@ async def command(*options: str) -> AsyncIterator[asyncio.subprocess.Process]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(
+async def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(
     station: Factory, number: signal.Signals
 ) -> None:
-    async def test() -> None:
-        async with command(
-            *("--system-id", "7", "--mavlink", "udpin://127.0.0.1:0", "--airborne"),
-            *("--wind", "steady:5,90", "--start", "47,8,500,90", "--plant", "course-hold"),
-        ) as process:
-            assert process.stderr is not None
-            said = (await process.stderr.readline()).decode()
-            async with station(parse_address(said.split()[-1])) as ground:
-                ground.send(ground.heartbeat())
-                assert (await ground.message("HEARTBEAT")).get_srcSystem() == 7
-                ground.send(ground.command(176, 1, 15))
-                assert (await ground.message("COMMAND_ACK")).result == 0
-            process.send_signal(number)
-            assert await process.wait() == 0
-            assert await process.stderr.read() == b""
-
-    asyncio.run(test())
+    async with command(
+        *("--system-id", "7", "--mavlink", "udpin://127.0.0.1:0", "--airborne"),
+        *("--wind", "steady:5,90", "--start", "47,8,500,90", "--plant", "course-hold"),
+    ) as process:
+        assert process.stderr is not None
+        said = (await process.stderr.readline()).decode()
+        async with station(parse_address(said.split()[-1])) as ground:
+            ground.send(ground.heartbeat())
+            assert (await ground.message("HEARTBEAT")).get_srcSystem() == 7
+            ground.send(ground.command(176, 1, 15))
+            assert (await ground.message("COMMAND_ACK")).result == 0
+        process.send_signal(number)
+        assert await process.wait() == 0
+        assert await process.stderr.read() == b""
 
 
-def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
+async def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
     path = tmp_path / "truth.jsonl"
-
-    async def test() -> None:
-        async with command(
-            *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
-            *("--speedup", "20", "--duration", "2", "--truth", str(path), "--truth-rate", "10"),
-            *(
-                "--start",
-                "47,8,500,90",
-                "--airspeed",
-                "15",
-                "--airspeed-range",
-                "10,20",
-                "--airborne",
-            ),
-        ) as process:
-            assert await process.wait() == 0
-
-    asyncio.run(test())
+    async with command(
+        *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
+        *("--speedup", "20", "--duration", "2", "--truth", str(path), "--truth-rate", "10"),
+        *(
+            "--start",
+            "47,8,500,90",
+            "--airspeed",
+            "15",
+            "--airspeed-range",
+            "10,20",
+            "--airborne",
+        ),
+    ) as process:
+        assert await process.wait() == 0
     samples = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     assert len(samples) == 21
     assert {sample["system_id"] for sample in samples} == {9}
@@ -86,30 +79,26 @@ def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
     assert samples[0]["mode"] == "AUTO.LOITER"
 
 
-def test_many_in_one_process_have_ids_ports_and_places_that_count_up(
+async def test_many_in_one_process_have_ids_ports_and_places_that_count_up(
     station: Factory, tmp_path: Path
 ) -> None:
     path = tmp_path / "truth.jsonl"
-
-    async def test() -> None:
-        first = free_ports(3)
-        async with command(
-            *("--system-id", "5", "--count", "3", "--mavlink", f"udpin://127.0.0.1:{first}"),
-            *("--truth", str(path), "--start", "47,8,500,0", "--spacing", "100"),
-        ) as process:
-            assert process.stderr is not None
-            for index in range(3):
-                said = (await process.stderr.readline()).decode().split()
-                assert said[2] == str(5 + index)
-                address = parse_address(said[-1])
-                assert address.port == first + index
-                async with station(address) as ground:
-                    ground.send(ground.heartbeat())
-                    assert (await ground.message("HEARTBEAT")).get_srcSystem() == 5 + index
-            process.send_signal(signal.SIGTERM)
-            assert await process.wait() == 0
-
-    asyncio.run(test())
+    first = free_ports(3)
+    async with command(
+        *("--system-id", "5", "--count", "3", "--mavlink", f"udpin://127.0.0.1:{first}"),
+        *("--truth", str(path), "--start", "47,8,500,0", "--spacing", "100"),
+    ) as process:
+        assert process.stderr is not None
+        for index in range(3):
+            said = (await process.stderr.readline()).decode().split()
+            assert said[2] == str(5 + index)
+            address = parse_address(said[-1])
+            assert address.port == first + index
+            async with station(address) as ground:
+                ground.send(ground.heartbeat())
+                assert (await ground.message("HEARTBEAT")).get_srcSystem() == 5 + index
+        process.send_signal(signal.SIGTERM)
+        assert await process.wait() == 0
     samples = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     east_m = {
         sample["system_id"]: round((sample["longitude_deg"] - 8.0) * 76_060.0) for sample in samples
@@ -134,17 +123,14 @@ def free_ports(count: int) -> int:
     raise AssertionError("no free ports")
 
 
-def test_a_port_in_use_is_one_line_and_status_3() -> None:
-    async def test() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-            taken.bind(("127.0.0.1", 0))
-            url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"
-            async with command("--system-id", "1", "--mavlink", url) as process:
-                output, errors = await process.communicate()
-        assert (process.returncode, output) == (3, b"")
-        assert errors.decode() == (
-            f"sitl-stub: {url}: cannot listen "
-            "(address already in use; end the program that has it, or choose another port)\n"
-        )
-
-    asyncio.run(test())
+async def test_a_port_in_use_is_one_line_and_status_3() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"
+        async with command("--system-id", "1", "--mavlink", url) as process:
+            output, errors = await process.communicate()
+    assert (process.returncode, output) == (3, b"")
+    assert errors.decode() == (
+        f"sitl-stub: {url}: cannot listen "
+        "(address already in use; end the program that has it, or choose another port)\n"
+    )

@@ -51,18 +51,15 @@ def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(
     assert [sample["time_s"] for sample in read(path)] == [round(k / 30, 6) for k in range(301)]
 
 
-def test_true_states_also_go_out_as_datagrams(served: Factory, station: Factory) -> None:
-    async def test() -> None:
-        async with station() as judge:
-            url = f"udpout://127.0.0.1:{judge.port}"
-            async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
-                while len(judge.datagrams) < 10:
-                    await asyncio.sleep(0.01)
-            samples = [json.loads(datagram) for datagram in judge.datagrams[:10]]
-        assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(10)]
-        assert all(datagram.count(b"\n") == 1 for datagram in judge.datagrams)
-
-    asyncio.run(test())
+async def test_true_states_also_go_out_as_datagrams(served: Factory, station: Factory) -> None:
+    async with station() as judge:
+        url = f"udpout://127.0.0.1:{judge.port}"
+        async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
+            while len(judge.datagrams) < 10:
+                await asyncio.sleep(0.01)
+        samples = [json.loads(datagram) for datagram in judge.datagrams[:10]]
+    assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(10)]
+    assert all(datagram.count(b"\n") == 1 for datagram in judge.datagrams)
 
 
 def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
@@ -85,18 +82,17 @@ def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
     assert on_time == late
 
 
-def test_telemetry_begins_with_time_zero_at_the_epoch(station: Factory, served: Factory) -> None:
-    async def test() -> None:
-        epoch_s = time.time() + 0.5
-        async with station() as ground:
-            url = f"udpout://127.0.0.1:{ground.port}"
-            async with served(url, epoch_s=epoch_s):
-                await ground.message("HEARTBEAT")
-                assert time.time() >= epoch_s - 1e-3
-                position = await ground.message("GLOBAL_POSITION_INT")
-                assert position.time_boot_ms == 0
-
-    asyncio.run(test())
+async def test_telemetry_begins_with_time_zero_at_the_epoch(
+    station: Factory, served: Factory
+) -> None:
+    epoch_s = time.time() + 0.5
+    async with station() as ground:
+        url = f"udpout://127.0.0.1:{ground.port}"
+        async with served(url, epoch_s=epoch_s):
+            await ground.message("HEARTBEAT")
+            assert time.time() >= epoch_s - 1e-3
+            position = await ground.message("GLOBAL_POSITION_INT")
+            assert position.time_boot_ms == 0
 
 
 def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot: Autopilot) -> None:

@@ -50,60 +50,51 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
     made.pull_out()
 
 
-def test_frames_go_both_ways(opened: Make, plug: Plug, beat: Make, until: Make) -> None:
-    async def scenario() -> None:
-        plug.put_in()
-        async with opened(plug.address) as (connection, inbox):
-            assert connection.connected
-            os.write(plug.near, beat(1)[:9])
-            os.write(plug.near, beat(1)[9:] + b"noise" + beat(2))
-            await inbox.holds(beat(1), beat(2))
-            connection.send(beat(3))
-            taken = bytearray()
+async def test_frames_go_both_ways(opened: Make, plug: Plug, beat: Make, until: Make) -> None:
+    plug.put_in()
+    async with opened(plug.address) as (connection, inbox):
+        assert connection.connected
+        os.write(plug.near, beat(1)[:9])
+        os.write(plug.near, beat(1)[9:] + b"noise" + beat(2))
+        await inbox.holds(beat(1), beat(2))
+        connection.send(beat(3))
+        taken = bytearray()
 
-            def has_come() -> bool:
-                taken.extend(plug.taken())
-                return taken == beat(3)
+        def has_come() -> bool:
+            taken.extend(plug.taken())
+            return taken == beat(3)
 
-            await until(has_come)
-
-    asyncio.run(scenario())
+        await until(has_come)
 
 
-def test_every_byte_goes_through_as_it_is(opened: Make, plug: Plug, until: Make) -> None:
-    async def scenario() -> None:
-        plug.put_in()
-        async with opened(plug.address) as (connection, _):
-            connection.send(bytes(range(256)))
-            taken = bytearray()
+async def test_every_byte_goes_through_as_it_is(opened: Make, plug: Plug, until: Make) -> None:
+    plug.put_in()
+    async with opened(plug.address) as (connection, _):
+        connection.send(bytes(range(256)))
+        taken = bytearray()
 
-            def has_come() -> bool:
-                taken.extend(plug.taken())
-                return len(taken) >= 256
+        def has_come() -> bool:
+            taken.extend(plug.taken())
+            return len(taken) >= 256
 
-            await until(has_come)
-            assert taken == bytes(range(256))
-
-    asyncio.run(scenario())
+        await until(has_come)
+        assert taken == bytes(range(256))
 
 
-def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(
+async def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(
     opened: Make, plug: Plug, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        async with opened(plug.address) as (connection, inbox):
-            for system_id in (1, 2):
-                assert not connection.connected
-                connection.send(b"lost")
-                plug.put_in()
-                await until(lambda: connection.connected)
-                os.write(plug.near, beat(system_id))
-                await inbox.ends_with(beat(system_id))
-                plug.pull_out()
-                await until(lambda: not connection.connected)
-            assert connection.counters["dropped: not connected"] == 2
-
-    asyncio.run(scenario())
+    async with opened(plug.address) as (connection, inbox):
+        for system_id in (1, 2):
+            assert not connection.connected
+            connection.send(b"lost")
+            plug.put_in()
+            await until(lambda: connection.connected)
+            os.write(plug.near, beat(system_id))
+            await inbox.ends_with(beat(system_id))
+            plug.pull_out()
+            await until(lambda: not connection.connected)
+        assert connection.counters["dropped: not connected"] == 2
 
 
 def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> None:
@@ -119,21 +110,17 @@ def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> Non
     asyncio.run(asyncio.wait_for(scenario(), 60.0))
 
 
-def test_a_port_belongs_to_one_program(opened: Make, plug: Plug) -> None:
-    async def scenario() -> None:
-        plug.put_in()
-        async with opened(plug.address) as (first, _), opened(plug.address) as (second, _):
-            assert first.connected
-            assert not second.connected
-
-    asyncio.run(scenario())
+async def test_a_port_belongs_to_one_program(opened: Make, plug: Plug) -> None:
+    plug.put_in()
+    async with opened(plug.address) as (first, _), opened(plug.address) as (second, _):
+        assert first.connected
+        assert not second.connected
 
 
-def test_a_file_that_is_no_port_is_tried_again_and_not_harmed(opened: Make, tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with opened(f"serial://{tmp_path / 'file'}:57600") as (connection, _):
-            assert not connection.connected
-
+async def test_a_file_that_is_no_port_is_tried_again_and_not_harmed(
+    opened: Make, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("content")
-    asyncio.run(scenario())
+    async with opened(f"serial://{tmp_path / 'file'}:57600") as (connection, _):
+        assert not connection.connected
     assert (tmp_path / "file").read_text() == "content"

@@ -35,46 +35,40 @@ class Autopilot:
             self.callers.clear()
 
 
-def test_a_call_is_answered_frame_by_frame(
+async def test_a_call_is_answered_frame_by_frame(
     opened: Make, free_port: Make, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        port, autopilot = free_port(), Autopilot()
-        async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
-            assert connection.connected
-            await until(lambda: autopilot.callers)
-            ((reader, writer),) = autopilot.callers
-            connection.send(beat(9))
-            assert await asyncio.wait_for(reader.readexactly(len(beat(9))), 60.0) == beat(9)
-            writer.write(beat(1) + beat(2)[:5])
-            await inbox.holds(beat(1))
-            writer.write(beat(2)[5:] + beat(3))
-            await inbox.holds(beat(1), beat(2), beat(3))
-
-    asyncio.run(scenario())
+    port, autopilot = free_port(), Autopilot()
+    async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
+        assert connection.connected
+        await until(lambda: autopilot.callers)
+        ((reader, writer),) = autopilot.callers
+        connection.send(beat(9))
+        assert await asyncio.wait_for(reader.readexactly(len(beat(9))), 60.0) == beat(9)
+        writer.write(beat(1) + beat(2)[:5])
+        await inbox.holds(beat(1))
+        writer.write(beat(2)[5:] + beat(3))
+        await inbox.holds(beat(1), beat(2), beat(3))
 
 
-def test_noise_in_a_stream_is_counted_and_costs_no_frame(
+async def test_noise_in_a_stream_is_counted_and_costs_no_frame(
     opened: Make, free_port: Make, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        port, autopilot = free_port(), Autopilot()
-        async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
-            await until(lambda: autopilot.callers)
-            writer = autopilot.callers[0][1]
-            writer.write(b"noise" * 20_000 + beat(1) + b"noise" + beat(2))
-            await inbox.holds(beat(1), beat(2))
-            assert connection.counters["bytes left out"] == 100_005
-            assert connection.counters["out of step"] == 1
-
-    asyncio.run(scenario())
+    port, autopilot = free_port(), Autopilot()
+    async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
+        await until(lambda: autopilot.callers)
+        writer = autopilot.callers[0][1]
+        writer.write(b"noise" * 20_000 + beat(1) + b"noise" + beat(2))
+        await inbox.holds(beat(1), beat(2))
+        assert connection.counters["bytes left out"] == 100_005
+        assert connection.counters["out of step"] == 1
 
 
-def test_a_server_that_restarts_is_called_again(
+async def test_a_server_that_restarts_is_called_again(
     opened: Make, free_port: Make, beat: Make, until: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        port, autopilot = free_port(), Autopilot()
+    port, autopilot = free_port(), Autopilot()
+    with caplog.at_level(logging.INFO, "vfguide"):
         async with opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
             for system_id in (1, 2):
                 assert not connection.connected
@@ -85,41 +79,32 @@ def test_a_server_that_restarts_is_called_again(
                     await inbox.ends_with(beat(system_id))
                 await until(lambda: not connection.connected)
             assert connection.counters["dropped: not connected"] == 2
-
-    with caplog.at_level(logging.INFO, "vfguide"):
-        asyncio.run(scenario())
     assert sum("connected, called" in record.message for record in caplog.records) == 2
 
 
-def test_half_a_frame_of_a_lost_call_does_not_spoil_the_next(
+async def test_half_a_frame_of_a_lost_call_does_not_spoil_the_next(
     opened: Make, free_port: Make, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        port, autopilot = free_port(), Autopilot()
-        async with opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
-            async with autopilot.up(port):
-                await until(lambda: connection.connected and autopilot.callers)
-                autopilot.callers[0][1].write(beat(1) + beat(2)[:8])
-                await inbox.holds(beat(1))
-            async with autopilot.up(port):
-                await until(lambda: connection.connected and autopilot.callers)
-                autopilot.callers[0][1].write(beat(3))
-                await inbox.holds(beat(1), beat(3))
-
-    asyncio.run(scenario())
+    port, autopilot = free_port(), Autopilot()
+    async with opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
+        async with autopilot.up(port):
+            await until(lambda: connection.connected and autopilot.callers)
+            autopilot.callers[0][1].write(beat(1) + beat(2)[:8])
+            await inbox.holds(beat(1))
+        async with autopilot.up(port):
+            await until(lambda: connection.connected and autopilot.callers)
+            autopilot.callers[0][1].write(beat(3))
+            await inbox.holds(beat(1), beat(3))
 
 
-def test_each_change_of_state_is_logged_once_and_not_each_try(
+async def test_each_change_of_state_is_logged_once_and_not_each_try(
     opened: Make, free_port: Make, until: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
+    port = free_port()
+    with caplog.at_level(logging.INFO, "vfguide"):
         async with opened(f"tcpout://127.0.0.1:{port}") as (connection, _):
             await until(lambda: connection.counters["tries"] == 4)
             connection.send(b"lost")
-
-    port = free_port()
-    with caplog.at_level(logging.INFO, "vfguide"):
-        asyncio.run(scenario())
     tried, closed = caplog.records
     assert tried.levelno == logging.WARNING
     assert vars(tried)["mavlink_address"] == f"tcpout://127.0.0.1:{port}"
@@ -129,32 +114,29 @@ def test_each_change_of_state_is_logged_once_and_not_each_try(
     assert closed.levelno == logging.INFO
 
 
-def test_a_server_speaks_to_one_caller_at_a_time(
+async def test_a_server_speaks_to_one_caller_at_a_time(
     opened: Make, free_port: Make, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        port = free_port()
-        async with opened(f"tcpin://127.0.0.1:{port}") as (connection, inbox):
-            connection.send(b"nobody hears this")
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(beat(1))
-            await inbox.holds(beat(1))
-            late_reader, late_writer = await asyncio.open_connection("127.0.0.1", port)
-            assert await asyncio.wait_for(closed(late_reader), 60.0)
-            late_writer.close()
-            connection.send(beat(9))
-            assert await asyncio.wait_for(reader.readexactly(len(beat(9))), 60.0) == beat(9)
-            assert connection.counters["turned away"] == 1
-            writer.close()
-            await until(lambda: not connection.connected)
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(beat(2))
-            await inbox.holds(beat(1), beat(2))
-            assert connection.connected
-        assert await asyncio.wait_for(closed(reader), 60.0)
+    port = free_port()
+    async with opened(f"tcpin://127.0.0.1:{port}") as (connection, inbox):
+        connection.send(b"nobody hears this")
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(beat(1))
+        await inbox.holds(beat(1))
+        late_reader, late_writer = await asyncio.open_connection("127.0.0.1", port)
+        assert await asyncio.wait_for(closed(late_reader), 60.0)
+        late_writer.close()
+        connection.send(beat(9))
+        assert await asyncio.wait_for(reader.readexactly(len(beat(9))), 60.0) == beat(9)
+        assert connection.counters["turned away"] == 1
         writer.close()
-
-    asyncio.run(scenario())
+        await until(lambda: not connection.connected)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(beat(2))
+        await inbox.holds(beat(1), beat(2))
+        assert connection.connected
+    assert await asyncio.wait_for(closed(reader), 60.0)
+    writer.close()
 
 
 async def closed(reader: asyncio.StreamReader) -> bool:
@@ -169,67 +151,55 @@ def both_stand(one: Connection, other: Connection) -> bool:
     return one.connected and other.connected
 
 
-def test_both_ends_find_each_other_again(
+async def test_both_ends_find_each_other_again(
     opened: Make, free_port: Make, beat: Make, until: Make
 ) -> None:
-    async def scenario() -> None:
-        port = free_port()
-        async with opened(f"tcpout://localhost:{port}") as (calling, answered):
-            for system_id in (1, 2):
-                async with opened(f"tcpin://0.0.0.0:{port}") as (called, inbox):
-                    await until(partial(both_stand, calling, called))
-                    calling.send(beat(3))
-                    await inbox.holds(beat(3))
-                    called.send(beat(system_id))
-                    await answered.ends_with(beat(system_id))
-
-    asyncio.run(scenario())
+    port = free_port()
+    async with opened(f"tcpout://localhost:{port}") as (calling, answered):
+        for system_id in (1, 2):
+            async with opened(f"tcpin://0.0.0.0:{port}") as (called, inbox):
+                await until(partial(both_stand, calling, called))
+                calling.send(beat(3))
+                await inbox.holds(beat(3))
+                called.send(beat(system_id))
+                await answered.ends_with(beat(system_id))
 
 
 @pytest.mark.parametrize("kind", ["tcpin", "tcpout"])
-def test_a_peer_that_does_not_read_is_sent_little_and_stops_nobody(
+async def test_a_peer_that_does_not_read_is_sent_little_and_stops_nobody(
     opened: Make, free_port: Make, until: Make, kind: str
 ) -> None:
-    async def scenario() -> None:
-        port = free_port()
-        with socket.socket() as deaf:
-            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            if kind == "tcpout":
-                deaf.bind(("127.0.0.1", port))
-                deaf.listen()
-            async with opened(f"{kind}://127.0.0.1:{port}") as (connection, _):
-                if kind == "tcpin":
-                    deaf.settimeout(0.0)
-                    await asyncio.get_running_loop().sock_connect(deaf, ("127.0.0.1", port))
-                await until(lambda: connection.connected)
-                for _ in range(20_000):
-                    connection.send(bytes(100))
-                sent = 20_000 - connection.counters["dropped: slow peer"]
-                assert sent * 100 < 200_000 + LARGEST_BACKLOG
-
-    asyncio.run(scenario())
-
-
-def test_leaving_does_not_wait_for_a_slow_peer(opened: Make, free_port: Make) -> None:
-    async def scenario() -> None:
-        port = free_port()
-        with socket.socket() as deaf:
+    port = free_port()
+    with socket.socket() as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        if kind == "tcpout":
             deaf.bind(("127.0.0.1", port))
             deaf.listen()
-            async with asyncio.timeout(60.0):
-                async with opened(f"tcpout://127.0.0.1:{port}") as (connection, _):
-                    for _ in range(5_000):
-                        connection.send(bytes(1000))
+        async with opened(f"{kind}://127.0.0.1:{port}") as (connection, _):
+            if kind == "tcpin":
+                deaf.settimeout(0.0)
+                await asyncio.get_running_loop().sock_connect(deaf, ("127.0.0.1", port))
+            await until(lambda: connection.connected)
+            for _ in range(20_000):
+                connection.send(bytes(100))
+            sent = 20_000 - connection.counters["dropped: slow peer"]
+            assert sent * 100 < 200_000 + LARGEST_BACKLOG
 
-    asyncio.run(scenario())
+
+async def test_leaving_does_not_wait_for_a_slow_peer(opened: Make, free_port: Make) -> None:
+    port = free_port()
+    with socket.socket() as deaf:
+        deaf.bind(("127.0.0.1", port))
+        deaf.listen()
+        async with asyncio.timeout(60.0):
+            async with opened(f"tcpout://127.0.0.1:{port}") as (connection, _):
+                for _ in range(5_000):
+                    connection.send(bytes(1000))
 
 
-def test_after_leaving_sending_is_harmless(opened: Make, free_port: Make) -> None:
-    async def scenario() -> None:
-        for kind in ("udpin", "udpout", "tcpin", "tcpout"):
-            async with opened(f"{kind}://127.0.0.1:{free_port()}") as (connection, _):
-                pass
-            connection.send(b"late")
-            assert connection.counters["dropped: not connected"] == 1
-
-    asyncio.run(scenario())
+async def test_after_leaving_sending_is_harmless(opened: Make, free_port: Make) -> None:
+    for kind in ("udpin", "udpout", "tcpin", "tcpout"):
+        async with opened(f"{kind}://127.0.0.1:{free_port()}") as (connection, _):
+            pass
+        connection.send(b"late")
+        assert connection.counters["dropped: not connected"] == 1

@@ -123,26 +123,22 @@ def zenoh_peers(first: str, *others: str) -> dict[str, tuple[str, ...]]:
     }
 
 
-def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back() -> None:
+async def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back() -> None:
     links = zenoh_peers(LEADER, "f1")
-
-    async def scenario() -> None:
-        async with crew_of("f1", **links) as (one,):
-            assert not one.link.connected or not one.heard
-            for _ in range(2):
-                one.heard.clear()
-                async with crew_of(LEADER, **links) as (leader,):
-                    await speak(leader, lambda: one.heard)
+    async with crew_of("f1", **links) as (one,):
+        assert not one.link.connected or not one.heard
+        for _ in range(2):
             one.heard.clear()
-            # Meanwhile nobody is there, and nothing waits for anybody.
-            for number in range(1000):
-                one.link.publish(b"%d" % number)
-
-    asyncio.run(scenario())
+            async with crew_of(LEADER, **links) as (leader,):
+                await speak(leader, lambda: one.heard)
+        one.heard.clear()
+        # Meanwhile nobody is there, and nothing waits for anybody.
+        for number in range(1000):
+            one.link.publish(b"%d" % number)
 
 
 @pytest.mark.parametrize("way", ["group", "broadcast", "peers", "zenoh"])
-def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
+async def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
     names = (LEADER, "f1", "f2")
     if way == "peers":
         links = peers(*names)
@@ -152,21 +148,17 @@ def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
         links = zenoh_peers(*names)
     else:
         links = dict.fromkeys(names, (f"udp://127.255.255.255:{free_port()}",))
-
-    async def scenario() -> None:
-        async with crew_of(*names, **links) as (leader, one, other):
-            await speak(leader, lambda: one.heard and other.heard)
-            await speak(one, lambda: leader.neighbours and other.neighbours)
-            assert one.member.peer_clock is not None
-            assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s
-            assert leader.link.connected
-            assert one.link.connected
-            assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
-
-    asyncio.run(scenario())
+    async with crew_of(*names, **links) as (leader, one, other):
+        await speak(leader, lambda: one.heard and other.heard)
+        await speak(one, lambda: leader.neighbours and other.neighbours)
+        assert one.member.peer_clock is not None
+        assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s
+        assert leader.link.connected
+        assert one.link.connected
+        assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
 
 
-def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
+async def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
     links = group()
     watched = WatchedFormation(
         addresses=parse_links(links),
@@ -174,24 +166,20 @@ def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
         leader=LEADER,
         roster=ROSTER,
     )
-
-    async def scenario() -> None:
-        found: dict[str, Presence] = {}
-        async with crew_of(LEADER, "f1", lead=links, f1=links) as (_, one):
-            one.link.announce(Presence(status="online", mode="tracking", time_s=1.0, version="1"))
-            async with asyncio.timeout(PATIENCE_S):
-                while "f1" not in found or found["f1"].mode != "tracking":
-                    found = await presences(watched, seconds=1.5, random=Random(1))
-            assert found["f1"].status == found[LEADER].status == "online"
-            listening = asyncio.create_task(presences(watched, seconds=4.0, random=Random(1)))
-            await asyncio.sleep(1.5)
-        found = await listening
-        assert found["f1"].status == found[LEADER].status == "offline"
-
-    asyncio.run(scenario())
+    found: dict[str, Presence] = {}
+    async with crew_of(LEADER, "f1", lead=links, f1=links) as (_, one):
+        one.link.announce(Presence(status="online", mode="tracking", time_s=1.0, version="1"))
+        async with asyncio.timeout(PATIENCE_S):
+            while "f1" not in found or found["f1"].mode != "tracking":
+                found = await presences(watched, seconds=1.5, random=Random(1))
+        assert found["f1"].status == found[LEADER].status == "online"
+        listening = asyncio.create_task(presences(watched, seconds=4.0, random=Random(1)))
+        await asyncio.sleep(1.5)
+    found = await listening
+    assert found["f1"].status == found[LEADER].status == "offline"
 
 
-def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
+async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
     links = group()
     watched = WatchedFormation(
         addresses=parse_links(links), formation=FORMATION, leader=LEADER, roster=ROSTER
@@ -205,103 +193,86 @@ def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
         warning="ü" * 200,
         figures={"links_lost": 1.0, **{f"some_delay_{number}_ms": 0.5 for number in range(60)}},
     )
-
-    async def scenario() -> None:
-        found: dict[str, Presence] = {}
-        async with crew_of("f1", f1=links) as (one,):
-            one.link.announce(said)
-            async with asyncio.timeout(PATIENCE_S):
-                while "f1" not in found or found["f1"].mode != "tracking":
-                    found = await presences(watched, seconds=1.5, random=Random(1))
-        assert found["f1"].figures["links_lost"] == 1.0
-
-    asyncio.run(scenario())
+    found: dict[str, Presence] = {}
+    async with crew_of("f1", f1=links) as (one,):
+        one.link.announce(said)
+        async with asyncio.timeout(PATIENCE_S):
+            while "f1" not in found or found["f1"].mode != "tracking":
+                found = await presences(watched, seconds=1.5, random=Random(1))
+    assert found["f1"].figures["links_lost"] == 1.0
 
 
-def test_two_formations_on_one_wire_never_hear_each_other() -> None:
+async def test_two_formations_on_one_wire_never_hear_each_other() -> None:
     links = group()
-
-    async def scenario() -> None:
-        stranger = Crew(LEADER, signed=False)
-        async with (
-            crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one),
-            open_link(
-                parse_links(links), formation="line", member=stranger.member, random=Random(3)
-            ) as stranger.link,
-        ):
-            await speak(leader, lambda: one.heard)
-            one.heard.clear()
-            for number in range(50):
-                stranger.link.publish(b"stranger %d" % number)
-            await speak(leader, lambda: one.heard)
-            assert not [data for data in one.heard if data.startswith(b"stranger")]
-            assert one.counters["refused: not signed"] > 0
-
-    asyncio.run(scenario())
+    stranger = Crew(LEADER, signed=False)
+    async with (
+        crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one),
+        open_link(
+            parse_links(links), formation="line", member=stranger.member, random=Random(3)
+        ) as stranger.link,
+    ):
+        await speak(leader, lambda: one.heard)
+        one.heard.clear()
+        for number in range(50):
+            stranger.link.publish(b"stranger %d" % number)
+        await speak(leader, lambda: one.heard)
+        assert not [data for data in one.heard if data.startswith(b"stranger")]
+        assert one.counters["refused: not signed"] > 0
 
 
-def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(
+async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """Two groups; one of them falls silent for one member, as when a cable is pulled."""
     first, second = group(), group()
     both = (*first, *second)
-
-    async def scenario() -> None:
-        async with crew_of(LEADER, "f1", lead=both, f1=both) as (leader, one):
-            await speak(leader, lambda: one.heard)
-            for carrier in (0, 1):
-                one.heard.clear()
-                lost = leader.link.carriers[carrier]
-                sending, lost.send = lost.send, lambda _: None  # type: ignore[method-assign]
-                for number in range(50):
-                    leader.link.publish(b"%d: %d" % (carrier, number))
-                    await until(lambda c=carrier, n=number: one.heard[-1:] == [b"%d: %d" % (c, n)])
-                assert one.heard == [b"%d: %d" % (carrier, number) for number in range(50)]
-                lost.send = sending  # type: ignore[method-assign]
+    async with crew_of(LEADER, "f1", lead=both, f1=both) as (leader, one):
+        await speak(leader, lambda: one.heard)
+        for carrier in (0, 1):
             one.heard.clear()
-            before = one.counters["copies"]
+            lost = leader.link.carriers[carrier]
+            sending, lost.send = lost.send, lambda _: None  # type: ignore[method-assign]
             for number in range(50):
-                leader.link.publish(b"both %d" % number)
-                await asyncio.sleep(0.002)
-            await until(lambda: len(one.heard) == 50)
-            await until(lambda: one.counters["copies"] >= before + 50)
-            assert one.heard == [b"both %d" % number for number in range(50)]
-        async with crew_of(LEADER, "f1", lead=first, f1=both) as (leader, one):
-            await until(lambda: "nobody is heard" in one.link.detail)
-            await speak(leader, lambda: one.heard)
-            assert one.link.connected
-
-    asyncio.run(scenario())
+                leader.link.publish(b"%d: %d" % (carrier, number))
+                await until(lambda c=carrier, n=number: one.heard[-1:] == [b"%d: %d" % (c, n)])
+            assert one.heard == [b"%d: %d" % (carrier, number) for number in range(50)]
+            lost.send = sending  # type: ignore[method-assign]
+        one.heard.clear()
+        before = one.counters["copies"]
+        for number in range(50):
+            leader.link.publish(b"both %d" % number)
+            await asyncio.sleep(0.002)
+        await until(lambda: len(one.heard) == 50)
+        await until(lambda: one.counters["copies"] >= before + 50)
+        assert one.heard == [b"both %d" % number for number in range(50)]
+    async with crew_of(LEADER, "f1", lead=first, f1=both) as (leader, one):
+        await until(lambda: "nobody is heard" in one.link.detail)
+        await speak(leader, lambda: one.heard)
+        assert one.link.connected
     assert "nobody is heard" in caplog.text
 
 
-def test_a_network_that_goes_away_is_told_and_found_again(
+async def test_a_network_that_goes_away_is_told_and_found_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     links = group()
-
-    async def scenario() -> None:
-        async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
-            await speak(leader, lambda: one.heard)
-            opened = one.link.carriers[0].opened
-            assert opened is not None
-            # Its interface is gone: the membership is lost without a word.
-            kind = socket.IPPROTO_IP, socket.IP_DROP_MEMBERSHIP
-            address = one.link.carriers[0].address
-            opened.setsockopt(
-                *kind,
-                socket.inet_aton(address.group)
-                + struct.pack("=4si", socket.inet_aton("127.0.0.1"), 0),
-            )
-            one.heard.clear()
-            began = time.monotonic()
-            await speak(leader, lambda: not one.link.connected)
-            await speak(leader, lambda: one.heard)
-            assert time.monotonic() - began < 10.0
-            assert one.counters["disconnected"] == 1
-
-    asyncio.run(scenario())
+    async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
+        await speak(leader, lambda: one.heard)
+        opened = one.link.carriers[0].opened
+        assert opened is not None
+        # Its interface is gone: the membership is lost without a word.
+        kind = socket.IPPROTO_IP, socket.IP_DROP_MEMBERSHIP
+        address = one.link.carriers[0].address
+        opened.setsockopt(
+            *kind,
+            socket.inet_aton(address.group) + struct.pack("=4si", socket.inet_aton("127.0.0.1"), 0),
+        )
+        one.heard.clear()
+        began = time.monotonic()
+        await speak(leader, lambda: not one.link.connected)
+        await speak(leader, lambda: one.heard)
+        assert time.monotonic() - began < 10.0
+        assert one.counters["disconnected"] == 1
     assert "not connected" in caplog.text
 
 
@@ -344,106 +315,95 @@ class OnInterface:
         return data
 
 
-def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_again_by_itself(
+async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_again_by_itself(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The follower's: nothing can be sent by it or heard, and no group be joined on it."""
     (by_address,) = group()
     links = {LEADER: (by_address,), "f1": (by_address.replace("=127.0.0.1", "=lo"),)}
     interface = Interface("lo")
-
-    async def scenario() -> None:
-        async with crew_of(LEADER, "f1", **links) as (leader, one):
-            await speak(leader, lambda: one.heard)
-            await speak(one, lambda: leader.neighbours)
-            one.link.news()
-            interface.gone = True
-            await speak(one, lambda: not one.link.connected)
-            told = one.link.news()
-            one.heard.clear()
-            async with asyncio.timeout(PATIENCE_S):
-                for number in range(int(OUTAGE_S / 0.1)):
-                    leader.link.publish(b"unheard %d" % number)
-                    one.link.publish(b"unsaid %d" % number)
-                    await asyncio.sleep(0.1)
-                    told += one.link.news()
-            assert not one.heard
-            assert not one.link.connected
-            assert one.link.detail == "no interface 'lo'"
-            assert one.counters["failed to connect"] >= 3
-            assert len(told) == 1
-            assert "is lost" in told[0]
-            interface.gone = False
-            await speak(leader, lambda: one.heard)
-            leader.neighbours.clear()
-            await speak(one, lambda: leader.neighbours)
-            assert one.link.connected
-            assert [" is back" in text for text in one.link.news()] == [True]
-            assert one.counters["disconnected"] == 1
-
     monkeypatch.setattr(udp, "open_socket", interface.open_socket)
     monkeypatch.setattr(socket, "if_nametoindex", interface.number)
-    asyncio.run(scenario())
+    async with crew_of(LEADER, "f1", **links) as (leader, one):
+        await speak(leader, lambda: one.heard)
+        await speak(one, lambda: leader.neighbours)
+        one.link.news()
+        interface.gone = True
+        await speak(one, lambda: not one.link.connected)
+        told = one.link.news()
+        one.heard.clear()
+        async with asyncio.timeout(PATIENCE_S):
+            for number in range(int(OUTAGE_S / 0.1)):
+                leader.link.publish(b"unheard %d" % number)
+                one.link.publish(b"unsaid %d" % number)
+                await asyncio.sleep(0.1)
+                told += one.link.news()
+        assert not one.heard
+        assert not one.link.connected
+        assert one.link.detail == "no interface 'lo'"
+        assert one.counters["failed to connect"] >= 3
+        assert len(told) == 1
+        assert "is lost" in told[0]
+        interface.gone = False
+        await speak(leader, lambda: one.heard)
+        leader.neighbours.clear()
+        await speak(one, lambda: leader.neighbours)
+        assert one.link.connected
+        assert [" is back" in text for text in one.link.news()] == [True]
+        assert one.counters["disconnected"] == 1
     # That nothing can be sent, and that it is not there: each once, however often it is tried.
     assert caplog.text.count("not connected, No such device") == 1
     assert caplog.text.count("not connected, no interface 'lo'") == 1
 
 
-def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
+async def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    async def scenario() -> None:
-        links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
-        async with crew_of("f1", f1=links) as (one,):
-            assert not one.link.connected
-            assert one.link.detail == "no interface 'nosuch0'"
-            await until(lambda: one.counters["failed to connect"] >= 3)
-            one.link.publish(b"into the void")
-
-    asyncio.run(scenario())
+    links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
+    async with crew_of("f1", f1=links) as (one,):
+        assert not one.link.connected
+        assert one.link.detail == "no interface 'nosuch0'"
+        await until(lambda: one.counters["failed to connect"] >= 3)
+        one.link.publish(b"into the void")
     assert caplog.text.count("not connected") == 1
 
 
-def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
+async def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
     """Noise, cut and changed messages, and forgeries, between the true ones."""
     links = group()
     (address,) = parse_links(links)
     random = Random(5)
-
-    async def scenario() -> None:
-        async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
-            await speak(leader, lambda: one.heard)
-            good = leader.member.trust.seal(Kind.STATE, b"good", time_s=1.0)
-            forger = trust_of(LEADER, 5, signed=False)
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hostile:
-                hostile.setsockopt(
-                    socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1")
+    async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
+        await speak(leader, lambda: one.heard)
+        good = leader.member.trust.seal(Kind.STATE, b"good", time_s=1.0)
+        forger = trust_of(LEADER, 5, signed=False)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hostile:
+            hostile.setsockopt(
+                socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1")
+            )
+            for number in range(2000):
+                changed = bytearray(good)
+                changed[random.randrange(len(good))] ^= 1 + random.randrange(255)
+                data = random.choice(
+                    [
+                        random.randbytes(random.randrange(300)),
+                        good[: random.randrange(len(good))],
+                        bytes(changed),
+                        forger.seal(Kind.STATE, b"forged", time_s=1.0),
+                    ]
                 )
-                for number in range(2000):
-                    changed = bytearray(good)
-                    changed[random.randrange(len(good))] ^= 1 + random.randrange(255)
-                    data = random.choice(
-                        [
-                            random.randbytes(random.randrange(300)),
-                            good[: random.randrange(len(good))],
-                            bytes(changed),
-                            forger.seal(Kind.STATE, b"forged", time_s=1.0),
-                        ]
-                    )
-                    with suppress(BlockingIOError):
-                        hostile.sendto(data, address.destinations[0])
-                    if number % 50 == 0:
-                        await asyncio.sleep(0.01)
-            one.heard.clear()
-            await speak(leader, lambda: one.heard)
-            assert not {b"forged", b"good"} & set(one.heard)
-            assert one.counters["refused: malformed"] > 500
-            assert one.counters["failed to use"] == 0
-
-    asyncio.run(scenario())
+                with suppress(BlockingIOError):
+                    hostile.sendto(data, address.destinations[0])
+                if number % 50 == 0:
+                    await asyncio.sleep(0.01)
+        one.heard.clear()
+        await speak(leader, lambda: one.heard)
+        assert not {b"forged", b"good"} & set(one.heard)
+        assert one.counters["refused: malformed"] > 500
+        assert one.counters["failed to use"] == 0
 
 
-def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
+async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     places = peers(LEADER, "f1")
@@ -464,16 +424,13 @@ def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
                 raise OSError(errno.ENETUNREACH, "Network is unreachable")
             return self._real.sendto(data, destination)
 
-    async def scenario() -> None:
-        ways = {LEADER: (beyond,), "f1": places["f1"]}
-        async with crew_of(LEADER, "f1", **ways) as (leader, follower):
-            await speak(leader, lambda: follower.heard)
-
     monkeypatch.setattr(udp, "open_socket", lambda address: Picky(opened(address)))
-    asyncio.run(scenario())
+    ways = {LEADER: (beyond,), "f1": places["f1"]}
+    async with crew_of(LEADER, "f1", **ways) as (leader, follower):
+        await speak(leader, lambda: follower.heard)
 
 
-def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
+async def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Broken(udp.UdpCarrier):
@@ -487,16 +444,13 @@ def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
     class Address(UdpAddress):
         scheme = "broken"
 
-    async def scenario() -> None:
-        crew = Crew(LEADER)
-        address = Address(destinations=(("127.0.0.1", free_port()),), port=free_port())
-        async with open_link(
-            (address,), formation=FORMATION, member=crew.member, random=Random(3)
-        ) as link:
-            await until(lambda: not link.connected and link.detail)
-            link.publish(b"1")
-            assert "ValueError in test_udp_links.py" in link.detail
-            assert "no radio" in link.detail
-
-    asyncio.run(scenario())
+    crew = Crew(LEADER)
+    address = Address(destinations=(("127.0.0.1", free_port()),), port=free_port())
+    async with open_link(
+        (address,), formation=FORMATION, member=crew.member, random=Random(3)
+    ) as link:
+        await until(lambda: not link.connected and link.detail)
+        link.publish(b"1")
+        assert "ValueError in test_udp_links.py" in link.detail
+        assert "no radio" in link.detail
     assert "Traceback" not in caplog.text

@@ -278,7 +278,7 @@ def test_orders_that_are_left_at_the_end_of_the_flight_are_named(flight: Flight)
     ]
 
 
-def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     mission = load_mission(MISSIONS / "shapes.yaml")
     begun, ended = threading.Event(), threading.Event()
 
@@ -294,16 +294,12 @@ def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch: pytest.MonkeyPatc
     member: Any = SimpleNamespace(formation_time=lambda: 100.0)
     desk.member = member
     link: Any = SimpleNamespace(order_lead_s=6.0)
-
-    async def cancel() -> None:
-        task = asyncio.create_task(rehearse_order(mission, Order(shape="trail"), desk, link))
-        await asyncio.to_thread(begun.wait, 5.0)
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
-
-    asyncio.run(cancel())
-    assert ended.is_set()
+    task = asyncio.create_task(rehearse_order(mission, Order(shape="trail"), desk, link))
+    await asyncio.to_thread(begun.wait, 5.0)
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    assert await asyncio.to_thread(ended.wait, 5.0)
 
 
 def test_a_rehearsal_looks_at_its_stop_flag() -> None:

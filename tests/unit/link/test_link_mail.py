@@ -33,22 +33,19 @@ def test_a_flood_of_topics_is_bounded() -> None:
     assert counters == {"replaced": 1000 - MOST_TOPICS}
 
 
-def test_whoever_waits_for_mail_is_woken_and_not_twice() -> None:
-    async def scenario() -> None:
-        mail = NewestOnly(lambda: None)
-        waiting = asyncio.create_task(mail.wait())
-        await asyncio.sleep(0)
-        assert not waiting.done()
-        mail.put("a", b"1")
-        await asyncio.wait_for(waiting, 5.0)
-        mail.clear()
-        waiting = asyncio.create_task(mail.wait())
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        assert not waiting.done()
-        waiting.cancel()
-
-    asyncio.run(scenario())
+async def test_whoever_waits_for_mail_is_woken_and_not_twice() -> None:
+    mail = NewestOnly(lambda: None)
+    waiting = asyncio.create_task(mail.wait())
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    mail.put("a", b"1")
+    await asyncio.wait_for(waiting, 5.0)
+    mail.clear()
+    waiting = asyncio.create_task(mail.wait())
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    waiting.cancel()
 
 
 def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
@@ -60,33 +57,27 @@ def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
     assert counters == {"dropped: too long": 1}
 
 
-def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
-    async def scenario() -> None:
-        inbox = Inbox(Counter())
-        inbox.deliver(message("a", b""))
-        await asyncio.wait_for(inbox.settle(lambda: True), 5.0)
-
-    asyncio.run(scenario())
+async def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
+    inbox = Inbox(Counter())
+    inbox.deliver(message("a", b""))
+    await asyncio.wait_for(inbox.settle(lambda: True), 5.0)
 
 
-def test_what_waits_in_the_socket_is_read_before_anything_is_used() -> None:
-    async def scenario() -> None:
-        inbox = Inbox(Counter())
-        waiting = [message("a", b"2"), message("b", b"3")]
+async def test_what_waits_in_the_socket_is_read_before_anything_is_used() -> None:
+    inbox = Inbox(Counter())
+    waiting = [message("a", b"2"), message("b", b"3")]
 
-        async def read() -> None:
-            # As the client does: one message in a turn of the event loop.
-            while waiting:
-                await asyncio.sleep(0)
-                inbox.deliver(waiting.pop(0))
+    async def read() -> None:
+        # As the client does: one message in a turn of the event loop.
+        while waiting:
+            await asyncio.sleep(0)
+            inbox.deliver(waiting.pop(0))
 
-        inbox.deliver(message("a", b"1"))
-        reading = asyncio.create_task(read())
-        await inbox.settle(lambda: bool(waiting))
-        assert (inbox.mail.take(), inbox.mail.take()) == (("a", b"2"), ("b", b"3"))
-        await reading
-
-    asyncio.run(scenario())
+    inbox.deliver(message("a", b"1"))
+    reading = asyncio.create_task(read())
+    await inbox.settle(lambda: bool(waiting))
+    assert (inbox.mail.take(), inbox.mail.take()) == (("a", b"2"), ("b", b"3"))
+    await reading
 
 
 def test_delays_grow_by_half_from_a_fifth_of_a_second_to_one() -> None:
