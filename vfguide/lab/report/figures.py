@@ -118,6 +118,15 @@ def excess_variation_rate(time_s: FloatArray, angles_rad: FloatArray) -> float |
     return max(float(np.sum(np.abs(steps)) - abs(np.sum(steps))), 0.0) / seconds
 
 
+def roll_rate_rms(time_s: FloatArray, bank_rad: FloatArray) -> float | None:
+    """Root mean square of the roll rate, rad/s; None with fewer than two samples that are numbers."""
+    known = np.isfinite(bank_rad)
+    if np.count_nonzero(known) < 2:
+        return None
+    rates = np.diff(bank_rad[known]) / np.diff(time_s[known])
+    return float(np.sqrt(np.mean(rates**2)))
+
+
 def _span(time_s: FloatArray, values: FloatArray) -> float | None:
     """Seconds from the first to the last sample that is a number; None if there is no such span."""
     known = time_s[np.isfinite(values)]

@@ -1,0 +1,609 @@
+"""Formations of aircraft that nobody has tuned: each in four airs, declared right, wrongly or not at all.
+
+    python -m tests.benchmarks.untuned                                  # every aircraft in every air
+    python -m tests.benchmarks.untuned --flights 20 --processes 1       # some of them, drawn
+    python -m tests.benchmarks.untuned --aircraft px4-untrimmed --air rough --declared fast
+
+Missions are as a newcomer writes them: places, speeds and slots, no gain at all. What the aircraft really
+are is in `rehearsal.emulator`; what is declared is right, absent, or wrong by a factor of three either way.
+"""
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from sitl_stub.autopilot import flight_at_start
+from sitl_stub.registry import autopilots
+from sitl_stub.targets import SpeedTarget, TurnTarget
+from vfguide.guidance.airframe import GRAVITY
+from vfguide.lab.rehearsal.emulators import checked_settings
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.report.figures import in_window, roll_rate_rms
+from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.metrics import summarise
+from vfguide.lab.studies.flown import executor_on, or_nan
+from vfguide.mission import Mission
+from vfguide.record.flight import FlightRecord
+
+DURATION_S = 240.0
+RADIUS_M = 250.0
+SLOTS = {"f1": (-25.0, -25.0), "f2": (-25.0, 25.0), "f3": (-50.0, 0.0)}
+"""Metres ahead and right of the leader."""
+STARTS = {"f1": (-60.0, -50.0), "f2": (-50.0, 60.0), "f3": (-80.0, 10.0)}
+"""How far from their slots followers begin, m ahead and right."""
+
+AIRS: dict[str, dict[str, Any]] = {
+    "still": {"wind": {"type": "calm"}},
+    "article": {"wind": {"type": "article"}},
+    "rough": {
+        "wind": {"type": "steady", "speed_m_s": 5, "toward_deg": 90, "turbulence": "moderate"}
+    },
+    "standalone": {
+        "wind": {"type": "steady", "speed_m_s": 5, "toward_deg": 90},
+        "rehearsal": {"sensors": "standalone", "link_delay_s": 0.3, "link_loss": 0.2},
+    },
+}
+SMOOTH = ("still", "article")
+"""Airs in which formations have to be nearest."""
+
+DECLARED = ("right", "unknown", "fast", "slow")
+WRONG_BY = 3.0
+
+LOST_M = 50.0
+"""A follower so far from its slot in the second half is lost."""
+NEAR_M = 5.0
+THRASHED_SHARE = 0.2
+THRASHED_ROLL = 2.0
+"""Parts of a lone aircraft's roll rate in the same air."""
+QUIET_ROLL_RAD_S = math.radians(5.0)
+"""Roll rates below this are nobody's trouble, however still the air."""
+
+REQUIRED = {"settle": 60.0, "smooth": 1.0, "other": 2.5, "smooth median": 0.15, "other median": 0.8}
+
+SIX_DOF_ALPHA_1_S, SIX_DOF_GUIDED_P, SIX_DOF_SPEED_M_S = 0.93, 12_000.0, 22.0
+"""What `missions/aerosonde-gusts.yaml` declares of it, at this gain and speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UntunedAircraft:
+    """One kind of aircraft: what it really is, and what somebody may say of it."""
+
+    name: str
+    """For `--aircraft`."""
+    emulator: dict[str, Any]
+    """What flies, as in `rehearsal.emulator`."""
+    cruise_m_s: float = 20.0
+    """Airspeed of the leader."""
+    alpha_1_s: float = 1.0
+    """Its true course response, 1/s."""
+    beta_1_s: float = 0.8
+    """Its true speed response, 1/s, or what is nearest to it."""
+    known: dict[str, Any] = field(default_factory=dict)
+    """What else somebody declares who knows it all."""
+    autopilot: str = "ardupilot"
+    """Name in the mission."""
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """`rehearsal.emulator` with all that would be as declared otherwise."""
+        truth = {"alpha_1_s": self.alpha_1_s, "beta_1_s": self.beta_1_s}
+        return {**truth, "max_acceleration_m_s2": 3.0, "max_bank_deg": 45.0, **self.emulator}
+
+    def declared(self, how: str) -> dict[str, Any]:
+        """Fields of `vehicles.defaults` beside the limits."""
+        if how == "unknown":
+            return {}
+        if how == "right":
+            return {"alpha_1_s": self.alpha_1_s, "beta_1_s": self.beta_1_s, **self.known}
+        factor = WRONG_BY if how == "fast" else 1.0 / WRONG_BY
+        return {
+            "alpha_1_s": round(min(self.alpha_1_s * factor, 20.0), 3),
+            "beta_1_s": round(self.beta_1_s * factor, 3),
+        }
+
+
+def hold(
+    name: str,
+    alpha: float,
+    beta: float,
+    *,
+    cruise: float = 20.0,
+    late: float = 0.0,
+    plant: str = "heading-hold",
+    speed: str = "first-order",
+) -> UntunedAircraft:
+    """Make an aircraft whose holds of course and speed are of first order, both so many seconds late."""
+    tecs = speed == "tecs"
+    truth = {"plant": plant, "alpha_1_s": alpha, "beta_1_s": beta, "speed_response": speed}
+    truth |= {"course_dead_time_s": late} | ({} if tecs else {"speed_dead_time_s": late})
+    known: dict[str, Any] = {"plant": plant, "course_dead_time_s": late, "speed_dead_time_s": late}
+    if tecs:
+        known |= {"speed_hold": "total-energy", "speed_dead_time_s": 0.5}
+    return UntunedAircraft(
+        name=name,
+        emulator=truth,
+        cruise_m_s=cruise,
+        alpha_1_s=alpha,
+        beta_1_s=0.55 if tecs else beta,
+        known=known,
+    )
+
+
+def banking(
+    name: str,
+    guided_p: float,
+    roll_s: float,
+    efficiency: float,
+    *,
+    cruise: float = 20.0,
+    late: float = 0.0,
+    beta: float | None = None,
+) -> UntunedAircraft:
+    """Make an ArduPlane: bank by GUIDED_P, and a speed by total energy unless a beta is given."""
+    truth = {
+        "plant": "bank",
+        "guided_p": round(guided_p),
+        "roll_time_s": roll_s,
+        "turn_efficiency": efficiency,
+        "course_dead_time_s": late,
+    }
+    known: dict[str, Any] = {"course_dead_time_s": late, "course_lag_s": roll_s}
+    known["slips"] = efficiency < 1.0
+    if beta is None:
+        truth["speed_response"] = "tecs"
+        known |= {"speed_hold": "total-energy", "speed_dead_time_s": 0.5}
+    else:
+        truth |= {"beta_1_s": beta, "speed_dead_time_s": late}
+        known["speed_dead_time_s"] = late
+    alpha = efficiency * math.radians(0.01 * guided_p) * GRAVITY / cruise
+    return UntunedAircraft(
+        name=name,
+        emulator=truth,
+        cruise_m_s=cruise,
+        alpha_1_s=round(alpha, 3),
+        beta_1_s=0.55 if beta is None else beta,
+        known=known,
+    )
+
+
+def px4(
+    name: str,
+    alpha: float,
+    roll_s: float,
+    *,
+    cruise: float = 18.0,
+    late: float = 0.06,
+    trimmed: bool,
+) -> UntunedAircraft:
+    """Make a PX4: bank by its course law, and one of its speed holds."""
+    return UntunedAircraft(
+        name=name,
+        emulator={
+            "plant": "npfg",
+            "alpha_1_s": alpha,
+            "roll_time_s": roll_s,
+            "roll_delay_s": 0.2,
+            "course_dead_time_s": late,
+            "speed_response": "px4" if trimmed else "px4-untrimmed",
+        },
+        cruise_m_s=cruise,
+        alpha_1_s=alpha,
+        beta_1_s=1.0 if trimmed else 0.5,
+        known={
+            "course_dead_time_s": late,
+            "course_lag_s": roll_s + 0.2,
+            "speed_hold": "total-energy",
+        },
+        autopilot="px4",
+    )
+
+
+def rigid(
+    name: str, guided_p: float, *, cruise: float = 22.0, late: float = 0.0
+) -> UntunedAircraft:
+    """Make a rigid body."""
+    alpha = SIX_DOF_ALPHA_1_S * guided_p / SIX_DOF_GUIDED_P * SIX_DOF_SPEED_M_S / cruise
+    return UntunedAircraft(
+        name=name,
+        emulator={
+            "plant": "six-dof",
+            "guided_p": round(guided_p),
+            "course_dead_time_s": late,
+            "max_acceleration_m_s2": 2.0,
+        },
+        cruise_m_s=cruise,
+        alpha_1_s=round(alpha, 3),
+        known={"course_lag_s": 0.35, "course_dead_time_s": late, "max_acceleration_m_s2": 2},
+    )
+
+
+TWELVE = (
+    hold("lively", 4.0, 2.0),
+    hold("sluggish", 0.3, 0.2, cruise=14.0),
+    hold("late", 1.2, 0.8, late=0.35),
+    hold("course-hold", 0.8, 0.5, cruise=25.0, late=0.2, plant="course-hold"),
+    banking("arduplane", 5_000.0, 0.4, 0.745),
+    banking("quick-to-bank", 20_000.0, 0.2, 1.0, cruise=30.0, beta=1.0),
+    banking("slow-to-bank", 3_000.0, 0.8, 0.85, cruise=16.0),
+    banking("late-to-bank", 12_000.0, 0.4, 1.0, late=0.4),
+    px4("px4-untrimmed", 0.88, 0.4, trimmed=False),
+    px4("px4-trimmed", 1.5, 0.25, cruise=15.0, trimmed=True),
+    rigid("six-dof", 12_000.0),
+    rigid("six-dof-soft", 5_000.0, cruise=25.0),
+)
+"""Representatives of them all."""
+
+
+def strata(random: Random, lowest: float, highest: float, count: int) -> Iterator[float]:
+    """Numbers of so many equal parts of a range, one of each, in no order; parts of its logarithm."""
+    parts = [
+        lowest * (highest / lowest) ** ((number + random.random()) / count)
+        for number in range(count)
+    ]
+    random.shuffle(parts)
+    yield from parts
+
+
+def drawn(random: Random) -> Iterator[UntunedAircraft]:
+    """Draw fifty more, spread over all that aircraft are."""
+
+    def columns(count: int, *ranges: tuple[float, float]) -> Iterator[tuple[float, ...]]:
+        spreads = [strata(random, *one, count) for one in ranges]
+        for number, values in enumerate(zip(*spreads, strict=True), start=1):
+            late = random.choice((0.0, 0.1, 0.2, 0.3, 0.4))
+            yield (number, late, *(round(one, 3) for one in values))
+
+    for plant, count in (("heading-hold", 12), ("course-hold", 8)):
+        holds = columns(count, (0.3, 4.0), (0.2, 2.0), (12.0, 30.0))
+        for number, late, alpha, beta, cruise in holds:
+            tecs = plant == "heading-hold" and number % 3 == 0
+            yield hold(
+                f"{plant}-{number}",
+                alpha,
+                beta,
+                cruise=cruise,
+                late=late,
+                plant=plant,
+                speed="tecs" if tecs else "first-order",
+            )
+    ranges = ((3_000.0, 20_000.0), (0.2, 0.8), (0.7, 1.0), (12.0, 30.0), (0.2, 2.0))
+    for number, late, guided_p, roll_s, efficiency, cruise, beta in columns(16, *ranges):
+        yield banking(
+            f"bank-{number}",
+            guided_p,
+            roll_s,
+            1.0 if number % 2 else efficiency,
+            cruise=cruise,
+            late=late,
+            beta=None if number % 4 else beta,
+        )
+    npfg = columns(9, (0.5, 2.5), (0.2, 0.8), (12.0, 26.0))
+    for number, late, alpha, roll_s, cruise in npfg:
+        trimmed = number % 2 == 1
+        yield px4(f"npfg-{number}", alpha, roll_s, cruise=cruise, late=late, trimmed=trimmed)
+    for number, late, guided_p, cruise in columns(5, (4_000.0, 18_000.0), (20.0, 26.0)):
+        yield rigid(f"six-dof-{number}", guided_p, cruise=cruise, late=late)
+
+
+AIRCRAFT = {one.name: one for one in (*TWELVE, *drawn(Random("aircraft")))}
+"""All of them by name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UntunedFlight:
+    """What is flown; can be handed to another process."""
+
+    aircraft: str
+    """One of `AIRCRAFT`."""
+    air: str
+    """One of `AIRS`."""
+    declared: str
+    """One of `DECLARED`."""
+    seed: int = 1
+    """Of turbulence, sensors and link."""
+    duration_s: float = DURATION_S
+    """Length of the flight."""
+    law: str = "slot"
+    """By which followers keep their slots."""
+
+    def mission(self) -> Mission:
+        """Write the mission as a newcomer does, and the truth below `rehearsal.emulator`."""
+        aircraft, air = AIRCRAFT[self.aircraft], AIRS[self.air]
+        cruise = aircraft.cruise_m_s
+        speeds = [16.0, 32.0] if aircraft.emulator["plant"] == "six-dof" else None
+        return Mission.model_validate(
+            {
+                "name": "untuned",
+                "origin": {
+                    "latitude_deg": 47.397742,
+                    "longitude_deg": 8.545594,
+                    "altitude_amsl_m": 488,
+                },
+                "path": {"type": "circle", "centre": {"north_m": RADIUS_M}, "radius_m": RADIUS_M},
+                "leader": {"vehicle": "leader", "airspeed_m_s": cruise},
+                "followers": [
+                    {"vehicle": name, "slot": {"forward_m": ahead, "right_m": right, "up_m": 0}}
+                    for name, (ahead, right) in SLOTS.items()
+                ],
+                "vehicles": {
+                    name: {
+                        "system_id": number,
+                        "autopilot": aircraft.autopilot,
+                        "airspeed_range_m_s": speeds
+                        or [round(0.6 * cruise, 1), round(1.4 * cruise, 1)],
+                        **aircraft.declared(self.declared),
+                    }
+                    for number, name in enumerate(["leader", *SLOTS], start=1)
+                },
+                "controller": {"type": self.law},
+                "wind": air["wind"],
+                "rehearsal": {
+                    "duration_s": self.duration_s,
+                    "seed": self.seed,
+                    "emulator": aircraft.truth,
+                    "start": {
+                        "leader": {"north_m": 30, "east_m": 0, "course_deg": 270},
+                        **{
+                            name: {"forward_m": ahead, "right_m": right}
+                            for name, (ahead, right) in STARTS.items()
+                        },
+                    },
+                    **air.get("rehearsal", {}),
+                },
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """What a flight came to, over its second half."""
+
+    flight: UntunedFlight
+    """Which flight."""
+    mean_error_m: float
+    """Mean distance of all followers from their slots."""
+    max_error_m: float
+    """The greatest."""
+    settle_10m_s: float
+    """After which all stayed within 10 m; infinite: never."""
+    min_separation_m: float
+    """Of the whole flight."""
+    limited: float
+    """Share of the time at a limit, of the vehicle with the most."""
+    roll_rate_rad_s: float
+    """Root mean square, of the vehicle with the most."""
+    lone_roll_rate_rad_s: float
+    """The same of a lone aircraft that holds its course in this air."""
+    course_variation_rad_s: float
+    """Variation of course setpoints, of the vehicle with the most."""
+    restless: str
+    """Vehicle with the greatest roll rate."""
+    handed_back: tuple[str, ...]
+    """Vehicles that are not steered at the end."""
+    wall_s: float
+    """What it took."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether a follower was lost, or handed back."""
+        return not self.max_error_m < LOST_M or bool(self.handed_back)
+
+    @property
+    def near(self) -> bool:
+        """Whether two came too near each other."""
+        return self.min_separation_m < NEAR_M
+
+    @property
+    def thrashed(self) -> bool:
+        """Whether a vehicle was flown at its limits, or rolled more than the air asks for."""
+        quiet = max(QUIET_ROLL_RAD_S, THRASHED_ROLL * self.lone_roll_rate_rad_s)
+        return self.limited > THRASHED_SHARE or self.roll_rate_rad_s > quiet
+
+    @property
+    def badness(self) -> float:
+        """Orders flights from the best to the worst: what must not be, then metres."""
+        worst = 1e6 * self.near + 1e5 * self.lost + 1e4 * self.thrashed
+        error = self.mean_error_m if math.isfinite(self.mean_error_m) else 1e4
+        return worst + error / (1.0 if self.flight.air in SMOOTH else 2.5)
+
+    def words(self) -> str:
+        """Tell the flight in one line."""
+        one = self.flight
+        flags = "".join(
+            f" {word}"
+            for word, holds in (
+                ("NEAR", self.near),
+                ("LOST", self.lost),
+                ("THRASHED", self.thrashed),
+            )
+            if holds
+        )
+        back = f" handed back: {', '.join(self.handed_back)}" if self.handed_back else ""
+        return (
+            f"{one.aircraft:16} {one.air:11} {one.declared:8} mean {self.mean_error_m:7.2f} m,"
+            f" max {self.max_error_m:6.1f}, within 10 m after {self.settle_10m_s:4.0f} s,"
+            f" limits {self.limited:4.0%}, roll {math.degrees(self.roll_rate_rad_s):5.1f} deg/s"
+            f" ({self.restless}; alone {math.degrees(self.lone_roll_rate_rad_s):.1f}),"
+            f" courses {self.course_variation_rad_s:.2f} rad/s,"
+            f" nearest {self.min_separation_m:4.1f} m, {self.wall_s:.0f} s{flags}{back}"
+        )
+
+
+def judge(flight: UntunedFlight) -> Judged:
+    """Fly it and judge it."""
+    mission = flight.mission()
+    return judged(flight, fly_lockstep(mission).record)
+
+
+def judged(flight: UntunedFlight, record: FlightRecord) -> Judged:
+    """Judge what was flown."""
+    summary, window = summarise(record), in_window(record)
+    rolls = {
+        one.name: or_nan(roll_rate_rms(record.time_s[window], one.bank_rad[window]))
+        for one in record.vehicles
+    }
+    steered = {"joining", "tracking", "predicting"}
+    settled = summary.formation.settle_10m_s
+    errors = [slot_error(record.reference, one).distance_m[window] for one in record.followers]
+    restless = max(rolls, key=lambda name: rolls[name])
+    return Judged(
+        flight=flight,
+        mean_error_m=float(np.mean(errors)),
+        max_error_m=float(np.max(errors)),
+        settle_10m_s=math.inf if settled is None else settled,
+        min_separation_m=or_nan(summary.formation.min_separation_m),
+        limited=max(or_nan(one.limited_fraction) for one in summary.vehicles.values()),
+        roll_rate_rad_s=rolls[restless],
+        lone_roll_rate_rad_s=lone_roll_rate(flight.aircraft, flight.air, flight.seed),
+        course_variation_rad_s=max(
+            or_nan(one.course_setpoint_excess_variation_rad_s) for one in summary.vehicles.values()
+        ),
+        restless=restless,
+        handed_back=tuple(
+            one.name for one in record.vehicles if record.mode_names[one.mode[-1]] not in steered
+        ),
+        wall_s=or_nan(record.wall_s),
+    )
+
+
+@cache
+def lone_roll_rate(aircraft: str, air: str, seed: int, duration_s: float = 60.0) -> float:
+    """Fly one aircraft straight on by its own autopilot, and return its roll rate, rms in rad/s."""
+    mission = UntunedFlight(aircraft=aircraft, air=air, declared="right", seed=seed).mission()
+    settings = checked_settings(mission, "leader")
+    config = replace(settings.config(), course_rad=0.0)
+    flight = flight_at_start(config, settings.air(), autopilots.find(config.autopilot)(config))
+    flight.hold_turn(TurnTarget("course", 0.0))
+    flight.hold_speed(SpeedTarget("airspeed", config.airspeed_m_s))
+    rate_hz = mission.rehearsal.rate_hz
+    times, banks = np.arange(round(duration_s * rate_hz)) / rate_hz, []
+    for time_s in times:
+        flight.advance(round(time_s * 1e6))
+        banks.append(flight.motion().bank_rad)
+    flown = times >= 10.0
+    return or_nan(roll_rate_rms(times[flown], np.array(banks)[flown]))
+
+
+def flights(options: argparse.Namespace) -> list[UntunedFlight]:
+    """List the flights that the command line asks for; declarations and order are drawn."""
+    pairs = [(aircraft, air) for aircraft in AIRCRAFT for air in AIRS]
+    Random(f"order {options.seed}").shuffle(pairs)
+    found = []
+    for aircraft, air in pairs:
+        wanted = options.aircraft is None or aircraft in options.aircraft
+        if options.twelve:
+            wanted = wanted and aircraft in {one.name for one in TWELVE}
+        if not wanted or (options.air is not None and air not in options.air):
+            continue
+        declared = Random(f"declared {options.seed} {aircraft} {air}").choice(DECLARED)
+        found += [
+            UntunedFlight(
+                aircraft=aircraft,
+                air=air,
+                declared=how,
+                seed=options.seed,
+                duration_s=options.duration,
+                law=options.law,
+            )
+            for how in options.declared or [declared]
+        ]
+    return found[: options.flights]
+
+
+def table(all_judged: Sequence[Judged]) -> Iterator[str]:
+    """Print what all flights came to, against what is required."""
+    smooth = [one for one in all_judged if one.flight.air in SMOOTH]
+    other = [one for one in all_judged if one.flight.air not in SMOOTH]
+    counts = [
+        sum(getattr(one, what) for one in all_judged) for what in ("lost", "near", "thrashed")
+    ]
+    yield f"| {len(all_judged)} flights | flown | required |"
+    yield "|---|---|---|"
+    yield f"| lost / within {NEAR_M:g} m / thrashed | {' / '.join(map(str, counts))} | 0 |"
+    settled = max((one.settle_10m_s for one in all_judged), default=math.nan)
+    median = np.median([one.settle_10m_s for one in all_judged]) if all_judged else math.nan
+    yield (
+        f"| all within 10 m of their slots | {settled:.0f} s (median {median:.0f} s)"
+        f" | {REQUIRED['settle']:g} s |"
+    )
+    for name, which in (("smooth", smooth), ("other", other)):
+        means = [one.mean_error_m for one in which]
+        if not means:
+            continue
+        airs = "smooth air" if name == "smooth" else "turbulence, standalone sensors"
+        worst = max(which, key=lambda one: one.mean_error_m)
+        yield (
+            f"| mean error, {airs}, worst | {worst.mean_error_m:.2f} m ({worst.flight.aircraft},"
+            f" {worst.flight.declared}) | {REQUIRED[name]:g} m |"
+        )
+        yield (
+            f"| mean error, {airs}, median | {np.median(means):.3f} m"
+            f" | {REQUIRED[f'{name} median']:g} m |"
+        )
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--flights", type=int, help="so many of them, drawn; all if absent")
+    parser.add_argument("--duration", type=float, default=DURATION_S, metavar="S")
+    parser.add_argument("--processes", type=int, default=os.cpu_count())
+    parser.add_argument("--scheduler", metavar="URL", help="a Dask scheduler instead")
+    parser.add_argument("--aircraft", action="append", choices=AIRCRAFT, metavar="NAME")
+    parser.add_argument("--twelve", action="store_true", help="the representatives alone")
+    parser.add_argument("--air", action="append", choices=AIRS)
+    parser.add_argument("--declared", action="append", choices=DECLARED, help="drawn if absent")
+    parser.add_argument("--law", default="slot", help="by which followers keep their slots")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="where all figures go")
+    parser.add_argument("--list", action="store_true", help="print the aircraft and fly nothing")
+    return parser.parse_args(words)
+
+
+def tell(text: str) -> None:
+    """Print a line."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Fly what the command line says."""
+    options = parse(words)
+    if options.list:
+        for one in AIRCRAFT.values():
+            tell(
+                f"{one.name:16} {one.cruise_m_s:5.1f} m/s, alpha {one.alpha_1_s:5.2f}, {one.emulator}"
+            )
+        return
+    wanted, all_judged, began = flights(options), [], time.monotonic()
+    with executor_on(options.scheduler, options.processes) as executor:
+        for one in executor.map(judge, wanted):
+            all_judged.append(one)
+            tell(f"{len(all_judged):3} of {len(wanted)}: {one.words()}")
+            if options.json is not None:
+                options.json.write_text(
+                    json.dumps([asdict(each) for each in all_judged], indent=1), encoding="utf-8"
+                )
+    for line in table(all_judged):
+        tell(line)
+    tell("\nthe worst:")
+    for one in sorted(all_judged, key=lambda each: each.badness, reverse=True)[:10]:
+        tell(one.words())
+    tell(f"{(time.monotonic() - began) / 60.0:.1f} min")
+
+
+if __name__ == "__main__":
+    main()

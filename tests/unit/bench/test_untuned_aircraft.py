@@ -1,0 +1,142 @@
+"""The matrix of untuned aircraft: what is declared changes nothing of what flies."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.benchmarks.untuned import (
+    AIRCRAFT,
+    AIRS,
+    DECLARED,
+    TWELVE,
+    Judged,
+    UntunedFlight,
+    flights,
+    lone_roll_rate,
+    main,
+    parse,
+    strata,
+    table,
+)
+from vfguide.lab.rehearsal.emulators import checked_settings
+
+GOOD = Judged(
+    flight=UntunedFlight(aircraft="late", air="still", declared="right"),
+    mean_error_m=0.4,
+    max_error_m=1.0,
+    settle_10m_s=30.0,
+    min_separation_m=20.0,
+    limited=0.1,
+    roll_rate_rad_s=math.radians(4.0),
+    lone_roll_rate_rad_s=0.0,
+    course_variation_rad_s=0.01,
+    restless="f1",
+    handed_back=(),
+    wall_s=10.0,
+)
+
+
+def test_sixty_aircraft_of_all_plants_are_flown() -> None:
+    assert len(AIRCRAFT) >= 60
+    assert {one.emulator["plant"] for one in AIRCRAFT.values()} == {
+        "heading-hold",
+        "course-hold",
+        "bank",
+        "npfg",
+        "six-dof",
+    }
+    assert len(TWELVE) == 12
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_what_is_declared_changes_nothing_of_the_aircraft_that_flies(name: str) -> None:
+    missions = {
+        how: UntunedFlight(aircraft=name, air="rough", declared=how).mission() for how in DECLARED
+    }
+    plants = {how: checked_settings(one, "f1").config().plant for how, one in missions.items()}
+    assert len(set(plants.values())) == 1
+    told = {one.vehicles["f1"].alpha_1_s for one in missions.values()}
+    assert len(told) >= 3
+
+
+def test_a_mission_has_places_speeds_and_slots_and_no_gains() -> None:
+    mission = UntunedFlight(aircraft="arduplane", air="article", declared="unknown").mission()
+    said = mission.model_dump(exclude_unset=True)
+    assert said["controller"] == {"type": "slot"}
+    assert "gain" not in said["path"]
+    assert set(said["vehicles"]["f1"]) == {"system_id", "autopilot", "airspeed_range_m_s"}
+
+
+def test_each_aircraft_is_flown_in_each_air_once_by_a_declaration_that_the_seed_draws() -> None:
+    found, again, other = (flights(parse(["--seed", seed])) for seed in "778")
+    assert found == again
+    assert found != other
+    assert {(one.aircraft, one.air) for one in found} == {
+        (aircraft, air) for aircraft in AIRCRAFT for air in AIRS
+    }
+    assert len(found) == len(AIRCRAFT) * len(AIRS)
+    assert {one.declared for one in found} == set(DECLARED)
+    assert flights(parse(["--seed", "7", "--flights", "20"])) == found[:20]
+
+
+def test_numbers_are_spread_over_all_of_their_range() -> None:
+    found = sorted(strata(Random(1), 1.0, 16.0, 4))
+    for lowest, number, highest in zip((1, 2, 4, 8), found, (2, 4, 8, 16), strict=True):
+        assert lowest <= number <= highest
+
+
+def test_a_lone_aircraft_rolls_in_turbulence_alone() -> None:
+    assert lone_roll_rate("arduplane", "still", 1) == pytest.approx(0.0, abs=1e-6)
+    assert math.radians(1.0) < lone_roll_rate("arduplane", "rough", 1) < math.radians(10.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "verdicts"),
+    [
+        ({}, (False, False, False)),
+        ({"max_error_m": 60.0}, (True, False, False)),
+        ({"max_error_m": math.nan}, (True, False, False)),
+        ({"handed_back": ("f2",)}, (True, False, False)),
+        ({"min_separation_m": 4.9}, (False, True, False)),
+        ({"limited": 0.21}, (False, False, True)),
+        ({"roll_rate_rad_s": math.radians(5.1)}, (False, False, True)),
+        (
+            {"roll_rate_rad_s": math.radians(19.0), "lone_roll_rate_rad_s": math.radians(10.0)},
+            (False, False, False),
+        ),
+        (
+            {"roll_rate_rad_s": math.radians(21.0), "lone_roll_rate_rad_s": math.radians(10.0)},
+            (False, False, True),
+        ),
+    ],
+)
+def test_what_is_lost_near_or_thrashed_is_told_apart(
+    change: dict[str, object], verdicts: tuple[bool, bool, bool]
+) -> None:
+    one = replace(GOOD, **change)  # type: ignore[arg-type]
+    assert (one.lost, one.near, one.thrashed) == verdicts
+
+
+def test_the_table_counts_what_must_not_be_and_names_the_worst() -> None:
+    bad = replace(GOOD, mean_error_m=7.0, limited=0.5)
+    rough = replace(GOOD, flight=replace(GOOD.flight, air="rough"), mean_error_m=1.25)
+    lines = list(table([GOOD, bad, rough]))
+    assert "| lost / within 5 m / thrashed | 0 / 0 / 1 | 0 |" in lines
+    assert "| mean error, smooth air, worst | 7.00 m (late, right) | 1 m |" in lines
+    assert "| mean error, turbulence, standalone sensors, median | 1.250 m | 0.8 m |" in lines
+
+
+def test_one_command_flies_and_writes_what_it_flew(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "untuned.json"
+    words = ["--aircraft", "late", "--air", "still", "--declared", "right", "--duration", "20"]
+    main([*words, "--processes", "1", "--json", str(file)])
+    (flown,) = json.loads(file.read_text())
+    assert flown["flight"]["aircraft"] == "late"
+    assert 0.0 < flown["mean_error_m"] < 200.0
+    assert "the worst:" in capsys.readouterr().out
