@@ -20,6 +20,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numpy.random import Generator, default_rng
 from numpy.typing import NDArray
@@ -61,8 +62,7 @@ def density_ratio(altitude_amsl_m: float) -> float:
     return math.pow(max(share, 0.1), DENSITY_EXPONENT)
 
 
-@dataclass(frozen=True, slots=True)
-class AirData:
+class AirData(msgspec.Struct, frozen=True):
     """From the airspeed that is flown to the one that is shown, limited and commanded."""
 
     indicated: bool = False
@@ -85,8 +85,7 @@ class Wind(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class CalmWind:
+class CalmWind(msgspec.Struct, frozen=True):
     """No wind at all."""
 
     def at(self, time_s: float) -> tuple[float, float]:
@@ -109,8 +108,7 @@ class SteadyWind:
         return self._wind_m_s
 
 
-@dataclass(frozen=True, slots=True)
-class ArticleWind:
+class ArticleWind(msgspec.Struct, frozen=True):
     """The wind of the article's simulations.
 
     W(t) = 5 + 3 cos(0.1 t) m/s toward psi_w(t) = 135 deg + pi sin(0.1 t) rad: it turns by up to
@@ -292,8 +290,7 @@ class Shear:
         return low / high
 
 
-@dataclass(frozen=True, slots=True)
-class Air:
+class Air(msgspec.Struct, frozen=True):
     """A wind with everything that is in it."""
 
     wind: Wind
@@ -361,8 +358,7 @@ def air_of(
     return Air(wind, field, gusts, shear)
 
 
-@dataclass(frozen=True, slots=True)
-class LocalWind:
+class LocalWind(msgspec.Struct, frozen=True):
     """The air about one place."""
 
     air: Air

@@ -1,8 +1,9 @@
 """The aircraft flown: its limits and the gains of its inner loops."""
 
 import math
-from dataclasses import dataclass
 from typing import Literal, get_args
+
+import msgspec
 
 from sitl_stub.registry import plants
 
@@ -15,8 +16,7 @@ MAX_DEAD_TIME_S = 10.0
 """Longer than any autopilot's: what is asked for beyond it is a mistake."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlantParameters:
+class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
     """One aircraft with its inner loops."""
 
     kind: str = "heading-hold"

@@ -1,8 +1,9 @@
 """What one emulated aircraft starts with."""
 
 import math
-from dataclasses import dataclass
 from typing import get_args
+
+import msgspec
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.registry import autopilots
@@ -10,8 +11,7 @@ from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutopilotConfig:
+class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
     """One emulated aircraft at the start of its flight: in the air, in a loiter, or on the ground."""
 
     system_id: int

@@ -8,7 +8,9 @@ What was commanded and what the loops know of it yet: commands may have a dead t
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from sitl_stub.air import Air, AirData, Place, Wind, followed_wind_m_s
 from sitl_stub.aircraft import PlantParameters
@@ -43,8 +45,7 @@ CIRCLE_BANK_RAD = math.radians(15.0)
 """Bank of a circle without a centre: 150 m of radius at 20 m/s."""
 
 
-@dataclass(frozen=True, slots=True)
-class Orbit:
+class Orbit(msgspec.Struct, frozen=True):
     """A circle to fly."""
 
     latitude_rad: float

@@ -8,7 +8,8 @@ The place where a flight started.
 """
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 MIN_GROUND_SPEED_M_S = 0.1
 """Floor of a ground speed along a course, so that it stays positive and dividing by it finite."""
@@ -88,8 +89,7 @@ def displace(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Home:
+class Home(msgspec.Struct, frozen=True):
     """Where the flight started, on the ground."""
 
     latitude_rad: float

@@ -1,12 +1,12 @@
 """A flight mode of an autopilot and what the emulator flies in it."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 
-@dataclass(frozen=True, slots=True)
-class Mode:
+
+class Mode(msgspec.Struct, frozen=True):
     """One flight mode."""
 
     name: str

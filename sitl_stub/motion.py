@@ -1,8 +1,10 @@
 """The true motion at one instant, and the way from standing on the ground into the air."""
 
 import math
-from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
+
+import msgspec
+from msgspec.structs import replace
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
@@ -137,8 +139,7 @@ Phase = Literal["standing", "rolling", "climbing", "flying"]
 """Standing and rolling are on the ground; climbing is the take-off's part in the air."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Navigation:
+class Navigation(msgspec.Struct, frozen=True, kw_only=True):
     """Distances of the flight modes, which are parameters of the autopilot."""
 
     take_off_height_m: float = 50.0

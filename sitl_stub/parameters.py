@@ -8,10 +8,10 @@ import struct
 import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -55,8 +55,7 @@ Encoding = Literal["cast", "bytewise"]
 """How an integer travels in PARAM_VALUE's float: ArduPilot converts it, PX4 copies its bytes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(msgspec.Struct, frozen=True):
     """One parameter."""
 
     name: str

@@ -5,9 +5,9 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
+import msgspec
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.aircraft import SpeedResponse
@@ -38,8 +38,7 @@ personality = autopilots.register
 """`@personality("name")` makes a class known as `--autopilot name`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loops:
+class Loops(msgspec.Struct, frozen=True, kw_only=True):
     """How an aircraft with this autopilot flies where its options name no plant."""
 
     plant: str = "heading-hold"

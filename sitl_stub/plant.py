@@ -10,8 +10,9 @@ in the ground speed (below 1 % at 3 m/s of climb) is left out.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
@@ -31,8 +32,7 @@ MAX_STEP_S = 0.05
 the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlantState:
+class PlantState(msgspec.Struct, frozen=True):
     """Position, motion, and the states of loops that have some."""
 
     direction_rad: float

@@ -7,9 +7,12 @@ from one state, what is held and the air, to the state a step later.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any, ClassVar, TypeVar
+
+import msgspec
+from msgspec.structs import replace
 
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
@@ -158,8 +161,7 @@ class SixDof(Plant):
         return body_motion(state, wind_m_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirState:
+class AirState(msgspec.Struct, frozen=True, kw_only=True):
     """What the rates of an aircraft of one's own depend on."""
 
     heading_rad: float
@@ -176,8 +178,7 @@ class AirState:
     """What the loops remember."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirRates:
+class AirRates(msgspec.Struct, frozen=True, kw_only=True):
     """How such an aircraft moves."""
 
     turn_rate_rad_s: float

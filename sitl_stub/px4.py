@@ -6,8 +6,8 @@ what a velocity without a position does in offboard, and by their number.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.aircraft import PlantParameters

@@ -11,9 +11,9 @@ to the autopilot's own. A course to a position is taken anew with each message, 
 """
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 import pymap3d
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -41,8 +41,7 @@ KEEPS_COURSE = (1, 17)
 Steers = Literal["velocity", "position", "path"]
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
+class Setpoint(msgspec.Struct, frozen=True):
     """What a setpoint message asks for."""
 
     steers: Steers

@@ -5,6 +5,8 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import msgspec
+
 from sitl_stub.geometry import radii_m, wrap_to_pi
 
 AHEAD_S = 2.5
@@ -103,8 +105,7 @@ class RouteFollower:
         return leg.begin + leg.ahead * (progress_m - leg.begins_m)
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(msgspec.Struct, frozen=True):
     """From one point of a route to the next."""
 
     begin: complex

@@ -9,8 +9,10 @@ import socket
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import AsyncExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec.structs import asdict
 
 from sitl_stub.bad_link import Emulated
 from sitl_stub.links import Address, AddressError, Link, LinkError, open_link, parse_address

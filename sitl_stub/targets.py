@@ -1,14 +1,15 @@
 """What the inner loops hold: one target each for turn, speed and height."""
 
 import math
-from dataclasses import dataclass, replace
 from typing import Literal
+
+import msgspec
+from msgspec.structs import replace
 
 SpeedKind = Literal["airspeed", "ground-speed"]
 
 
-@dataclass(frozen=True, slots=True)
-class TurnTarget:
+class TurnTarget(msgspec.Struct, frozen=True):
     """What the lateral loop holds."""
 
     hold: Literal["course", "heading", "bank"]
@@ -21,8 +22,7 @@ class TurnTarget:
     """Lateral acceleration limit of a course or heading; the bank limit holds as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class SpeedTarget:
+class SpeedTarget(msgspec.Struct, frozen=True):
     """What the speed loop holds. `ground-speed` needs the course-hold plant."""
 
     kind: SpeedKind
@@ -35,8 +35,7 @@ class SpeedTarget:
     """Limit of its change; the plant's own limit holds as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeightTarget:
+class HeightTarget(msgspec.Struct, frozen=True):
     """What the height loop holds."""
 
     altitude_amsl_m: float
@@ -46,8 +45,7 @@ class HeightTarget:
     """Limit of climb and descent; the plant's own limit holds as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class Targets:
+class Targets(msgspec.Struct, frozen=True):
     """What the inner loops hold at one moment."""
 
     turn: TurnTarget

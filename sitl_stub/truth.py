@@ -1,13 +1,13 @@
 """What is really the case, for tests and for the record of a rehearsal."""
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from sitl_stub.flight import Flight
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
+class Truth(msgspec.Struct, frozen=True, kw_only=True):
     """The true, noise-free state of one aircraft."""
 
     time_s: float

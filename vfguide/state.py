@@ -1,8 +1,9 @@
 """What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
 
 import math
-from dataclasses import dataclass
 from typing import Generic, Literal
+
+import msgspec
 
 from vfguide.elementwise import BoolArray, Number
 
@@ -14,8 +15,7 @@ SpeedHold = Literal["first-order", "total-energy"]
 """How a speed hold answers: by an acceleration in proportion to the error, or by throttle and pitch."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gusts(Generic[Number]):
+class Gusts(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """How far the wind changes as gusts do, which no rate foretells, by the innovations of its filter."""
 
     share: Number
@@ -30,8 +30,7 @@ class Gusts(Generic[Number]):
     """Mean product of each innovation with the one before, (m/s)²: above 0 where the filter lags behind."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleState(Generic[Number]):
+class VehicleState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Navigated state of a vehicle, in the formation's local frame."""
 
     time_s: float
@@ -73,8 +72,7 @@ class VehicleState(Generic[Number]):
         return 0.0 if self.gusts is None else self.gusts.share
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderState(Generic[Number]):
+class LeaderState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What followers need of their leader: where it is, and how its motion changes."""
 
     time_s: float
@@ -104,8 +102,7 @@ class LeaderState(Generic[Number]):
     """m/s, positive up."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeardState(LeaderState[float]):
+class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """A vehicle's state as the others hear it."""
 
     altitude_amsl: float
@@ -120,8 +117,7 @@ class HeardState(LeaderState[float]):
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setpoint(Generic[Number]):
+class Setpoint(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What an autopilot is asked to hold."""
 
     course: Number
@@ -132,8 +128,7 @@ class Setpoint(Generic[Number]):
     """Whether a limit of the vehicle cut what the law asked for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Airframe:
+class Airframe(msgspec.Struct, frozen=True, kw_only=True):
     """A vehicle's response and limits, as its mission file declares them."""
 
     hold: Hold = "heading-hold"

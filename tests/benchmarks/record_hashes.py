@@ -5,7 +5,6 @@ Run with `.venv/bin/python tests/benchmarks/record_hashes.py [SECONDS] [LAW ...]
 
 import hashlib
 import sys
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +23,13 @@ OF_THE_COMPUTER = {"wall_s", "latency"}
 
 def add(content: object, digest: "hashlib._Hash") -> None:
     """Add a value and all that is in it to a digest, arrays by their bytes."""
-    if is_dataclass(content):
-        for field in fields(content):
+    names = getattr(content, "__struct_fields__", getattr(content, "__dataclass_fields__", None))
+    if names is not None:
+        for name in names:
             # What a flight has nothing of is no difference to a record that knows nothing of it.
-            if field.name not in OF_THE_COMPUTER and getattr(content, field.name) is not None:
-                digest.update(field.name.encode())
-                add(getattr(content, field.name), digest)
+            if name not in OF_THE_COMPUTER and getattr(content, name) is not None:
+                digest.update(name.encode())
+                add(getattr(content, name), digest)
     elif isinstance(content, np.ndarray):
         digest.update(content.tobytes())
     elif isinstance(content, list | tuple):

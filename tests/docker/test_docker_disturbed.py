@@ -4,8 +4,9 @@ import secrets
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from tests.docker.flights import Flights
 from tests.docker.flown import Flown

@@ -1,7 +1,9 @@
 """Which presences are of now: a broker keeps the last word of a companion that is gone; links get lost."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from vfguide.link.opening import Link
 from vfguide.link.presence import Presence

@@ -4,9 +4,10 @@ import asyncio
 import sys
 import time
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from random import Random
+
+from msgspec.structs import replace
 
 from vfguide.commands.companion import read_key
 from vfguide.commands.credentials import check_flies

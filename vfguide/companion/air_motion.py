@@ -1,7 +1,8 @@
 """The own vehicle's motion through the air: reports of airspeed, bank and heading, and what they teach."""
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.companion.distrust import AirspeedGate
 from vfguide.companion.plan import FlightPlan
@@ -30,8 +31,7 @@ LEAST_AIRSPEED = 1.0
 """m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirData:
+class AirData(msgspec.Struct, frozen=True, kw_only=True):
     """What an autopilot measured of its motion at one moment, as it reports it."""
 
     heading: float

@@ -13,7 +13,8 @@ fly by. It steers by no slot until one of them has repeated the order, as the op
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vfguide.companion.order_limits import (
     age_objection,

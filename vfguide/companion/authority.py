@@ -8,9 +8,10 @@ companion has steered is handed back.
 """
 
 import math
-from dataclasses import dataclass, replace
 from enum import Enum
 
+import msgspec
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -84,8 +85,7 @@ class Wish(Enum):
     """There is nothing to fly any more: the autopilot is better off by itself."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EngageRule:
+class EngageRule(msgspec.Struct, frozen=True, kw_only=True):
     """When a companion may enter the guided mode by itself."""
 
     allowed: bool

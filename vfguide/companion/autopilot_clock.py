@@ -20,6 +20,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+import msgspec
+
 from vfguide.companion.lost_time import LostTime
 
 RATE_WINDOW_S = 10.0
@@ -84,8 +86,7 @@ EVEN = 0.25
 """By this share of the time that has passed they may disagree with it, and by 0.1 s of jitter."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bracket:
+class Bracket(msgspec.Struct, frozen=True, kw_only=True):
     """What one answer shows of the difference between the clocks."""
 
     autopilot_s: float
@@ -156,8 +157,7 @@ def bounds_of(first: Bracket, second: Bracket) -> tuple[float, float]:
     return (second.least - first.most) / passed, (second.most - first.least) / passed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class Reading(msgspec.Struct, frozen=True, kw_only=True):
     """What a report's boot time says."""
 
     time_s: float

@@ -6,9 +6,10 @@ The only place where that is decided, for leader and followers and for all laws 
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from vfguide.companion.height_beside import (
     HEIGHT_OFF_M,
@@ -72,8 +73,7 @@ ANSWER_S = 0.4
 """Time constant with which a heading is approached, beside the delays of the vehicle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Avoidance:
+class Avoidance(msgspec.Struct, frozen=True, kw_only=True):
     """What a step comes to."""
 
     setpoint: Setpoint[float] | None
@@ -82,8 +82,7 @@ class Avoidance:
     """To be added to the altitude of the mission, m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intent:
+class Intent(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle would fly alone."""
 
     wanted: WantedMotion

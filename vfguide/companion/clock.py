@@ -5,11 +5,11 @@ computers the link measures how far their clocks are apart.
 """
 
 import time
-from dataclasses import dataclass
+
+import msgspec
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Clock:
+class Clock(msgspec.Struct, frozen=True, kw_only=True):
     """Seconds of a clock that never steps and counts from an arbitrary moment."""
 
     epoch_s: float = 0.0

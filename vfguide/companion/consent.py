@@ -4,9 +4,11 @@ import json
 import os
 import stat
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
+
+import msgspec
+from msgspec.structs import asdict
 
 VERSION = 1
 
@@ -14,8 +16,7 @@ MOST_BYTES = 4096
 """A record is smaller than this."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Consent:
+class Consent(msgspec.Struct, frozen=True, kw_only=True):
     """What is kept of one flight; a new flight, on the ground, begins with a new one of these."""
 
     spent: str = ""

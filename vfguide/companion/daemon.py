@@ -5,11 +5,13 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from random import Random
 from typing import Protocol
+
+from msgspec.structs import replace
 
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore

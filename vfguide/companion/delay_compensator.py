@@ -9,7 +9,9 @@ off what is asked of it (Ohnishi's disturbance observer).
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airframe import (
@@ -44,8 +46,7 @@ GAP_S = 1.0
 """After a silence longer than this everything is learned anew."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Memory:
+class Memory(msgspec.Struct, frozen=True, kw_only=True):
     """Time constants with which a vehicle's departures from its model are learned, and it is answered."""
 
     turn_rate_s: float = 0.6

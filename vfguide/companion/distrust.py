@@ -9,7 +9,8 @@ Receiver, estimator, sensors: what an autopilot does not say is unknown, not bad
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.companion.plausibility import (
     CARRIED_S,
@@ -134,8 +135,7 @@ def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
     return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)
 
 
-@dataclass(slots=True)
-class Word:
+class Word(msgspec.Struct):
     """The newest word of one of them."""
 
     fault: str | None = None

@@ -1,7 +1,8 @@
 """What a follower knows of its leader: as it was heard, as it means to fly, as it is carried on."""
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.leader_telemetry import LeaderTelemetry

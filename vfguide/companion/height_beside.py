@@ -6,8 +6,8 @@ dead holds its height: to climb over it at once keeps the slot, where turning aw
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from vfguide.companion.possibilities import SPACING_SHARE
@@ -48,8 +48,7 @@ PILOTS_OFF_M_S = 2.0
 1.5 s from level flight."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle:
+class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     """Another vehicle, as far as a step in height beside it needs it."""
 
     name: str

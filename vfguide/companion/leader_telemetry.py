@@ -6,7 +6,8 @@ when they were true, whether they can be true, turn rate and acceleration.
 
 import math
 from collections import Counter
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plan import ForeignLeader

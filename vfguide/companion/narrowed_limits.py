@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from vfguide.companion.plan import FlightPlan, FollowerTask
@@ -19,8 +19,7 @@ LEAST = 0.05
 """m/s, or degrees: a limit that is tighter by less is the same one in another unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightDemand:
+class FlightDemand(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle has to fly on its place in the formation, in still air, the leader at its cruise."""
 
     bank: float
@@ -35,8 +34,7 @@ class FlightDemand:
     """Fastest, m/s, above zero."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NarrowedLimits:
+class NarrowedLimits(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a mission's limits."""
 
     sentence: str
@@ -82,8 +80,7 @@ def demand_of(plan: FlightPlan) -> FlightDemand | None:
     return flight_demand(task.leader.path, task.leader.airspeed, task.slot)
 
 
-@dataclass(frozen=True, slots=True)
-class Limit:
+class Limit(msgspec.Struct, frozen=True):
     """One limit of the mission, and what became of it."""
 
     words: str

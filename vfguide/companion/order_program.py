@@ -5,8 +5,9 @@ import os
 import sys
 from asyncio.subprocess import DEVNULL, PIPE, STDOUT
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from vfguide.companion.ground_orders import ABORT
 
@@ -23,8 +24,7 @@ NICE = 10
 """A rehearsal gives way to the companion, which has to answer every position at once. An abort has none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OrderProgram:
+class OrderProgram(msgspec.Struct, frozen=True, kw_only=True):
     """How `vfguide order` is called for one formation."""
 
     mission: Path

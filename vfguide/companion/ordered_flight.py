@@ -1,7 +1,10 @@
 """What is flown by orders: slots and heights at every moment, the path, and where the flight ends."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.companion.order_limits import LATEST_S
 from vfguide.companion.plan import FlightPlan, KnownPath
@@ -35,8 +38,7 @@ BESIDE_M = 30.0
 """A leader that is further away from the circle does not fly it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherSlot:
+class OtherSlot(msgspec.Struct, frozen=True, kw_only=True):
     """The slot of another vehicle, as keeping clear of it needs it."""
 
     slot: complex

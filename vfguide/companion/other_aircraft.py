@@ -9,9 +9,10 @@ their own states, and not kept clear of twice; which address is a member's is ju
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.frames import LocalFrame
@@ -64,8 +65,7 @@ WEIGHT = 2.0
 """What it counts where not all distances can be kept: it does not know of the formation."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sighting:
+class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     """What was reported last of an aircraft."""
 
     time_s: float
@@ -88,8 +88,7 @@ class Sighting:
         return self.place + self.velocity * (now - self.time_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """Whether an address is of the formation, on one's own clock."""
 
     member: bool
@@ -102,8 +101,7 @@ class Verdict:
     """When a report last agreed with it, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NearbyAircraft:
+class NearbyAircraft(msgspec.Struct, frozen=True, kw_only=True):
     """Those who may come near."""
 
     names: tuple[str, ...]

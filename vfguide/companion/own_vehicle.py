@@ -2,7 +2,9 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.companion.air_motion import LEAST_CALIBRATED, AirData, AirMotion
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
@@ -79,8 +81,7 @@ PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Place(msgspec.Struct, frozen=True, kw_only=True):
     """The navigated position on the ellipsoid, for those who share no local frame."""
 
     latitude_deg: float
@@ -91,8 +92,7 @@ class Place:
     """m above mean sea level."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NavigatedState:
+class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
     """A report, navigated."""
 
     state: VehicleState[float]

@@ -5,7 +5,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.companion.supervisor import Timeouts
 from vfguide.frames import LocalFrame
@@ -31,8 +33,7 @@ STOPPED_S = 0.7
 under a parachute has: the place where it was last heard is not flown through."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ForeignLeader:
+class ForeignLeader(msgspec.Struct, frozen=True, kw_only=True):
     """A leader without a companion."""
 
     connection: str
@@ -51,8 +52,7 @@ class ForeignLeader:
     """The mission's flying height, m above the origin."""
 
 
-@dataclass(frozen=True, slots=True)
-class KnownPath:
+class KnownPath(msgspec.Struct, frozen=True):
     """A path that every companion of a mission knows."""
 
     path: Path
@@ -69,8 +69,7 @@ class KnownPath:
     """Greatest height that the fence allows along it, m above the origin; infinite without one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FollowerTask:
+class FollowerTask(msgspec.Struct, frozen=True, kw_only=True):
     """A slot, and what a follower knows of the one it follows."""
 
     slot: Slot[float]
@@ -83,8 +82,7 @@ class FollowerTask:
     """Whether the slot counts from the leader's own height, not only from the one that is planned for it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeadPlan:
+class LeadPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Who may lead, where the mission names deputies."""
 
     order: tuple[str, ...]
@@ -95,8 +93,7 @@ class LeadPlan:
     """The leader's, m above mean sea level."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherVehicle:
+class OtherVehicle(msgspec.Struct, frozen=True, kw_only=True):
     """Another vehicle of the formation, as far as keeping clear of it needs it."""
 
     name: str
@@ -119,8 +116,7 @@ class OtherVehicle:
     """Kept from it at least, m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightPlan:
+class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """One vehicle's part of a mission."""
 
     name: str
@@ -185,9 +181,9 @@ class FlightPlan:
     """How its airspeed hold creeps, where it does."""
     coordinated_alpha: float | None = None
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
-    climb_limits: ClimbLimits = field(default_factory=ClimbLimits)
+    climb_limits: ClimbLimits = msgspec.field(default_factory=ClimbLimits)
     """What every vehicle of the formation keeps up, as the mission declares it."""
-    paths: Mapping[str, KnownPath] = field(default_factory=dict)
+    paths: Mapping[str, KnownPath] = msgspec.field(default_factory=dict)
     """All paths of the mission by name; none behind a leader without a companion."""
     ceiling: float = math.inf
     """Greatest height that the fence allows along the mission's first path, m above the origin."""

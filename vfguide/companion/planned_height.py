@@ -10,7 +10,8 @@ leader's own height. A hold ends a climb evenly, and is as high as that leads.
 """
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vfguide.guidance.height import BesidePath, HeightTarget, held_height, path_height
 from vfguide.guidance.height_change import (

@@ -25,9 +25,10 @@ less than that in `LEAN_S` (2 m/s where noise is 0.3 m), and positions and veloc
 """
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+import msgspec
 
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.state import Airframe
@@ -95,8 +96,7 @@ GREATEST_WIND_M_S = 40.0
 """No wind that these aircraft fly in is stronger."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reach:
+class Reach(msgspec.Struct, frozen=True, kw_only=True):
     """What an aircraft can do between two reports."""
 
     speed: float

@@ -7,8 +7,8 @@ has died, or turns on, where its autopilot hangs.
 """
 
 import cmath
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -205,8 +205,7 @@ class Sightings:
 IntArray = NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Viewpoint:
+class Viewpoint(msgspec.Struct, frozen=True, kw_only=True):
     """The vehicle that looks around."""
 
     time_s: float
@@ -231,8 +230,7 @@ class Viewpoint:
     """How fast gusts carry a vehicle away from the course and the speed that it holds, m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehiclesInSight:
+class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
     """Those who may come near, one element for each."""
 
     row: IntArray

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
 from typing import Protocol
+
+import msgspec
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
@@ -15,8 +16,7 @@ from vfguide.record.guidance_log import GuidanceStep
 from vfguide.state import HeardState, LeaderState, Setpoint
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lead:
+class Lead(msgspec.Struct, frozen=True, kw_only=True):
     """By what a vehicle leads."""
 
     term: int
@@ -25,8 +25,7 @@ class Lead:
     """Of the leader: itself, or one that it carries on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RoleStep:
+class RoleStep(msgspec.Struct, frozen=True, kw_only=True):
     """What a part makes of one state."""
 
     setpoint: Setpoint[float] | None
@@ -121,8 +120,7 @@ class Role(Protocol):
         """Seconds since the newest leader state was true."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something an operator should know."""
 
     time_s: float
@@ -148,21 +146,20 @@ def flight_event(vehicle: str, event: Event) -> FlightEvent:
     )
 
 
-@dataclass(slots=True)
-class Outgoing:
+class Outgoing(msgspec.Struct):
     """What a call leads to."""
 
     to_autopilot: bytes = b""
     """One datagram."""
-    to_link: list[bytes] = field(default_factory=list)
+    to_link: list[bytes] = msgspec.field(default_factory=list)
     """Own states."""
-    to_followers: list[bytes] = field(default_factory=list)
+    to_followers: list[bytes] = msgspec.field(default_factory=list)
     """States of the leader by which this vehicle leads, in a term above 0."""
-    replies: list[bytes] = field(default_factory=list)
+    replies: list[bytes] = msgspec.field(default_factory=list)
     """Answers to orders."""
-    repeats: list[bytes] = field(default_factory=list)
+    repeats: list[bytes] = msgspec.field(default_factory=list)
     """Orders, as they were signed, for vehicles that have missed them."""
-    requested: list[tuple[str, ...]] = field(default_factory=list)
+    requested: list[tuple[str, ...]] = msgspec.field(default_factory=list)
     """Orders that a ground station has requested, in the words of `vfguide order`, to be given."""
     to_leader: bytes = b""
     """One datagram, for a leader without a companion."""
@@ -170,7 +167,7 @@ class Outgoing:
     """One datagram, for followers without a companion."""
     steered: bool = False
     """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
-    events: list[Event] = field(default_factory=list)
+    events: list[Event] = msgspec.field(default_factory=list)
     """In the order in which they happened."""
 
     @property
@@ -197,8 +194,7 @@ class Outgoing:
             self.events.append(Event(time_s=now, text=text, warning=True, tell=True, kind=kind))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """What the companion did last, for records."""
 
     mode: Mode

@@ -10,7 +10,8 @@ its own place.
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.follower_role import FollowerRole

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from dataclasses import replace
 from functools import lru_cache
+
+from msgspec.structs import replace
 
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plausibility import (

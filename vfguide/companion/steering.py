@@ -11,8 +11,8 @@ it is given no lateral acceleration.
 
 import math
 from collections import Counter
-from dataclasses import replace
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle

@@ -7,8 +7,9 @@ A vehicle that this companion has not steered is not given back: without a leade
 """
 
 import math
-from dataclasses import dataclass
 from enum import Enum
+
+import msgspec
 
 NOTHING_HEARD = "no position from the autopilot: check --mavlink and the autopilot's stream"
 DOUBTED = "the autopilot's position is doubted: see what its pilot is told"
@@ -57,8 +58,7 @@ class Control(Enum):
     """The pilot has left the guided mode, or a fail-safe has."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
+class Situation(msgspec.Struct, frozen=True, kw_only=True):
     """What the supervisor decides by."""
 
     control: Control
@@ -73,8 +73,7 @@ class Situation:
     """m from the slot, or from the path for the leader; infinite while not known."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Timeouts:
+class Timeouts(msgspec.Struct, frozen=True, kw_only=True):
     """How long each kind of silence is borne, and what counts as being in place."""
 
     telemetry_s: float = 1.0

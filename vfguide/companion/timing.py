@@ -16,6 +16,8 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
+
 HANG_S = 2.0
 """Longer than this between two calls, and this process was stopped: what it hears then is old."""
 
@@ -45,8 +47,7 @@ EVEN_S = 1.0
 """By so much they may disagree with each other meanwhile."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharedClock:
+class SharedClock(msgspec.Struct, frozen=True, kw_only=True):
     """From one's own clock to the formation's and back."""
 
     to_own: Callable[[float], float] = float
@@ -97,8 +98,7 @@ class Wakefulness:
         return stamp < self._stalled
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True, kw_only=True):
     """What a message's stamp says."""
 
     time_s: float

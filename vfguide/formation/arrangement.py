@@ -6,9 +6,9 @@ anew needs no other to know where its slot is. All slots move straight, at once 
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cached_property
+
+import msgspec
 
 from vfguide.guidance.formation import Slot
 
@@ -39,8 +39,7 @@ class Manoeuvre(IntEnum):
     """Nothing: each vehicle goes back to its autopilot, at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
+class Point(msgspec.Struct, frozen=True):
     """A place in the formation, m from the leader."""
 
     forward: float
@@ -60,8 +59,7 @@ class Point:
         return math.hypot(self.forward, self.right, self.up)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Place(msgspec.Struct, frozen=True, kw_only=True):
     """One vehicle's part of an arrangement."""
 
     vehicle: str
@@ -74,8 +72,7 @@ class Place:
     """Height above the leader in which it crosses, m; None: it climbs or descends on its way, if at all."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class Circle(msgspec.Struct, frozen=True, kw_only=True):
     """Where the leader circles."""
 
     latitude_deg: float
@@ -88,8 +85,7 @@ class Circle:
     """Seen from above."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arrangement:
+class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
     """Who flies where from a moment on."""
 
     number: int
@@ -114,24 +110,26 @@ class Arrangement:
     """The leader turns no tighter onto that path; 0 as long as the path was not changed."""
     lead: str = ""
     """Name of the vehicle that leads from its time on; empty where that is not changed."""
-    _by_name: dict[str, Place] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_by_name", {one.vehicle: one for one in self.places})
 
     @property
     def duration_s(self) -> float:
         """From the first motion of a slot to the last, s."""
         return self.across_s + 2.0 * self.climb_s
 
-    @cached_property
+    @property
     def vehicles(self) -> frozenset[str]:
         """Names of the followers that fly in it."""
-        return frozenset(self._by_name)
+        return frozenset(one.vehicle for one in self.places)
 
     def place_of(self, vehicle: str) -> Place | None:
         """A follower's part; None for one that leaves."""
-        return self._by_name.get(vehicle)
+        return next((one for one in self.places if one.vehicle == vehicle), None)
+
+    def _known_place(self, vehicle: str) -> Place:
+        place = self.place_of(vehicle)
+        if place is None:
+            raise KeyError(vehicle)
+        return place
 
     def slot(self, vehicle: str, time_s: float) -> Slot[float]:
         """The slot of a follower that flies in it, at a time (s on the formation's clock), and its rates.
@@ -139,7 +137,7 @@ class Arrangement:
         Raises:
             KeyError: this vehicle has no place in it.
         """
-        place = self._by_name[vehicle]
+        place = self._known_place(vehicle)
         share, rate, acceleration = progress(time_s - self.time_s - self.climb_s, self.across_s)
         way = place.end.minus(place.begin)
         return Slot(
@@ -153,7 +151,7 @@ class Arrangement:
 
     def height(self, vehicle: str, time_s: float) -> tuple[float, float]:
         """(height of a slot above the leader in m, its rate in m/s); see `slot`."""
-        place = self._by_name[vehicle]
+        place = self._known_place(vehicle)
         since, begin, end = time_s - self.time_s, place.begin.up, place.end.up
         if place.layer is None:
             share, rate, _ = progress(since - self.climb_s, self.across_s)

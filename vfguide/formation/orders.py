@@ -11,9 +11,11 @@ here, on the operator's side. Companions know arrangements only.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Literal
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.extras import require
 from vfguide.formation.arrangement import (
@@ -79,8 +81,7 @@ def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str,
 Action = Literal["hold", "resume", "abort"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class Order(msgspec.Struct, frozen=True, kw_only=True):
     """What an operator wants; what is not said stays as it is."""
 
     shape: Shape | None = None
@@ -89,7 +90,7 @@ class Order:
     """Between neighbours, m."""
     swap: tuple[str, str] | None = None
     """Two followers that change places."""
-    slots: Mapping[str, Point] = field(default_factory=dict)
+    slots: Mapping[str, Point] = msgspec.field(default_factory=dict)
     """Slots by follower."""
     leave: tuple[str, ...] = ()
     """Followers that leave."""
@@ -103,8 +104,7 @@ class Order:
     """Name of the vehicle that is to lead."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Formation:
+class Formation(msgspec.Struct, frozen=True, kw_only=True):
     """A formation as an operator knows it."""
 
     leader: str
@@ -123,7 +123,7 @@ class Formation:
     """Name of the mission's path that is followed."""
     turn_radius_m: float = 0.0
     """The leader turns no tighter onto it; 0 as long as it was not changed."""
-    paths: Mapping[str, int] = field(default_factory=lambda: {MAIN_PATH: 0})
+    paths: Mapping[str, int] = msgspec.field(default_factory=lambda: {MAIN_PATH: 0})
     """All paths of the mission by name, and what tells each from any other of its name."""
     may_lead: tuple[str, ...] = ()
     """Who may lead, the mission's leader first; empty without deputies."""

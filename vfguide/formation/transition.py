@@ -8,8 +8,10 @@ distance.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import combinations
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import PEAK, RAMP, Place, Point, time_of
@@ -40,8 +42,7 @@ class RefusedOrderError(InputError):
     """An order that cannot be carried out; the text says why, in one sentence."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionLimits:
+class MotionLimits(msgspec.Struct, frozen=True, kw_only=True):
     """How fast slots may move."""
 
     forward: float
@@ -56,8 +57,7 @@ class MotionLimits:
     """m/s, up or down."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Approach:
+class Approach(msgspec.Struct, frozen=True, kw_only=True):
     """How near two vehicles come in a transition."""
 
     first: str
@@ -79,8 +79,7 @@ class Approach:
         return self.begun_s + time_of(self.share, self.duration_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transition:
+class Transition(msgspec.Struct, frozen=True, kw_only=True):
     """How everybody gets to where they are to be."""
 
     places: tuple[Place, ...]

@@ -9,7 +9,9 @@ where one is declared.
 """
 
 import math
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import Number, clip, like, wrap_angle
 from vfguide.guidance.wind_triangle import (
@@ -64,8 +66,7 @@ def ground_speed_range(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inner:
+class Inner(msgspec.Struct, frozen=True, kw_only=True):
     """What the autopilot's loops are at the moment, beside the vehicle's own state."""
 
     bank: float = 0.0
@@ -74,8 +75,7 @@ class Inner:
     """Acceleration of the speed that is held, m/s²."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bias:
+class Bias(msgspec.Struct, frozen=True, kw_only=True):
     """What the vehicle does beyond its model: a slow disturbance, or a model that is not quite right."""
 
     turn_rate: float = 0.0
@@ -84,8 +84,7 @@ class Bias:
     """m/s²."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActiveSetpoint:
+class ActiveSetpoint(msgspec.Struct, frozen=True, kw_only=True):
     """A setpoint that has reached the loops; None where there was none yet."""
 
     course: float | None

@@ -10,7 +10,8 @@ receiver and pitot tube", IEEE Transactions on Aerospace and Electronic Systems 
 """
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.elementwise import clip, cos, greater_of, sin
 
@@ -49,8 +50,7 @@ Vector = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector, Vector]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     """What is known so far."""
 
     estimate: Vector = (1.0, 0.0, 0.0, 0.0)

@@ -5,11 +5,10 @@ the one of FW_THR_TRIM at every airspeed. A new airspeed comes to a part within 
 integrator creeps, within a minute. Asked for as much more as does not come, it flies what was wanted.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CreepingHold:
+class CreepingHold(msgspec.Struct, frozen=True, kw_only=True):
     """Steps of such a hold, as they were measured."""
 
     share: float

@@ -12,8 +12,9 @@ track go straight on between the two groups.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Generic
+
+import msgspec
 
 from vfguide.elementwise import (
     Number,
@@ -35,8 +36,7 @@ LEAST_SLOT_SPEED = 3.0
 """m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Slot(Generic[Number]):
+class Slot(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """A place in the formation, in the leader's course frame: fixed there, unless it has rates."""
 
     forward: Number
@@ -53,8 +53,7 @@ class Slot(Generic[Number]):
     """m/s²."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlotMotion(Generic[Number]):
+class SlotMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Where a slot is and how it moves over the ground."""
 
     north: Number
@@ -75,8 +74,7 @@ class SlotMotion(Generic[Number]):
     """m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FormationError(Generic[Number]):
+class FormationError(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Where the slot is, seen from the follower, in the frame of the slot's motion; and the rates."""
 
     along_track: Number
@@ -268,8 +266,7 @@ MARGIN = 1.0
 """m/s that a follower keeps between what its slot needs and the ends of its airspeed range."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlotLimits:
+class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
     """A slot, and the airspeed range of the vehicle that holds it."""
 
     slot: Slot[float]

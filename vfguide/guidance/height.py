@@ -17,8 +17,8 @@ is reached only by passing that vehicle's own.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import FloatArray, low_pass
@@ -66,8 +66,7 @@ def floor_of(planned: float) -> float:
     return min(FLOOR_M, planned - (1.0 - LEAST_SHARE) * abs(planned))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeightTarget:
+class HeightTarget(msgspec.Struct, frozen=True, kw_only=True):
     """A height, now and when it takes effect."""
 
     height: float
@@ -90,8 +89,7 @@ def path_speed(point: PathPoint[float], motion: LeaderState[float]) -> float:
     return motion.ground_speed * tangent_rate_per_speed(point, motion.course) / point.curvature
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BesidePath:
+class BesidePath(msgspec.Struct, frozen=True, kw_only=True):
     """A leader beside its path, and how far its height is looked ahead."""
 
     path: Path
@@ -119,8 +117,7 @@ def path_height(leader: BesidePath) -> HeightTarget:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeightDeviation:
+class HeightDeviation(msgspec.Struct, frozen=True, kw_only=True):
     """By how much a leader flies above what is planned."""
 
     time_s: float
@@ -231,8 +228,7 @@ CLEAR = 1.2
 """Least distances that a vehicle needs to go back to its own height: it may be nearer in its slot, hardly."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Neighbour:
+class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
     """Another vehicle, or one possibility of what it does."""
 
     distance: float

@@ -8,7 +8,8 @@ the same heights.
 """
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.guidance.height import HeightTarget, within
 
@@ -37,8 +38,7 @@ ARRIVED_M = 0.02
 """Nearer to the target than this, and as little faster or slower in m/s, a change is over."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClimbLimits:
+class ClimbLimits(msgspec.Struct, frozen=True, kw_only=True):
     """What every vehicle of a formation keeps up."""
 
     climb: float = math.inf
@@ -56,8 +56,7 @@ def _fastest(limit: float, along: float) -> float:
     return max(SHARE * limit, along, min(along + CATCH_UP_M_S, limit))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeightMotion:
+class HeightMotion(msgspec.Struct, frozen=True, kw_only=True):
     """A height that is planned, and how it changes."""
 
     time_s: float

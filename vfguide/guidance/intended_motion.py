@@ -14,7 +14,8 @@ the meant one (the weight is that of a Wiener filter, signal power over signal a
 """
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.elementwise import Number, clip, like, low_pass, wrap_angle
 from vfguide.guidance.navigation import fading_memory_2
@@ -32,8 +33,7 @@ from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
 from vfguide.state import LeaderState, VehicleState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KnownLeader:
+class KnownLeader(msgspec.Struct, frozen=True, kw_only=True):
     """What the mission tells about the leader."""
 
     path: Path
@@ -148,8 +148,7 @@ TURN_STEP = 1e-3
 """rad: over which the change of the ground speed with the course is found."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """What the mission alone says of a leader at a place, in a wind."""
 
     course: float
@@ -169,8 +168,7 @@ class Plan:
         return self.ground_speed * self.turn_per_m
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IntendedMotion:
+class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of how a leader means to fly."""
 
     motion: LeaderState[float]

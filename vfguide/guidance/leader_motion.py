@@ -13,8 +13,10 @@ is left of it in the direction of flight and across it corrects speed and course
 """
 
 import math
-from dataclasses import dataclass, replace
 from typing import Generic
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
@@ -24,8 +26,7 @@ from vfguide.guidance.wind_triangle import resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionEstimate(Generic[Number]):
+class MotionEstimate(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What is known of a vehicle's motion."""
 
     state: LeaderState[Number]
@@ -138,8 +139,7 @@ POSITION_S = 0.3
 """Memory of the place where velocities are told, s: less than that of any motion, more than of the noise."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+class Observation(msgspec.Struct, frozen=True, kw_only=True):
     """One report in the local frame."""
 
     time_s: float
@@ -152,8 +152,7 @@ class Observation:
     """Over ground (north, east), m/s, if it is told."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedMotion:
+class ObservedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of the motion."""
 
     state: LeaderState[float]
@@ -162,8 +161,7 @@ class ObservedMotion:
     """How the acceleration changes, m/s³."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RateLimits:
+class RateLimits(msgspec.Struct, frozen=True, kw_only=True):
     """What an aircraft can do: a report that says more is an outlier."""
 
     turn_rate: float

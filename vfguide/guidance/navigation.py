@@ -21,8 +21,10 @@ carries the position on by the reported velocity and an error of it, and finds b
 """
 
 import math
-from dataclasses import dataclass, replace
 from typing import Generic
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import Number, atan2, clip, hypot, isfinite, low_pass, where
 from vfguide.guidance.wind_triangle import polar
@@ -41,8 +43,7 @@ GUSTS_CALM_M_S = 0.15
 """Innovations of this size count by half: as in light turbulence, and more than rounding or a swing leave."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FilterTimes:
+class FilterTimes(msgspec.Struct, frozen=True, kw_only=True):
     """Memory of the navigation filter."""
 
     position_s: float
@@ -57,8 +58,7 @@ class FilterTimes:
     """How long a reported height is remembered, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sample(Generic[Number]):
+class Sample(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """One report of an autopilot, in the formation's local frame."""
 
     time_s: float
@@ -296,8 +296,7 @@ def _state(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VelocityError:
+class VelocityError(msgspec.Struct, frozen=True, kw_only=True):
     """A carried position, and by how much reported velocities fall short of its motion."""
 
     sample: Sample[float]

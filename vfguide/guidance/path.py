@@ -11,9 +11,9 @@ one side; the forms here are the convergent ones.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, Self
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import FloatArray, Number, atan, cos, greater_of, sin
@@ -25,8 +25,7 @@ END_SHARE = 0.25
 """Of the last circle of a path that hands back: once the leader has flown it without a break it is proven."""
 
 
-@dataclass(frozen=True, slots=True)
-class PathPoint(Generic[Number]):
+class PathPoint(msgspec.Struct, Generic[Number], frozen=True):
     """The path at the point of it that is nearest to the vehicle."""
 
     course: Number
@@ -43,8 +42,7 @@ class PathPoint(Generic[Number]):
     """Rise for each metre along the ground, positive where it climbs."""
 
 
-@dataclass(frozen=True, slots=True)
-class PathPlace(Generic[Number]):
+class PathPlace(msgspec.Struct, Generic[Number], frozen=True):
     """A point of the path."""
 
     north: Number

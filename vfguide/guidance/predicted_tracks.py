@@ -5,9 +5,9 @@ exp(j chi) turns clockwise by chi, as courses count. Rows are vehicles or manoeu
 """
 
 import cmath
-from dataclasses import dataclass
 from typing import TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,8 +32,7 @@ LEAST_TURN_RATE = 0.05
 """rad/s: what is left at least of a turn rate, relative to a formation that turns as hard itself."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Agility:
+class Agility(msgspec.Struct, frozen=True, kw_only=True):
     """How fast a vehicle answers to setpoints."""
 
     turn_rate: float
@@ -54,8 +53,7 @@ class Agility:
     """Through the air that it is held in, m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OwnMotion:
+class OwnMotion(msgspec.Struct, frozen=True, kw_only=True):
     """The vehicle itself, now."""
 
     place: complex
@@ -73,8 +71,7 @@ class OwnMotion:
         return self.air_velocity + self.wind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WantedMotion:
+class WantedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What guidance wants to fly: a velocity that approaches the one of a place in the formation."""
 
     velocity: complex
@@ -87,8 +84,7 @@ class WantedMotion:
     """Time constant with which the first becomes the second, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Manoeuvres:
+class Manoeuvres(msgspec.Struct, frozen=True, kw_only=True):
     """What the vehicle may do instead of what is wanted: each is a turn away from it, at a speed."""
 
     turn: FloatArray

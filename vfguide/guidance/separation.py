@@ -12,9 +12,9 @@ were thought to be able to (backup barriers: Gurriet, Mote, Singletary, Nilsson,
 and speed bounds have to be inside a barrier: Molnar, Kannan, Cunningham, Dunlap, Hobbs, Ames, 2024).
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import FloatArray
@@ -64,8 +64,7 @@ ESCAPES_RAD: FloatArray = np.radians([0.0, 179.0, -179.0])
 """Straight on, and half a turn to either side."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Others:
+class Others(msgspec.Struct, frozen=True, kw_only=True):
     """What the others may do, one row for each possibility of each of them."""
 
     tracks: ComplexArray
@@ -84,8 +83,7 @@ class Others:
     """What the height between both is worth in the plane, in each interval, m; None: it does not count."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Clearance:
+class Clearance(msgspec.Struct, frozen=True, kw_only=True):
     """What to fly."""
 
     turn: float

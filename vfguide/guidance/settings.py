@@ -9,8 +9,10 @@ and lag are predicted away, but no prediction is perfect: the sliding laws are s
 the fields with them.
 """
 
-from dataclasses import dataclass, replace
 from typing import Literal
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import Number
 from vfguide.guidance.navigation import FilterTimes
@@ -18,8 +20,7 @@ from vfguide.guidance.sliding_laws import boundary_layer
 from vfguide.state import Airframe, VehicleState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObserverGains:
+class ObserverGains(msgspec.Struct, frozen=True, kw_only=True):
     """Gains of the observer."""
 
     gamma: float
@@ -68,8 +69,7 @@ GUSTS_FACTOR = 2.5
 sampled loop's limit cycle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlidingGains:
+class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
     """Gains of the sliding-mode laws."""
 
     kappa: float
@@ -111,8 +111,7 @@ class SlidingGains:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathGains:
+class PathGains(msgspec.Struct, frozen=True, kw_only=True):
     """Shape of the field around the leader's path."""
 
     gain: float
@@ -121,8 +120,7 @@ class PathGains:
     """chi_inf, rad."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuidanceSettings:
+class GuidanceSettings(msgspec.Struct, frozen=True, kw_only=True):
     """What a mission sets for every law: for the leader's, and around that of the followers."""
 
     sliding: SlidingGains

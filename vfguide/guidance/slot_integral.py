@@ -12,8 +12,10 @@ course, and one of twice the course, each learned in its own phase (adaptive fee
 Sacks and Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
 """
 
-from dataclasses import dataclass, replace
 from typing import Generic
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import BoolArray, Number, clip, cos, like, sin, where
 from vfguide.guidance.formation import FormationError, SlotMotion
@@ -37,8 +39,7 @@ TURNING_RAD_S = 0.04
 """Turn rate at which harmonics count by half: on a straight they could not be told from the mean."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Harmonic(Generic[Number]):
+class Harmonic(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """A part of the offset that goes round with the slot's course, m."""
 
     ahead_cosine: Number
@@ -47,8 +48,7 @@ class Harmonic(Generic[Number]):
     right_sine: Number
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Offset(Generic[Number]):
+class Offset(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """b: how far beyond the slot the field aims, in the frame of the slot's motion."""
 
     ahead: Number

@@ -8,7 +8,9 @@ is learned. Straight flight tells nothing.
 """
 
 import math
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import clip, low_pass
 from vfguide.guidance.airframe import GRAVITY
@@ -47,8 +49,7 @@ SLIPS_BELOW, COORDINATED_ABOVE = 0.88, 0.92
 """A vehicle slips below the one and does not above the other; between them it stays what it was taken for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnEfficiency:
+class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
     """What is known so far."""
 
     value: float = PRIOR

@@ -6,9 +6,10 @@ any flight.
 
 import math
 from collections import Counter
-from dataclasses import replace
 from enum import Enum
 from itertools import accumulate
+
+from msgspec.structs import replace
 
 from vfguide.companion.air_motion import AirData
 from vfguide.companion.consent import ConsentStore

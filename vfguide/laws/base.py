@@ -9,8 +9,9 @@ function is logged.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self
+
+import msgspec
 
 from vfguide.elementwise import BoolArray, Number, wrap_angle
 from vfguide.guidance.formation import (
@@ -36,8 +37,7 @@ law = laws.register
 """`@law("name")` makes a class known as the law `controller.type: name`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class View(Generic[Number]):
+class View(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What a law is told in one step: floats for one vehicle, or arrays for as many as wanted.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
@@ -61,8 +61,7 @@ class View(Generic[Number]):
     """Whether something else was flown than the law asked for in the step before, as to keep clear."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesiredMotion(Generic[Number]):
+class DesiredMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """The motion that a law wants over the ground."""
 
     course: Number

@@ -15,9 +15,9 @@ speed drops out.
 import copy
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
+from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import BoolArray, Number, like, wrap_angle

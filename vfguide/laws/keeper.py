@@ -1,8 +1,9 @@
 """What is done around every law: from the newest leader state to a setpoint, for one follower or for many."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Generic
+
+import msgspec
 
 from vfguide.elementwise import Number, wrap_angle
 from vfguide.guidance.formation import (
@@ -20,8 +21,7 @@ SlotAt = Callable[[float], Slot[Number]]
 """A slot by the time, s on the follower's clock."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FollowerGuidance(Generic[Number]):
+class FollowerGuidance(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Result of one step."""
 
     setpoint: Setpoint[Number]

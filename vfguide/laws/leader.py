@@ -7,8 +7,10 @@ course is turned into setpoints through the wind triangle and within the vehicle
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.formation import SlotLimits, airspeed_that_gives_way
@@ -29,8 +31,7 @@ leader_law = leader_laws.register
 """`@leader_law("name")` makes a class known as the law `leader.law: name`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderView(Generic[Number]):
+class LeaderView(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What a leader's law is told in one step: floats for one vehicle, or arrays for as many as wanted.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
@@ -50,8 +51,7 @@ class LeaderView(Generic[Number]):
     """Since the step before and until the next, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderMotion(Generic[Number]):
+class LeaderMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """The motion that a leader's law wants."""
 
     course: Number
@@ -147,8 +147,7 @@ class PathField(LeaderLaw):
         return replace(motion, ground_speed=ground_speed), ground_speed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderTask:
+class LeaderTask(msgspec.Struct, frozen=True, kw_only=True):
     """What a leader flies, and for whom."""
 
     path: Path
@@ -165,12 +164,11 @@ class LeaderTask:
     """It turns no tighter onto its path, m; 0 where that is left to the field."""
     law: type[LeaderLaw] = PathField
     """The law by which the leader follows the path."""
-    gains: Section = field(default_factory=Section)
+    gains: Section = msgspec.field(default_factory=Section)
     """The gains of that law."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderGuidance(Generic[Number]):
+class LeaderGuidance(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Result of one step."""
 
     setpoint: Setpoint[Number]

@@ -9,9 +9,10 @@ field's does (conditional integration: Astrom and Hagglund, Advanced PID Control
 """
 
 import math
-from dataclasses import dataclass, replace
 from typing import Annotated, Any, Generic
 
+import msgspec
+from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import BoolArray, Number, clip, low_pass, where
@@ -55,8 +56,7 @@ class PidGains(Section):
     """Largest correction of the speed, m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisMemory(Generic[Number]):
+class AxisMemory(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What one controller remembers."""
 
     integral: Number
@@ -65,8 +65,7 @@ class AxisMemory(Generic[Number]):
     """Low-passed rate of the error, m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PidMemory(Generic[Number]):
+class PidMemory(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What both loops remember from one step to the next."""
 
     lateral: AxisMemory[Number]

@@ -24,7 +24,8 @@ The number is random: an answer with it shows that the question was heard.
 import math
 import struct
 import zlib
-from dataclasses import dataclass
+
+import msgspec
 
 MAGIC = b"VFLS"
 VERSION = 2
@@ -62,8 +63,7 @@ class LinkDataError(ValueError):
     """Bytes from the link that are no leader state; the text says why."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderMessage:
+class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     """A leader state as it crosses the link."""
 
     sequence: int
@@ -176,8 +176,7 @@ def is_leaders(data: bytes) -> bool:
     return len(data) == SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class Ask(msgspec.Struct, frozen=True, kw_only=True):
     """What does your clock show?"""
 
     number: int
@@ -186,8 +185,7 @@ class Ask:
     """When the question left, s on the clock of who asks."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tell:
+class Tell(msgspec.Struct, frozen=True, kw_only=True):
     """What the clock shows."""
 
     number: int

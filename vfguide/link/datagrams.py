@@ -9,9 +9,10 @@ import math
 from abc import abstractmethod
 from collections import deque
 from contextlib import suppress
-from dataclasses import replace
 from random import Random
 from typing import Any
+
+from msgspec.structs import replace
 
 from vfguide.backoff import retry_delay
 from vfguide.errors import described_error

@@ -10,8 +10,9 @@ import hashlib
 import math
 import struct
 import zlib
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 from vfguide.link.codec import LinkDataError
 
@@ -68,8 +69,7 @@ class Kind(IntEnum):
 TAG_SIZES = {Scheme.UNSIGNED: CHECKSUM.size, Scheme.ED25519: SIGNATURE_SIZE}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Envelope:
+class Envelope(msgspec.Struct, frozen=True, kw_only=True):
     """A message as it was read; nothing of it is believed yet."""
 
     scheme: Scheme

@@ -8,7 +8,8 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import Envelope, Kind
@@ -39,8 +40,7 @@ EVERYBODY = ""
 """To whom a parcel goes that is for all."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parcel:
+class Parcel(msgspec.Struct, frozen=True, kw_only=True):
     """A sealed message on its way out."""
 
     kind: Kind

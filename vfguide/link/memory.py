@@ -2,8 +2,9 @@
 
 import heapq
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from random import Random
+
+import msgspec
 
 Mail = tuple[str, bytes]
 """Name of the vehicle that published something, and what."""
@@ -12,8 +13,7 @@ ROUNDING_S = 1e-9
 """Times are sums of decimal fractions: what is due now must not wait for a rounding error."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkQuality:
+class LinkQuality(msgspec.Struct, frozen=True, kw_only=True):
     """What a link does to messages."""
 
     delay_s: float

@@ -16,8 +16,9 @@ that way.
 import math
 import struct
 import zlib
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.link.codec import LinkDataError
@@ -68,8 +69,7 @@ class Verdict(IntEnum):
     """An operator knows no newer order than this number: the order that is flown is to be repeated."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reply:
+class Reply(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle says to an order."""
 
     number: int
@@ -238,8 +238,7 @@ def _place(body: bytes, offset: int) -> tuple[Place, int]:
     return place, end + OFFSETS.size
 
 
-@dataclass(frozen=True, slots=True)
-class _Options:
+class _Options(msgspec.Struct, frozen=True):
     """What is in an order only where its flags say so."""
 
     circle: Circle | None

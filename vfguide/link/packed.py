@@ -26,9 +26,11 @@ import hashlib
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.link.codec import LeaderMessage, LinkDataError
 from vfguide.link.presence import LINKS_LOST, Presence
@@ -102,8 +104,7 @@ class PackedKind(IntEnum):
     """A piece of an order that the sender repeats."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BeatInfo:
+class BeatInfo(msgspec.Struct, frozen=True, kw_only=True):
     """The leader's beat: what the turns of all others count from."""
 
     beat: int
@@ -116,8 +117,7 @@ class BeatInfo:
     """From one beat to the next, ms."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class Piece(msgspec.Struct, frozen=True, kw_only=True):
     """A part of a message that no packet has room for."""
 
     mark: int
@@ -130,8 +130,7 @@ class Piece:
     """The part: PIECE_SIZE bytes, the last with zeros behind its end."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Packet:
+class Packet(msgspec.Struct, frozen=True, kw_only=True):
     """A packet as it was read; nothing of it is believed yet."""
 
     kind: PackedKind

@@ -9,7 +9,8 @@ import math
 import secrets
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.link.codec import (
     Ask,
@@ -46,8 +47,7 @@ CERTAIN = 2
 """Exchanges in a row that disagree with the rest, and agree with each other, before the rest is forgotten."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exchange:
+class Exchange(msgspec.Struct, frozen=True, kw_only=True):
     """What one question and its answer say."""
 
     offset_s: float

@@ -3,8 +3,10 @@
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
+
+import msgspec
+from msgspec.structs import asdict, replace
 
 from vfguide.link.codec import LinkDataError
 
@@ -60,8 +62,7 @@ SHORT_TEXT = 60
 Status = Literal["online", "offline"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Presence:
+class Presence(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle says about itself."""
 
     status: Status
@@ -82,7 +83,7 @@ class Presence:
     """The last warning that it gave its pilot; empty before the first."""
     findings: tuple[str, ...] = ()
     """What of the autopilot's parameters speaks against taking off, each with what to do; the first ones."""
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, float] = msgspec.field(default_factory=dict)
     """Latencies, counters and the like, by names that end in their units."""
 
 

@@ -18,6 +18,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import msgspec
+
 from vfguide.link.codec import Ask, LinkDataError, Tell, decode_ask
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import decode_reply
@@ -47,8 +49,7 @@ PACKED_KINDS = {
 """Kinds of messages that are said in pieces."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class QueuedBody:
+class QueuedBody(msgspec.Struct, frozen=True, kw_only=True):
     """Something that is to be said."""
 
     body: bytes
@@ -57,8 +58,7 @@ class QueuedBody:
     """Since when it waits, s on the clock of the turns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class Question(msgspec.Struct, frozen=True, kw_only=True):
     """One that was heard."""
 
     number: int

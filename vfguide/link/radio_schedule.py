@@ -16,7 +16,8 @@ Nothing here reads a clock.
 """
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from vfguide.errors import InputError
 from vfguide.link.packed import LEADER, OPERATOR, BeatInfo
@@ -37,8 +38,7 @@ ROUNDING = 1e-9
 MOST_BEATS, LONGEST_PERIOD_MS = 255, 65535
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Channel:
+class Channel(msgspec.Struct, frozen=True, kw_only=True):
     """How fast the radio is."""
 
     baud: int
@@ -63,8 +63,7 @@ class Channel:
         return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s + later_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
     """When a member may send one packet."""
 
     at_s: float
@@ -73,8 +72,7 @@ class Turn:
     """Which beat it is, if it is one; None for all other turns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Timetable:
+class Timetable(msgspec.Struct, frozen=True, kw_only=True):
     """Turns within a cycle."""
 
     members: int

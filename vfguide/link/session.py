@@ -6,11 +6,12 @@ import secrets
 import ssl
 from collections.abc import Coroutine, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from random import Random
 from urllib.parse import quote
 
 from aiomqtt import MqttError, Will
+from msgspec.structs import replace
 
 from vfguide.backoff import retry_delay
 from vfguide.link.address import MqttAddress

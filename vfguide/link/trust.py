@@ -11,6 +11,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from vfguide.errors import InputError
 from vfguide.link.codec import LinkDataError
 from vfguide.link.envelope import (
@@ -68,8 +70,7 @@ class RefusedError(Exception):
     """A message that is not believed; the text is the reason, short enough for a counter."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Message:
+class Message(msgspec.Struct, frozen=True, kw_only=True):
     """Something that is believed."""
 
     kind: Kind

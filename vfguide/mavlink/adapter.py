@@ -6,11 +6,11 @@ Each autopilot has a file of its own. Which of them speaks is known by its heart
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import compress
 from math import isfinite
 from typing import ClassVar, Literal
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -68,8 +68,7 @@ Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
 """How a PX4 is steered: by what its version has, or by one of `px4_steering`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutopilotSetpoint:
+class AutopilotSetpoint(msgspec.Struct, frozen=True, kw_only=True):
     """What an autopilot is asked to fly, and where it is when it is asked."""
 
     course: float

@@ -15,9 +15,9 @@ arrival. Neither reads `position_cov` and `custom_state`: 0 here, as of a sender
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
@@ -59,8 +59,7 @@ INTERVAL_S = 0.1
 """Interval of the messages."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderReport:
+class LeaderReport(msgspec.Struct, frozen=True, kw_only=True):
     """What one message says of where an aircraft is and how it flies."""
 
     kind: Kind

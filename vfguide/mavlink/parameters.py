@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -11,8 +11,7 @@ from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.state import SpeedHold
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightNeeds:
+class FlightNeeds(msgspec.Struct, frozen=True, kw_only=True):
     """What a mission expects of a vehicle's autopilot."""
 
     airspeed_min: float
@@ -35,8 +34,7 @@ class FlightNeeds:
     """Fastest change of speed that the laws count on, m/s²; 0 where nothing of it is known."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutopilotResponse:
+class AutopilotResponse(msgspec.Struct, frozen=True, kw_only=True):
     """How an autopilot flies, by its own parameters; None where they do not tell."""
 
     alpha: float | None = None

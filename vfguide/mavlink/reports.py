@@ -1,10 +1,9 @@
 """What an autopilot reports, in SI units."""
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionReport:
+class PositionReport(msgspec.Struct, frozen=True, kw_only=True):
     """GLOBAL_POSITION_INT."""
 
     boot_time_s: float
@@ -25,8 +24,7 @@ class PositionReport:
     """m/s, positive up."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrafficReport:
+class TrafficReport(msgspec.Struct, frozen=True, kw_only=True):
     """ADSB_VEHICLE: another aircraft, as an ADS-B receiver hears it."""
 
     icao_address: int
@@ -47,24 +45,21 @@ class TrafficReport:
     """By how much the altitude may be off, m: 0 of a geometric one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirspeedReport:
+class AirspeedReport(msgspec.Struct, frozen=True, kw_only=True):
     """VFR_HUD."""
 
     airspeed: float
     """m/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AttitudeReport:
+class AttitudeReport(msgspec.Struct, frozen=True, kw_only=True):
     """ATTITUDE."""
 
     bank: float
     """phi, rad, positive right."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeartbeatReport:
+class HeartbeatReport(msgspec.Struct, frozen=True, kw_only=True):
     """HEARTBEAT of the autopilot."""
 
     autopilot: int
@@ -77,16 +72,14 @@ class HeartbeatReport:
     """MAV_STATE: ArduPlane is ACTIVE only while it flies, both are CRITICAL in a fail-safe."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LandedReport:
+class LandedReport(msgspec.Struct, frozen=True, kw_only=True):
     """EXTENDED_SYS_STATE."""
 
     state: int
     """MAV_LANDED_STATE."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OrderRequest:
+class OrderRequest(msgspec.Struct, frozen=True, kw_only=True):
     """COMMAND_LONG with MAV_CMD_USER_1 for a companion, of a ground station: an order in numbers."""
 
     sender: tuple[int, int]
@@ -99,8 +92,7 @@ class OrderRequest:
     """0 the first time it is sent, then rising."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommandReport:
+class CommandReport(msgspec.Struct, frozen=True, kw_only=True):
     """COMMAND_ACK."""
 
     command: int
@@ -109,8 +101,7 @@ class CommandReport:
     """MAV_RESULT."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VersionReport:
+class VersionReport(msgspec.Struct, frozen=True, kw_only=True):
     """AUTOPILOT_VERSION."""
 
     major: int
@@ -119,8 +110,7 @@ class VersionReport:
     """Minor version of the autopilot's firmware."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TextReport:
+class TextReport(msgspec.Struct, frozen=True, kw_only=True):
     """STATUSTEXT."""
 
     severity: int
@@ -129,8 +119,7 @@ class TextReport:
     """What it says."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterReport:
+class ParameterReport(msgspec.Struct, frozen=True, kw_only=True):
     """PARAM_VALUE."""
 
     name: str
@@ -141,8 +130,7 @@ class ParameterReport:
     """The value field's bytes as a whole number, where the type is one: what PX4 means then."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeReport:
+class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
     """TIMESYNC, the answer to a question."""
 
     stamp: int
@@ -151,8 +139,7 @@ class TimeReport:
     """The autopilot's clock when it answered, ns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GpsReport:
+class GpsReport(msgspec.Struct, frozen=True, kw_only=True):
     """GPS_RAW_INT."""
 
     fix_type: int
@@ -161,8 +148,7 @@ class GpsReport:
     """Horizontal, m; None where the receiver does not say."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EstimatorReport:
+class EstimatorReport(msgspec.Struct, frozen=True, kw_only=True):
     """EKF_STATUS_REPORT (ArduPilot) or ESTIMATOR_STATUS (PX4)."""
 
     has_position: bool
@@ -171,8 +157,7 @@ class EstimatorReport:
     """Whether it knows the horizontal velocity."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorsReport:
+class SensorsReport(msgspec.Struct, frozen=True, kw_only=True):
     """SYS_STATUS: whether what is present and enabled is healthy, and the battery."""
 
     gps: bool
@@ -185,8 +170,7 @@ class SensorsReport:
     """V; None where the autopilot does not know."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatteryReport:
+class BatteryReport(msgspec.Struct, frozen=True, kw_only=True):
     """BATTERY_STATUS: one of the vehicle's batteries; SYS_STATUS tells of the first alone."""
 
     number: int

@@ -12,10 +12,10 @@ cubic spline through them. These are the joints of a chain.
 import math
 from abc import abstractmethod
 from bisect import bisect_right
-from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
+from msgspec.structs import replace
 
 from vfguide.elementwise import FloatArray, Number
 from vfguide.errors import InputError, described_error

@@ -8,9 +8,9 @@ corner of the heights as a fillet does that of the course.
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
+import msgspec
 import numpy as np
 from pydantic import Field
 from pydantic_core import PydanticCustomError
@@ -31,8 +31,7 @@ EASED_M = 120.0
 """Length of a vertical curve where there is room for it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Climb:
+class Climb(msgspec.Struct, frozen=True, kw_only=True):
     """A profile that begins to climb at progress 0, from the mission's flying height."""
 
     slope: float

@@ -7,10 +7,10 @@ slot 50 m behind the leader has the curvature in its speed, and its rate in its 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Self
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
@@ -38,8 +38,7 @@ CHORD_TURN, LONGEST_CHORD_M = 0.2, 40.0
 """rad, m: pieces that turn by no more together, and are no longer, are looked for as one chord."""
 
 
-@dataclass(frozen=True, slots=True)
-class Element:
+class Element(msgspec.Struct, frozen=True):
     """A part of a line whose curvature changes evenly along it."""
 
     length: float
@@ -79,8 +78,7 @@ def displacement(course: Any, curvature: Any, growth: Any, run: Any) -> tuple[An
     return run * north, run * east
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pieces:
+class Pieces(msgspec.Struct, frozen=True, kw_only=True):
     """Where each piece of a chain begins, and how it runs on: arrays of one length."""
 
     progress: FloatArray
@@ -131,8 +129,7 @@ class Pieces:
         return float(self.north[-1] + north), float(self.east[-1] + east), turned
 
 
-@dataclass(frozen=True, slots=True)
-class Bend:
+class Bend(msgspec.Struct, frozen=True):
     """How turns are flown."""
 
     radius: float
@@ -181,8 +178,7 @@ def tangent_length(angle: float, bend: Bend) -> float:
     return math.hypot(north, east) / (2.0 * math.cos(angle / 2.0))
 
 
-@dataclass(frozen=True, slots=True)
-class CircleEntry:
+class CircleEntry(msgspec.Struct, frozen=True):
     """How a straight line goes over into a circle."""
 
     aside: float

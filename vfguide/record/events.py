@@ -14,10 +14,12 @@ import io
 import math
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, Literal, get_args
+
+import msgspec
+from msgspec.structs import asdict
 
 from vfguide.regular_file import open_regular, whole_lines
 
@@ -42,8 +44,7 @@ LONGEST_FLIGHT_S = 1e7
 """An event of a record is no later than this."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightEvent:
+class FlightEvent(msgspec.Struct, frozen=True, kw_only=True):
     """Something that a companion said, or that happened to it."""
 
     time_s: float

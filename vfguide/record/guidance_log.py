@@ -10,9 +10,10 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from io import SEEK_END, TextIOWrapper
 from pathlib import Path
+
+import msgspec
 
 from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.regular_file import open_regular, whole_lines
@@ -55,8 +56,7 @@ NEWEST_BYTES = 8192
 """Length of a growing file's end that is read: some 40 steps, 2 s at 20 Hz."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuidanceStep:
+class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     """One step of guidance, or a change of the supervisor's mode."""
 
     time_s: float

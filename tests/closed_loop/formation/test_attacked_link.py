@@ -1,11 +1,12 @@
 """An attacker forges, replays and delays messages on the link: the formation flies as without the attack."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from msgspec.structs import replace
 
 import vfguide.lab.rehearsal.aircraft
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all

@@ -3,6 +3,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -68,7 +69,7 @@ def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left() 
 
 
 def test_a_companion_that_is_gone_is_offline_whatever_it_did_last() -> None:
-    gone = replace(presence(), status="offline")
+    gone = msgspec.structs.replace(presence(), status="offline")
     assert rows_of(("f1",), None, {"f1": gone})[0].mode == "offline"
 
 

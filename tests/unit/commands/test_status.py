@@ -1,9 +1,9 @@
 """What `vfguide status` makes of the presences: ready or not, in one line, and who has fallen silent."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.commands.freshness import Freshness, Seen
 from vfguide.commands.status import flies, readiness, status_json

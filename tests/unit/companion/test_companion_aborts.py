@@ -1,9 +1,9 @@
 """What calls everything off is flown at once, and nothing brings the formation back."""
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.companion.ordered_companions import (
     NAMES,

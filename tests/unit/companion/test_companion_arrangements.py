@@ -1,11 +1,11 @@
 """Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it."""
 
-from dataclasses import replace
 from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.unit.companion.ordered_companions import (
     NAMES,

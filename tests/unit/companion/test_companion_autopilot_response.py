@@ -1,10 +1,10 @@
 """A vehicle whose mission leaves its response to what its autopilot says of itself."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of

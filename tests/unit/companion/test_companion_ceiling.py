@@ -1,11 +1,11 @@
 """No companion flies, or agrees to fly, above the fence of its path."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.companion.ordered_companions import NAMES, Formation, MakePlan
 from vfguide.companion.mission_plan import flight_plan

@@ -1,10 +1,10 @@
 """The near future of a vehicle, against a vehicle that is stepped finely by the same kind of response."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
 from vfguide.companion.mission_plan import flight_plan

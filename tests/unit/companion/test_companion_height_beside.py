@@ -1,9 +1,8 @@
 """What height beside another vehicle is worth, and which way it is passed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vfguide.companion.height_beside import (
     HEIGHT_OFF_M,

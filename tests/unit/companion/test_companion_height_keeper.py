@@ -1,9 +1,9 @@
 """Speed goes before height where throttle or idle leave no energy for both."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.companion.calm_flight import state_in_calm_air
 from vfguide.companion.height_keeper import HeightKeeper

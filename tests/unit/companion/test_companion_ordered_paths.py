@@ -1,9 +1,9 @@
 """Orders to follow another path, and to lead: all know the same curve, and whom they follow."""
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.companion.ordered_companions import (
     NAMES,

@@ -2,11 +2,11 @@
 
 import cmath
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.companion.other_aircraft import (
     MOST_AIRCRAFT,

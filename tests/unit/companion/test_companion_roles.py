@@ -1,9 +1,9 @@
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan

@@ -1,9 +1,9 @@
 """Whether a vehicle slips, where its mission says `auto`: words, plans, and how they are flown by."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle

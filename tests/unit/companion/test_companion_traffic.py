@@ -1,12 +1,12 @@
 """Where a vehicle believes the others to be, and what it thinks that they may do."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.companion.plan import FlightPlan, OtherVehicle
 from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint

@@ -1,10 +1,10 @@
 """What the console draws on the ground, and which path it draws as the one that is flown."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.console.ground import describe_ground

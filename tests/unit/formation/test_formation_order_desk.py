@@ -10,6 +10,7 @@ from random import Random
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
@@ -157,7 +158,7 @@ def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(
     assert conclusion(refused) == [f"order {outcome.number}: NOT flown by all"]
     assert not refused.is_led_otherwise
     # The mission's leader is not there to answer, and is awaited only where it is to lead.
-    back = replace(outcome.arrangement, lead="leader")
+    back = msgspec.structs.replace(outcome.arrangement, lead="leader")
     assert desk.awaited_from(desk.formation(), back) - {"leader"} == set(FOLLOWERS)
     assert "leader" in desk.awaited_from(desk.formation(), back)
     assert "leader" not in desk.awaited_from(desk.formation(), outcome.arrangement)

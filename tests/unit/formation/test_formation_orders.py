@@ -1,8 +1,7 @@
 """What orders come to: one whole arrangement each, or a sentence why not."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of

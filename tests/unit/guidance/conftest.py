@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.settings import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource

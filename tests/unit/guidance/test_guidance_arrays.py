@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
 from itertools import product
 from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.unit.guidance.following import follower_step
 from vfguide.guidance.formation import Slot, SlotLimits
@@ -27,7 +28,7 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
 Choices = Callable[..., GuidanceSettings]
-Record = TypeVar("Record")
+Record = TypeVar("Record", bound=msgspec.Struct)
 COUNT, PERIOD = 120, 0.05
 PATHS: list[Path] = [
     Line(north=10.0, east=-20.0, course=2.0),
@@ -49,26 +50,26 @@ def element(batch: Record, index: int) -> Record:
     return replace(
         batch,
         **{
-            field.name: float(value[index])
-            for field in fields(batch)
-            if isinstance(value := getattr(batch, field.name), np.ndarray)
+            name: float(value[index])
+            for name in batch.__struct_fields__
+            if isinstance(value := getattr(batch, name), np.ndarray)
         },
     )
 
 
-def same(batch: object, index: int, single: object) -> None:
+def same(batch: object, index: int, single: msgspec.Struct) -> None:
     """Every number of a batch's member is the single one's."""
-    for field in fields(single):
-        many, one = getattr(batch, field.name), getattr(single, field.name)
+    for name in single.__struct_fields__:
+        many, one = getattr(batch, name), getattr(single, name)
         if one is None:
             assert many is None
-        elif hasattr(one, "__dataclass_fields__"):
+        elif isinstance(one, msgspec.Struct):
             same(many, index, one)
         elif isinstance(one, bool):
             assert bool(many[index]) is one
         else:
             here = many if isinstance(many, float) else many[index]
-            assert here == pytest.approx(one, rel=1e-12, abs=1e-12), field.name
+            assert here == pytest.approx(one, rel=1e-12, abs=1e-12), name
 
 
 def random_states(seed: int) -> VehicleState[Any]:
@@ -233,8 +234,8 @@ def all_finite(guidance: FollowerGuidance[float] | LeaderGuidance[float]) -> boo
     return all(
         math.isfinite(value)
         for part in (guidance, guidance.setpoint)
-        for field in fields(part)
-        if isinstance(value := getattr(part, field.name), float)
+        for name in part.__struct_fields__
+        if isinstance(value := getattr(part, name), float)
     )
 
 

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.guidance.following import follower_step
 from vfguide.guidance.formation import Slot, slot_motion

@@ -1,10 +1,10 @@
 """Gusts: the wind filter learns how gusty the air is, and what its rate is then good for."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, gusts_after, navigate

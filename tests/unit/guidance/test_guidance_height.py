@@ -1,12 +1,12 @@
 """Heights that the leader means, and followers count from."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.guidance.height import (
     ENOUGH,

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Protocol
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path

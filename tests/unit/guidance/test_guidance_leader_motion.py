@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.leader_motion import (

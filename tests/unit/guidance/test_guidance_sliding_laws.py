@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.sliding_laws import cruise_setpoint, heading_hold, setpoint_for

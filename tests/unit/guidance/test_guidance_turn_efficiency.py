@@ -1,11 +1,11 @@
 """How much a vehicle turns of what its bank says."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
 

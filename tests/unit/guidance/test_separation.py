@@ -2,10 +2,10 @@
 
 import cmath
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vfguide.guidance.predicted_tracks import (
     TIMES,

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -97,7 +98,7 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
     course, speed = answers(time_s, vehicle)
     assert "known well; the mission says 1.00" in answer_sentence(course)
     assert "the mission's 0.50 fits" not in answer_sentence(speed)
-    near = replace(AIRFRAME, alpha=0.8)
+    near = msgspec.structs.replace(AIRFRAME, alpha=0.8)
     fits, _ = answers(time_s, vehicle, near)
     assert "the mission's 0.80 fits" in answer_sentence(fits)
     lines = flown_profile([course, speed], {}).splitlines()

@@ -1,9 +1,9 @@
 """A leader state as it crosses the link."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.link.codec import LeaderMessage
 

@@ -2,11 +2,11 @@
 
 import struct
 import zlib
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
 from vfguide.link.codec import LinkDataError

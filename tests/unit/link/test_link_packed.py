@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (

@@ -1,10 +1,10 @@
 """Members that share a radio, in virtual time: what they hear, and what becomes of everything else."""
 
 from collections import Counter
-from dataclasses import replace
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from tests.unit.link.radio_crafts import (
     CHANNEL,

@@ -1,9 +1,9 @@
 """How an ArduPlane answers, by its own parameters."""
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.mavlink.ardupilot import arduplane_response
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds

@@ -1,12 +1,12 @@
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import astuple
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import astuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.codec import Codec

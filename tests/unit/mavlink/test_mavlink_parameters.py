@@ -1,12 +1,12 @@
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.ardupilot import NAMES, arduplane_faults, arduplane_warnings

@@ -1,11 +1,11 @@
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pymap3d.vincenty import vdist
 
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle

@@ -1,12 +1,12 @@
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import astuple, replace
 
 from vfguide.record.guidance_log import (
     HEADER,

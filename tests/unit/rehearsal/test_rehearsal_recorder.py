@@ -1,6 +1,7 @@
 import math
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 import sitl_stub
 from vfguide.companion.role import Snapshot
@@ -13,7 +14,7 @@ MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yam
 
 
 def truth(**values: float) -> sitl_stub.Truth:
-    numbers = dict.fromkeys(sitl_stub.Truth.__dataclass_fields__, 1.0) | {
+    numbers = dict.fromkeys(sitl_stub.Truth.__struct_fields__, 1.0) | {
         "latitude_deg": MISSION.origin.latitude_deg,
         "longitude_deg": MISSION.origin.longitude_deg,
     }

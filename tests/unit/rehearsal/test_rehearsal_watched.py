@@ -1,11 +1,11 @@
 import json
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import asdict
 
 import sitl_stub
 from vfguide.errors import InputError, VfguideError
@@ -20,7 +20,7 @@ NOWHERE = ("127.0.0.1", 1)
 def truth(time_s: float) -> sitl_stub.Truth:
     numbers = {
         name: 1.0
-        for name in sitl_stub.Truth.__dataclass_fields__
+        for name in sitl_stub.Truth.__struct_fields__
         if name not in {"mode", "armed", "time_s"}
     }
     return sitl_stub.Truth(**numbers, time_s=time_s, mode="GUIDED", armed=True)
@@ -44,7 +44,7 @@ def test_bytes_that_are_no_true_state_are_none(data: bytes) -> None:
         st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
         lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     ),
-    st.sampled_from(["system_id", *sitl_stub.Truth.__dataclass_fields__]),
+    st.sampled_from(["system_id", *sitl_stub.Truth.__struct_fields__]),
 )
 def test_a_field_of_any_kind_never_breaks_the_judge(value: object, name: str) -> None:
     content = json.loads(datagram(1, 0.0))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,14 +28,14 @@ from vfguide.record.flight import FlightRecord
 
 def event(time_s: float, text: str, **fields: object) -> FlightEvent:
     usual = FlightEvent(time_s=time_s, vehicle="f1", kind="order", text=text)
-    return replace(usual, **fields)  # type: ignore[arg-type]
+    return msgspec.structs.replace(usual, **fields)  # type: ignore[arg-type]
 
 
 def test_an_event_is_read_as_it_was_written_on_the_flights_time(tmp_path: Path) -> None:
     said = event(112.5, 'order 1 is refused: "f2, f3" say no', warning=True)
     path = tmp_path / "f1.events.csv"
     path.write_bytes(HEADER + encode_event(said, math.nan))
-    assert read_events("f1", path, zero_s=100.0) == [replace(said, time_s=12.5)]
+    assert read_events("f1", path, zero_s=100.0) == [msgspec.structs.replace(said, time_s=12.5)]
 
 
 def test_a_text_of_several_lines_is_one() -> None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from vfguide.companion.supervisor import Mode
@@ -104,7 +105,7 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
 def events_of(found: FlightRecordings, begin_s: float, lasts_s: float) -> tuple[FlightEvent, ...]:
     """What companions said during the flight, at times from its beginning."""
     events = [
-        replace(event, time_s=one.start.to_unix(event.time_s) + shift - begin_s)
+        msgspec.structs.replace(event, time_s=one.start.to_unix(event.time_s) + shift - begin_s)
         for one, shift in zip(found.recordings, found.shifts_s, strict=True)
         for event in one.events
     ]
@@ -238,7 +239,7 @@ def doings_at(
 def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
     """The steps of all starts of a vehicle on the common clock."""
     steps = [
-        replace(
+        msgspec.structs.replace(
             step,
             time_s=one.start.to_unix(step.time_s) + shift,
             lead_time_s=one.start.to_unix(step.lead_time_s) + shift,

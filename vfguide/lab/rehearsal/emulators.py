@@ -1,9 +1,9 @@
 """The emulated aircraft of a mission."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 import sitl_stub
 from vfguide.companion.mission_plan import local_frame

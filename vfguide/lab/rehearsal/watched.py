@@ -14,7 +14,7 @@ import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -36,7 +36,7 @@ from vfguide.record.guidance_series import age_series, lead_series, slot_series
 from vfguide.record.latency import Latency, latency_of
 from vfguide.state import Setpoint
 
-NUMBERS = frozenset(field.name for field in fields(sitl_stub.Truth)) - {"mode", "armed"}
+NUMBERS = frozenset(sitl_stub.Truth.__struct_fields__) - {"mode", "armed"}
 """Fields of a true state that are numbers."""
 
 AFTERWARDS_S = 60.0

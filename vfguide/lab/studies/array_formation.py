@@ -12,10 +12,10 @@ formation.
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.random import Generator
 
 from vfguide.companion.autopilot_clock import AutopilotClock
@@ -114,12 +114,12 @@ def one_of(state: One, place: tuple[int, ...]) -> One:
 def picked(state: One, pick: Callable[[FloatArray], float | FloatArray]) -> One:
     """A state of some of its vehicles: its arrays, and those of the states within it, by `pick`."""
     taken: dict[str, Any] = {}
-    for field in fields(state):
-        value = getattr(state, field.name)
+    for name in state.__struct_fields__:
+        value = getattr(state, name)
         if isinstance(value, np.ndarray):
-            taken[field.name] = pick(value)
+            taken[name] = pick(value)
         elif isinstance(value, Gusts):
-            taken[field.name] = picked(value, pick)
+            taken[name] = picked(value, pick)
     return replace(state, **taken)
 
 

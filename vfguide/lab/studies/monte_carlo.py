@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 from pydantic.fields import FieldInfo
@@ -359,7 +360,7 @@ def fly_misled(point: Point) -> Found:
     with np.errstate(over="ignore", invalid="ignore"):
         fly_formations(
             start_of(mission),
-            replace(conditions, plant=replace(believed, **really)),
+            replace(conditions, plant=msgspec.structs.replace(believed, **really)),
             watch,
             default_rng(1),
         )
