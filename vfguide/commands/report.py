@@ -223,7 +223,7 @@ def slips_of(mission: Mission, flight: "LoggedFlight") -> list["SlipAnswer"]:
             vehicle,
             guided(record, vehicle),
             flight_plan(mission, vehicle.name).airframe,
-            mission.vehicles[vehicle.name].slips,
+            mission.vehicles[vehicle.name].slips or "auto",
         )
         for vehicle in record.vehicles
     ]

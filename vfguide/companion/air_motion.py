@@ -102,6 +102,10 @@ class AirMotion:
         """Take a reported bank, rad, positive right."""
         self._bank, self._bank_time = bank, now
 
+    def fresh_bank(self, now: float) -> float | None:
+        """As reported, rad, positive right; None where none is fresh."""
+        return self._bank if now - self._bank_time <= AIR_DATA_FRESH_S else None
+
     def fresh_airspeed(self, now: float) -> float:
         """As reported, m/s; NaN where none is fresh."""
         return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan

@@ -451,7 +451,7 @@ class Companion:
         self, report: PositionReport, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
         """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
-        found = self._vehicle.find_slip(now, out)
+        found = self._vehicle.learn(now, out)
         if found is not None:
             self._housekeeping.retune(found)
         reboots = self._vehicle.own.reboots
@@ -549,7 +549,7 @@ class Companion:
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._vehicle.role.leader_age(now) < math.inf
         gone = gone or self._arrangements.flight.has_left
-        if gone or self._vehicle.steering.closed(now) or deaf or idle:
+        if gone or self._vehicle.is_given_up(now) or deaf or idle:
             return Wish.RETURN
         adapter = self._adapter
         ready = adapter.is_ready and (self._vehicle.is_ready or not adapter.streams_before_engaging)

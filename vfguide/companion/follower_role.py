@@ -14,6 +14,7 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import (
     FlightPlan,
     FollowerTask,
+    bandwidth_for,
     follower_law,
     late_laws,
 )
@@ -373,7 +374,7 @@ class FollowerRole(Role):
             wrap_angle(navigated.state.course - self._breakaway_course),
             0.0,
             sliding.kappa,
-            sliding.layer(navigated.period),
+            sliding.layer(navigated.period, bandwidth_for(plan).course),
         )
         return cruise_setpoint(
             navigated.state,

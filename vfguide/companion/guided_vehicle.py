@@ -3,18 +3,20 @@
 import math
 import struct
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.announcer import PlottedValues
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
+from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, RoleStep
 from vfguide.companion.roles import RoleMaker, role_of
-from vfguide.companion.slip_finder import SlipFinder
 from vfguide.companion.state_publisher import TargetSender
 from vfguide.companion.steering import Steering
+from vfguide.companion.strain_guard import StrainGuard, is_other
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.errors import described_error
@@ -59,7 +61,8 @@ class GuidedVehicle:
         self._clock = clock
         self._arrangements = arrangements
         self._fly_by(plan)
-        self._slip_finder = SlipFinder()
+        self._learner = ResponseLearner()
+        self._guard = StrainGuard()
         self._target_sender = TargetSender(plan) if sends_target else None
         self.plotted = PlottedValues()
         """What ground stations draw of the flight."""
@@ -99,17 +102,19 @@ class GuidedVehicle:
         self._arrangements.adopt(plan)
         self._fly_by(plan)
 
-    def find_slip(self, now: float, out: Outgoing) -> FlightPlan | None:
-        """Another plan, where banks and turns have shown another response than the one that is flown by.
+    def learn(self, now: float, out: Outgoing) -> FlightPlan | None:
+        """Return another plan, where the flight has shown another response than the one that is flown by.
 
-        What is known of the formation is kept, and the pilot hears whether the vehicle slips.
+        What is known of the formation is kept, and the pilot hears of it.
         """
-        own = self.own
-        words, plan = self._slip_finder.step(
+        own, softness = self.own, self._guard.softness
+        words, plan = self._learner.step(
             self.plan, own.air.turn_efficiency, now, bank_heard=own.air.bank_heard
         )
-        if words is not None:
-            out.warn(words, now)
+        for sentence in words:
+            out.warn(sentence, now)
+        if is_other(softness, self.plan.softness):
+            plan = replace(plan or self.plan, softness=softness)
         if plan is None:
             return None
         self.plan = plan
@@ -118,12 +123,17 @@ class GuidedVehicle:
             part.retune(plan)
         return plan
 
+    def is_given_up(self, now: float) -> bool:
+        """Return whether it is better off by its autopilot: nothing could be flown, or it is thrown about."""
+        return self.steering.closed(now) or self._guard.gives_up
+
     def step(
         self, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
     ) -> RoleStep | None:
         """One guidance step, which is shared with the formation; None where there is nothing to steer by."""
         self.wind = navigated.state.wind_north, navigated.state.wind_east
         self.altitude = navigated.place.altitude_amsl
+        self._learner.observe(self.plan, navigated, self.own.air.fresh_bank(now))
         if not navigated.steerable:
             out.share(self.role.step(navigated, Mode.WAITING))
             return None
@@ -157,11 +167,25 @@ class GuidedVehicle:
     ) -> list[MAVLink_message]:
         ceiling = self._arrangements.flight.ceiling
         setpoint = self.steering.check(step, now, ceiling=ceiling)
+        steers = mode.steers and self._authority.is_current(now)
         self.own.note_setpoint(setpoint if mode.steers else None, now)
+        self._learner.note(setpoint if steers else None, now)
+        if not steers:
+            self._guard.reset()
         if setpoint is None:
             return []
         self.is_ready = True
-        if mode.steers and self._authority.is_current(now):
+        if steers:
+            out.warn(
+                self._guard.watch(
+                    navigated.state,
+                    setpoint,
+                    self.plan.airframe,
+                    self.own.air.fresh_bank(now),
+                    in_place=mode is Mode.TRACKING,
+                ),
+                now,
+            )
             self._authority.note_steering()
             self.lyapunov = step.lyapunov
             out.steered = self.has_steered = True

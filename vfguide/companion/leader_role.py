@@ -55,7 +55,7 @@ class LeaderRole(Role):
         self._mission_task = self._task = task
         self._arrangements = arrangements
         self._report = report or StatePublisher(plan)
-        self._law, self._late_law = leader_laws(plan, task)
+        self._law = leader_law(plan, task)
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock)
         self._keep_clear = KeepClear(plan, self._traffic)
@@ -65,7 +65,7 @@ class LeaderRole(Role):
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle."""
         self._plan = plan
-        self._law, self._late_law = leader_laws(plan, self._mission_task)
+        self._law = leader_law(plan, self._mission_task)
         self._keep_clear.retune(plan)
 
     @property
@@ -85,7 +85,7 @@ class LeaderRole(Role):
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:
             setpoint = navigated.delay_compensator.course_setpoint(
-                lambda ahead: self._guidance(ahead, self._late_law, navigated.period).setpoint
+                lambda ahead: self._guidance(ahead, self._law, navigated.period).setpoint
             )
         self._memory = guidance.memory
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
@@ -235,10 +235,7 @@ class LeaderRole(Role):
         return 0.0
 
 
-def leader_laws(plan: FlightPlan, task: LeaderTask) -> tuple[LeaderLaw, LeaderLaw]:
-    """(law, the same by how late a course takes effect)."""
+def leader_law(plan: FlightPlan, task: LeaderTask) -> LeaderLaw:
+    """Return the law of a task, within what the vehicle bears."""
     law: type[LeaderLaw] = task.law
-    return (
-        law(task.gains, plan.settings, plan.airframe),
-        law(task.gains, course_settings(plan), plan.airframe),
-    )
+    return law(task.gains, course_settings(plan), plan.airframe)

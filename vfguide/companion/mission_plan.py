@@ -20,6 +20,7 @@ from vfguide.extras import require
 from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
+from vfguide.guidance.bandwidth import DECLARED, UNKNOWN, Certainty
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.navigation import FilterTimes
@@ -39,7 +40,7 @@ from vfguide.mission.model import Mission
 from vfguide.mission.orders import Slot as SlotOffset
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws, leader_laws
-from vfguide.state import Airframe
+from vfguide.state import Airframe, SpeedHold
 
 CREWED_M = 65.0
 """Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
@@ -80,11 +81,11 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         law=laws.find(mission.controller.type),
         gains=gains_of(mission.controller),
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
-        asks_response=vehicle.response == "auto",
+        asks_response=vehicle.asks_response,
+        certainty=certainty_of(vehicle),
         slips=may_slip(vehicle),
-        speed_hold=vehicle.speed_hold,
+        speed_hold=speed_hold_of(vehicle),
         finds_slip=finds_slip(vehicle),
-        hears_bank=finds_slip(vehicle),
         timeouts=timeouts_of(mission),
         engage_from=vehicle.engage_from,
         task=task,
@@ -194,7 +195,7 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         speed_dead_time=vehicle.speed_dead_time_s,
         speed_lag=vehicle.speed_lag_s,
         # One that slips is an ArduPlane, whose hold is one of the total energy too.
-        speed_hold="total-energy" if may_slip(vehicle) else vehicle.speed_hold,
+        speed_hold="total-energy" if may_slip(vehicle) else speed_hold_of(vehicle),
         height_delay=vehicle.height_delay_s,
         climb_max=vehicle.climb_range_m_s[1],
         sink_max=-vehicle.climb_range_m_s[0],
@@ -202,18 +203,35 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
 
 
 def may_slip(vehicle: MissionVehicle) -> bool:
-    """Whether it is taken for one that slips until more is known.
+    """Return whether it is taken for one that slips until more is known.
 
     What holds course and ground speed tells nothing of its turns through the air: `auto` means no there.
     """
-    if vehicle.slips == "auto":
-        return vehicle.plant == "heading-hold"
+    if vehicle.slips is None or vehicle.slips == "auto":
+        is_open = vehicle.slips == "auto" or not vehicle.declares_response
+        return is_open and vehicle.plant == "heading-hold"
     return vehicle.slips
 
 
 def finds_slip(vehicle: MissionVehicle) -> bool:
-    """Whether that is found out in flight."""
-    return may_slip(vehicle) and vehicle.slips == "auto"
+    """Return whether that is found out in flight."""
+    return vehicle.plant == "heading-hold" and vehicle.slips in {None, "auto"}
+
+
+def speed_hold_of(vehicle: MissionVehicle) -> SpeedHold:
+    """Return the kind of its speed hold; one of which nothing is known may swing as a total-energy hold."""
+    if vehicle.speed_hold is not None:
+        return vehicle.speed_hold
+    return "first-order" if vehicle.declares_response else "total-energy"
+
+
+def certainty_of(vehicle: MissionVehicle) -> Certainty:
+    """Return how well a mission knows a vehicle's response: what it declares, and what it leaves open."""
+    given = vehicle.model_fields_set
+    return Certainty(
+        course=DECLARED if "alpha_1_s" in given else UNKNOWN,
+        speed=DECLARED if "beta_1_s" in given else UNKNOWN,
+    )
 
 
 def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
@@ -328,7 +346,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         sliding=SlidingGains(
             kappa=chosen.kappa,
             epsilon=chosen.epsilon,
-            boundary_layer_factor=chosen.boundary_layer_factor,
+            boundary_layer_factor=chosen.layer_factor,
             loop_delay_s=chosen.loop_delay_s,
             rho=chosen.rho,
         ),

@@ -11,17 +11,24 @@ from msgspec.structs import replace
 
 from vfguide.companion.supervisor import Timeouts
 from vfguide.frames import LocalFrame
+from vfguide.guidance.bandwidth import (
+    AS_DECLARED,
+    DECLARED,
+    FIRM,
+    TOLD,
+    Bandwidth,
+    Certainty,
+    HoldCertainty,
+    Softness,
+    bandwidth_of,
+)
 from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.height_change import ClimbLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.path import Path
-from vfguide.guidance.settings import (
-    GuidanceSettings,
-    PathGains,
-    course_delay,
-    limit_bandwidth,
-)
+from vfguide.guidance.response import HoldResponse
+from vfguide.guidance.settings import GuidanceSettings, PathGains
 from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.parameters import AutopilotResponse
@@ -173,14 +180,20 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """How far above the leader it loiters once everything was called off, m."""
     loiter_room: float = math.inf
     """How far above the flying height the lowest may loiter then, all within the fence, m."""
-    hears_bank: bool = False
-    """Whether the autopilot is asked for its bank, which tells whether the vehicle slips."""
+    hears_bank: bool = True
+    """Whether the autopilot is asked for its bank, which tells how the vehicle takes up courses."""
+    learns: bool = True
+    """Whether what the flight shows of the response is flown by."""
     slip_found: bool = False
     """Whether flight has shown it."""
     creeping_hold: CreepingHold | None = None
     """How its airspeed hold creeps, where it does."""
     coordinated_alpha: float | None = None
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
+    certainty: Certainty = AS_DECLARED
+    """How well the response of the airframe is known."""
+    softness: Softness = FIRM
+    """Less than firm while a guard finds the vehicle strained."""
     climb_limits: ClimbLimits = msgspec.field(default_factory=ClimbLimits)
     """What every vehicle of the formation keeps up, as the mission declares it."""
     paths: Mapping[str, KnownPath] = msgspec.field(default_factory=dict)
@@ -244,12 +257,17 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         course_lag=airframe.course_lag or response.course_lag or 0.0,
         speed_hold=response.speed_hold or airframe.speed_hold,
     )
+    certainty = plan.certainty
     return replace(
         plan,
         airframe=flown,
         asks_response=False,
         creeping_hold=response.creeping_hold,
         coordinated_alpha=response.coordinated_alpha,
+        certainty=Certainty(
+            course=certainty.course if response.alpha is None else TOLD,
+            speed=certainty.speed if response.beta is None else TOLD,
+        ),
     )
 
 
@@ -264,24 +282,87 @@ def turning(plan: FlightPlan, efficiency: float, *, slips: bool) -> FlightPlan:
     return replace(plan, airframe=flown, slips=slips, slip_found=True)
 
 
-def follower_law(plan: FlightPlan) -> Law:
-    """A new object of the plan's law, for this vehicle."""
-    return plan.law(plan.gains, plan.settings, plan.airframe)
+def answering(
+    plan: FlightPlan,
+    *,
+    course: tuple[HoldResponse, float] | None,
+    speed: HoldResponse | None,
+) -> FlightPlan:
+    """Return the plan for a vehicle that answers as its flight has shown.
 
-
-def late_laws(plan: FlightPlan) -> tuple[Law, ...]:
-    """(law of the course, law of the speed), each by how late it takes effect; none where nothing is late."""
-    if plan.airframe.is_ideal:
-        return ()
-    period = 1.0 / plan.rate_hz
-    return (
-        follower_law(plan).for_late_course(slips=plan.slips, period=period),
-        follower_law(plan).for_late_speed(period=period),
+    Args:
+        plan: flown by until now.
+        course: (response by bank, share of the bank that it turns); None to keep what is flown.
+        speed: None to keep what is flown.
+    """
+    airframe, certainty = plan.airframe, plan.certainty
+    coordinated = plan.coordinated_alpha
+    if course is not None:
+        found, share = course
+        coordinated = found.gain
+        airframe = replace(
+            airframe,
+            alpha=share * found.gain,
+            course_dead_time=found.dead_time,
+            course_lag=found.lag,
+        )
+        certainty = replace(certainty, course=certainty_of(found))
+    if speed is not None:
+        # Setpoints without the measured speed suit every kind of hold.
+        airframe = replace(
+            airframe,
+            beta=speed.gain,
+            speed_dead_time=speed.dead_time,
+            speed_lag=speed.lag,
+            speed_hold="total-energy",
+        )
+        certainty = replace(certainty, speed=certainty_of(speed))
+    return replace(
+        plan,
+        airframe=airframe,
+        certainty=certainty,
+        coordinated_alpha=coordinated,
+        speed_hold=plan.speed_hold if speed is None else "total-energy",
     )
 
 
-def course_settings(plan: FlightPlan) -> GuidanceSettings:
-    """Settings of the leader's law for what goes out as a course, by how late that takes effect."""
+def certainty_of(found: HoldResponse) -> HoldCertainty:
+    """Return how well a response is known that was learned in flight."""
+    return HoldCertainty(
+        spread=max(found.spread, DECLARED.spread), late=max(found.latest - found.late, 0.0)
+    )
+
+
+def bandwidth_for(plan: FlightPlan) -> Bandwidth:
+    """Return what the aircraft of a plan bears, as well as its response is known."""
     sliding = plan.settings.sliding
-    delay = course_delay(sliding, plan.airframe, slips=plan.slips, period=1.0 / plan.rate_hz)
-    return replace(plan.settings, sliding=limit_bandwidth(sliding, delay))
+    return bandwidth_of(
+        plan.airframe,
+        plan.certainty,
+        slips=plan.slips,
+        period=1.0 / plan.rate_hz,
+        loop_delay=sliding.loop_delay_s,
+        factor=sliding.boundary_layer_factor,
+        softness=plan.softness,
+    )
+
+
+def follower_law(plan: FlightPlan) -> Law:
+    """Return a new object of the plan's law, within what its vehicle bears."""
+    return plan.law(plan.gains, plan.settings, plan.airframe).within(bandwidth_for(plan))
+
+
+def late_laws(plan: FlightPlan) -> tuple[Law, ...]:
+    """Return (law of the course, law of the speed) for a late autopilot; none where nothing is late."""
+    if plan.airframe.is_ideal:
+        return ()
+    law = follower_law(plan)
+    return law, law.for_speed()
+
+
+def course_settings(plan: FlightPlan) -> GuidanceSettings:
+    """Return the settings of the leader's law, within what its vehicle bears."""
+    bandwidth = bandwidth_for(plan).course
+    return replace(
+        plan.settings, sliding=replace(plan.settings.sliding, course_bandwidth=bandwidth)
+    )

@@ -4,15 +4,13 @@ The ground-speed observer serves where no ground speed is measured: the article'
 in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho chi~^2 / 2 +
 V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
 
-Bandwidth limits: each loop around another has to be slower than the one inside. The autopilot's dead time
-and lag are predicted away, but no prediction is perfect: the sliding laws are slowed with the delay, and
-the fields with them.
+How fast the laws may be around an autopilot that answers late, or is not well known, says `bandwidth.py`.
 """
 
+import math
 from typing import Literal
 
 import msgspec
-from msgspec.structs import replace
 
 from vfguide.elementwise import Number
 from vfguide.guidance.navigation import FilterTimes
@@ -82,33 +80,42 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
     """From measurement to the aircraft's response, beyond the sampling period, s."""
     rho: float
     """Weight of the Lyapunov function, s²."""
+    course_bandwidth: float = math.inf
+    """Greatest gain of the course law within its layer, 1/s."""
+    speed_bandwidth: float = math.inf
+    """Greatest gain of the speed law within its layer, 1/s."""
 
-    def layer(self, period: float) -> float:
-        """Boundary layer of a loop with this period in seconds."""
-        return self._layer(period, self.boundary_layer_factor)
+    def layer(self, period: float, bandwidth: float = math.inf) -> float:
+        """Boundary layer of a loop with this period in s, whose gain stays below a bandwidth in 1/s."""
+        return self._layer(period, self.boundary_layer_factor, bandwidth)
 
     def layer_in(
-        self, state: VehicleState[Number], airframe: Airframe, period: float
+        self,
+        state: VehicleState[Number],
+        airframe: Airframe,
+        period: float,
+        bandwidth: float = math.inf,
     ) -> Number | float:
         """The same in the air that a vehicle flies in: in gusts no wider than the sampled loop needs.
 
         Smooth setpoints, which a wider one buys, are worth nothing there; a quick answer is. An autopilot
         that answers late has no quicker one.
         """
-        wide = self.layer(period)
+        wide = self.layer(period, bandwidth)
         if not airframe.is_ideal:
             return wide
-        narrow = self._layer(period, min(self.boundary_layer_factor, GUSTS_FACTOR))
+        narrow = self._layer(period, min(self.boundary_layer_factor, GUSTS_FACTOR), bandwidth)
         return wide + state.gust_share * (narrow - wide)
 
-    def _layer(self, period: float, factor: float) -> float:
-        return boundary_layer(
+    def _layer(self, period: float, factor: float, bandwidth: float) -> float:
+        least = boundary_layer(
             self.kappa,
             self.epsilon,
             period=max(period, LEAST_PERIOD),
             delay=self.loop_delay_s,
             factor=factor,
         )
+        return max(least, self.kappa / bandwidth)
 
 
 class PathGains(msgspec.Struct, frozen=True, kw_only=True):
@@ -141,44 +148,3 @@ class GuidanceSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Let the leader change its airspeed where a slot would need one that its follower does not have."""
     slot_frame: SlotFrame = "leader"
     """What slots turn with; see `intended_motion`."""
-
-
-DELAY_SHARE = 0.2
-"""Of a delay that is predicted, what the sliding laws still count as one."""
-
-GREATEST_GAIN = 0.45
-"""1/s: of the course law of a vehicle that slips. On ArduPilot's simulated plane 0.7 and 0.25 of its field
-kept the yaw swinging at 0.9 Hz for ever."""
-
-
-def limit_bandwidth(sliding: SlidingGains, delay: float) -> SlidingGains:
-    """Gains for an autopilot that answers after a delay (s); the same ones where there is none."""
-    if delay <= 0.0:
-        return sliding
-    return replace(sliding, loop_delay_s=sliding.loop_delay_s + DELAY_SHARE * delay)
-
-
-def course_delay(sliding: SlidingGains, airframe: Airframe, *, slips: bool, period: float) -> float:
-    """What a course setpoint counts as late, s: dead time and lag; more for a vehicle that slips.
-
-    Args:
-        sliding: the mission's gains.
-        airframe: of the vehicle.
-        slips: whether its nose leaves the direction of flight in turns.
-        period: of the loop, s.
-    """
-    delay = airframe.course_dead_time + airframe.course_lag
-    if not slips or sliding.boundary_layer_factor <= 0.0:
-        return delay
-    missing = loop_delay_for(GREATEST_GAIN, sliding, period) - sliding.loop_delay_s
-    return max(delay, missing / DELAY_SHARE)
-
-
-def speed_delay(airframe: Airframe) -> float:
-    """What a speed setpoint counts as late, s: dead time and lag."""
-    return airframe.speed_dead_time + airframe.speed_lag
-
-
-def loop_delay_for(gain: float, sliding: SlidingGains, period: float) -> float:
-    """Loop delay (s) with which the sliding laws answer with this gain (1/s)."""
-    return 1.0 / (sliding.boundary_layer_factor * gain) - max(period, LEAST_PERIOD)

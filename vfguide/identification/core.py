@@ -202,7 +202,7 @@ class Identification:
         self._role = StepsRole(plan, repeats)
         self._companion = Companion(
             # It flies at the height at which it begins, by what the mission declares.
-            replace(plan, asks_response=False, lead=None, lowest=-math.inf, hears_bank=True),
+            replace(plan, asks_response=False, lead=None, lowest=-math.inf, learns=False),
             adapter,
             engage=engage,
             consent=consent,

@@ -6,6 +6,7 @@ motion is turned into setpoints through the wind triangle and within the vehicle
 function is logged.
 """
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any, ClassVar, Generic, Self
 import msgspec
 
 from vfguide.elementwise import BoolArray, Number, wrap_angle
+from vfguide.guidance.bandwidth import UNBOUNDED, Bandwidth
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -59,6 +61,8 @@ class View(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Since the step before and until the next, s."""
     held: bool | BoolArray = False
     """Whether something else was flown than the law asked for in the step before, as to keep clear."""
+    bandwidth: Bandwidth = UNBOUNDED
+    """How fast loops around this aircraft may be, 1/s: a law's gains are best kept below."""
 
 
 class DesiredMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
@@ -82,7 +86,7 @@ def approach(
     course_rate: Number | float = 0.0,
     acceleration: Number | float = 0.0,
 ) -> DesiredMotion[Number]:
-    """A motion toward a course and a ground speed, as fast as the vehicle's own holds approach them.
+    """Return a motion toward a course and a ground speed, as fast as the vehicle and its holds bear.
 
     Args:
         view: of the step.
@@ -97,8 +101,8 @@ def approach(
     return DesiredMotion(
         course=course,
         speed=speed,
-        course_rate=course_rate - airframe.alpha * course_error,
-        acceleration=acceleration - airframe.beta * speed_error,
+        course_rate=course_rate - min(airframe.alpha, view.bandwidth.course) * course_error,
+        acceleration=acceleration - min(airframe.beta, view.bandwidth.speed) * speed_error,
     )
 
 
@@ -127,6 +131,9 @@ class Law(ABC):
 
     libraries: ClassVar[tuple[str, ...]] = ()
     """Modules that it needs and that only an extra of vfguide installs: looked for before anything flies."""
+
+    bandwidth: Bandwidth = UNBOUNDED
+    """What the aircraft bears."""
 
     drawn: ClassVar[tuple[str, ...] | None] = None
     """Gains that Monte Carlo draws; all numbers among them if None."""
@@ -180,19 +187,20 @@ class Law(ABC):
         )
         return motion.course + turn, motion.speed + push
 
-    def for_late_course(self, *, slips: bool, period: float) -> Self:
-        """The law for an autopilot that answers courses late; delays are predicted away beside this.
+    def within(self, bandwidth: Bandwidth) -> Self:
+        """Return the law, slowed where its gains are more than the aircraft bears.
+
+        Delays are predicted away beside this. A law that is not slowed here finds the bounds in its view.
 
         Args:
-            slips: whether the vehicle's nose leaves the direction of flight in turns.
-            period: of the loop, s.
+            bandwidth: of the aircraft, by its response and how well that is known.
         """
-        del slips, period
-        return self
+        bounded = copy.copy(self)
+        bounded.bandwidth = bandwidth
+        return bounded
 
-    def for_late_speed(self, *, period: float) -> Self:
-        """The same for speeds."""
-        del period
+    def for_speed(self) -> Self:
+        """Return the law by which only the speed is asked for, of an autopilot that answers late."""
         return self
 
     @classmethod

@@ -5,22 +5,23 @@
 The article takes the leader's course and speed for the slot's, which leaves an error on every turn. Both are
 followed by the sliding-mode laws of course and speed.
 
-Each loop around another has to be slower than the one inside: for an autopilot that answers late the field
-is slowed with the laws beneath it. The setpoint V + (dV/dt)/beta of a law slower than the hold itself has the
-measured speed in it, and a hold that is not of first order (ArduPlane's answers at once by pitch, seconds
-later by throttle) rings on it. For a total-energy hold the speed law is made just so fast that the measured
-speed drops out.
+Field and laws are kept within what the aircraft bears (`bandwidth.py`). The setpoint V + (dV/dt)/beta of a
+law slower than the hold itself has the measured speed in it, and a hold that is not of first order
+(ArduPlane's answers at once by pitch, seconds later by throttle) rings on it. For a total-energy hold the
+speed law is made just so fast that the measured speed drops out.
 """
 
 import copy
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self
 
+import numpy as np
 from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import BoolArray, Number, like, wrap_angle
+from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -28,13 +29,6 @@ from vfguide.guidance.formation import (
     arc_tangent_field,
     article_motion,
     field_slope,
-)
-from vfguide.guidance.settings import (
-    SlidingGains,
-    course_delay,
-    limit_bandwidth,
-    loop_delay_for,
-    speed_delay,
 )
 from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
@@ -46,11 +40,6 @@ from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, Section, Switch
 from vfguide.state import LeaderState
-
-SomeField = TypeVar("SomeField", bound="SlotField")
-
-NESTING = 2.0
-"""How many times slower than the law inside it a field is."""
 
 
 class FieldGains(Section):
@@ -80,8 +69,9 @@ class FieldGains(Section):
 class SlotGains(FieldGains):
     """The dual field around the slot's own motion."""
 
-    integral_s: Duration = 0.0
-    """Time in which the field of type `slot` learns what keeps a follower off its slot, s; 0: never."""
+    integral_s: Duration | None = None
+    """Time in which the field of type `slot` learns what keeps a follower off its slot, s; 0: never. Absent:
+    as fast as the field bears it."""
 
 
 def field_motion(
@@ -112,14 +102,25 @@ class SlotField(Law):
     answers_course_error = True
     """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
 
+    chosen: FieldGains
+    """Gains as the mission has them, before the aircraft bounds them."""
+
     follows_drift = True
     """Whether the speed follows what gusts make of the leader's at once; an autopilot that answers late would
     follow a gust when it is over."""
 
     @property
     def integral_s(self) -> float:
-        """T: time in which a lasting error is update_offset, s; 0 learns nothing."""
-        return float(self.gains.integral_s)
+        """T: time in which a lasting error is learned, s; 0 learns nothing.
+
+        Where the mission chooses none it is 4 / s for the slower of both fields, a damping of 1.
+        """
+        gains = self.gains
+        if gains.integral_s is not None:
+            return float(gains.integral_s)
+        along = field_slope(gains.k_x, gains.v_inf_m_s)
+        across = field_slope(gains.k_y, gains.chi_inf) * self.airframe.cruise
+        return float(np.max(np.maximum(4.0 / along, 4.0 / across)))
 
     def start(self, view: View[Number]) -> Offset[Number]:
         """Nothing was learned yet."""
@@ -142,17 +143,22 @@ class SlotField(Law):
                 motion.course,
             )
             field = replace(field, speed=field.speed + drift)
-        layer = sliding.layer_in(state, self.airframe, view.period)
+        layers = [
+            sliding.layer_in(state, self.airframe, view.period, bandwidth)
+            for bandwidth in (sliding.course_bandwidth, sliding.speed_bandwidth)
+        ]
         course_rate = motion.turn_rate
         if self.answers_course_error:
             course_error = wrap_angle(state.course - field.course)
-            course_rate = sliding_course_rate(course_error, field.course_rate, sliding.kappa, layer)
+            course_rate = sliding_course_rate(
+                course_error, field.course_rate, sliding.kappa, layers[0]
+            )
         acceleration = sliding_acceleration(
             state.ground_speed - field.speed,
             aimed.along_track,
             field.acceleration,
             gain=sliding.kappa,
-            layer=layer,
+            layer=layers[1],
             rho=sliding.rho,
         )
         return replace(field, course_rate=course_rate, acceleration=acceleration), memory
@@ -179,45 +185,47 @@ class SlotField(Law):
         expected = field_motion(motion, error, self.gains)
         return expected.course, expected.speed
 
-    def for_late_course(self, *, slips: bool, period: float) -> Self:
-        """Slower by what a course setpoint is late."""
-        sliding = self.settings.sliding
-        delay = course_delay(sliding, self.airframe, slips=slips, period=period)
-        return self._slowed(delay, period=period)
+    def within(self, bandwidth: Bandwidth) -> Self:
+        """Return the law with its fields, and the laws beneath them, within a bandwidth."""
+        bounded = super().within(bandwidth)
+        bounded.settings = replace(
+            self.settings,
+            sliding=replace(
+                self.settings.sliding,
+                course_bandwidth=bandwidth.course,
+                speed_bandwidth=bandwidth.speed,
+            ),
+        )
+        bounded.chosen = self.gains
+        bounded.gains = bounded_field(
+            self.gains,
+            k_x=bandwidth.speed_field / field_slope(1.0, self.gains.v_inf_m_s),
+            k_y=bandwidth.course_field
+            / (field_slope(1.0, self.gains.chi_inf) * self.airframe.cruise),
+        )
+        bounded.follows_drift = self.airframe.is_ideal
+        return bounded
 
-    def for_late_speed(self, *, period: float) -> Self:
-        """Slower by what a speed setpoint is late; for a total-energy hold without the measured speed.
+    def for_speed(self) -> Self:
+        """Return the law for the speed of a late autopilot: of a total-energy hold without measured speed.
 
         With the gains g of the speed law and k of its field, 1 - (g + k)/beta of the measured speed is in
         V + (dV/dt)/beta; g = beta - k leaves nothing, and k is at most half of g. What the course swings
         about the field is then no reason either to change the airspeed.
         """
-        slow = self._slowed(speed_delay(self.airframe), period=period)
         sliding, beta = self.settings.sliding, self.airframe.beta
         if self.airframe.speed_hold == "first-order" or sliding.boundary_layer_factor <= 0.0:
-            return slow
+            return self
         slope = field_slope(1.0, self.gains.v_inf_m_s)
-        k_x = min(self.gains.k_x, beta / (1.0 + NESTING) / slope)
-        loop_delay_s = max(loop_delay_for(beta - slope * k_x, sliding, period), 0.0)
-        quiet = with_gains(
-            slow,
-            slower_field(slow.gains, k_x=k_x, k_y=slow.gains.k_y),
-            replace(slow.settings.sliding, loop_delay_s=loop_delay_s),
+        k_x = min(self.chosen.k_x, self.bandwidth.energy_field / slope)
+        quiet = copy.copy(self)
+        quiet.gains = self.gains.model_copy(update={"k_x": k_x})
+        quiet.settings = replace(
+            self.settings,
+            sliding=replace(sliding, loop_delay_s=0.0, speed_bandwidth=beta - slope * k_x),
         )
         quiet.answers_course_error = False
         return quiet
-
-    def _slowed(self, delay: float, *, period: float) -> Self:
-        """The law for setpoints that take effect after a delay (s); itself where there is none."""
-        if delay <= 0.0:
-            return self
-        sliding, gains = limit_bandwidth(self.settings.sliding, delay), self.gains
-        fastest = sliding.kappa / sliding.layer(period) / NESTING
-        k_x = min(gains.k_x, fastest / field_slope(1.0, gains.v_inf_m_s))
-        k_y = min(gains.k_y, fastest / (field_slope(1.0, gains.chi_inf) * self.airframe.cruise))
-        slowed = with_gains(self, slower_field(gains, k_x=k_x, k_y=k_y), sliding)
-        slowed.follows_drift = False
-        return slowed
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
@@ -248,20 +256,13 @@ class ArticleField(SlotField):
         return article_motion(leader, slot)
 
 
-def slower_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
-    """A slower field (gains in 1/m), its integral as much slower as the axis that was slowed most.
+def bounded_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
+    """Return a field no sharper than these gains (1/m), its integral as much slower as its slowest axis.
 
     The integral's damping is sqrt(s T) / 2, with the field's slope s in proportion to its gain.
     """
-    slower = max(gains.k_x / k_x, gains.k_y / k_y)
-    changes = {"k_x": k_x, "k_y": k_y}
-    if isinstance(gains, SlotGains):
+    slower = max(gains.k_x / k_x, gains.k_y / k_y, 1.0)
+    changes = {"k_x": min(gains.k_x, k_x), "k_y": min(gains.k_y, k_y)}
+    if isinstance(gains, SlotGains) and gains.integral_s is not None:
         changes["integral_s"] = gains.integral_s * slower
     return gains.model_copy(update=changes)
-
-
-def with_gains(field: SomeField, gains: FieldGains, sliding: SlidingGains) -> SomeField:
-    """The same law with other gains of its own, and of the laws beneath it."""
-    other = copy.copy(field)
-    other.gains, other.settings = gains, replace(field.settings, sliding=sliding)
-    return other

@@ -135,7 +135,7 @@ def integral_too_fast(
     With the law's answer g the loop is e'''/g + e'' + s e' + (s/T) e = 0, stable where T > 1/g (Routh); in a
     turn, where harmonics are learned beside the mean, T counts as so much shorter.
     """
-    if not isinstance(gains, SlotGains) or gains.integral_s == 0.0:
+    if not isinstance(gains, SlotGains) or not gains.integral_s:
         return
     location = ("controller", "integral_s")
     turn_rate = float(abs(conditions.turn_rate(mission.leader.airspeed_m_s)).max())

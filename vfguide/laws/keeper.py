@@ -99,6 +99,7 @@ class SlotKeeper(Generic[Number]):
             airframe=law.airframe,
             period=period,
             held=held,
+            bandwidth=law.bandwidth,
         )
         if not self._started or (held and law.forgets_when_held):
             self._memory, self._started = law.start(view), True

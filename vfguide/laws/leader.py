@@ -5,6 +5,7 @@ compensated for, the airspeed gives way to slots that need another, other vehicl
 course is turned into setpoints through the wind triangle and within the vehicle's limits.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, Generic
@@ -115,7 +116,12 @@ class LeaderLaw(ABC):
                 wrap_angle(view.state.course - course),
                 course_rate,
                 self.settings.sliding.kappa,
-                self.settings.sliding.layer_in(view.state, self.airframe, view.period),
+                self.settings.sliding.layer_in(
+                    view.state,
+                    self.airframe,
+                    view.period,
+                    self.settings.sliding.course_bandwidth,
+                ),
             ),
             ground_speed=view.state.ground_speed,
         )
@@ -129,7 +135,10 @@ class PathField(LeaderLaw):
         self, view: LeaderView[Number], memory: Number | None
     ) -> tuple[LeaderMotion[Number], Number]:
         """Along the field; the memory is V^_g, m/s, None before the first step."""
-        state, gains = view.state, (view.path_gains.gain, view.path_gains.approach_angle)
+        state, angle = view.state, view.path_gains.approach_angle
+        # No faster than the course law beneath it, even at the middle of the field.
+        steepest = self.settings.sliding.course_bandwidth / (2.0 / math.pi * angle * view.airspeed)
+        gains = (min(view.path_gains.gain, steepest), angle)
         course = desired_course(view.point, *gains)
         regressor = desired_course_rate_per_speed(view.point, state.course, *gains)
         ground_speed = state.ground_speed

@@ -18,7 +18,7 @@ each time from the solution before: Stellato et al., Mathematical Programming Co
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from pydantic import Field
 
 from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.guidance.airframe import GRAVITY, ground_speed_range
+from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.guidance.wind_triangle import resolve
@@ -278,6 +279,21 @@ class Mpc(Law):
     libraries = ("osqp", "scipy")
     drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
     _programme: Programme | None = None
+
+    def within(self, bandwidth: Bandwidth) -> Self:
+        """Return the law with accelerations so dear that it is no faster than the aircraft bears.
+
+        The regulator's poles lie at acceleration_weight ** (-1/4), 1/s.
+        """
+        bounded = super().within(bandwidth)
+        fastest = min(bandwidth.course, bandwidth.speed)
+        gains = self.gains
+        changes = {"acceleration_weight_s4": max(gains.acceleration_weight_s4, fastest**-4)}
+        if gains.acceleration_weight_s4 < fastest**-4:
+            changes["integral_s"] = gains.integral_s and max(gains.integral_s, 4.0 / fastest)
+            changes["horizon_s"] = min(max(gains.horizon_s, 3.0 / fastest), 20.0)
+        bounded.gains = gains.model_copy(update=changes)
+        return bounded
 
     def start(self, view: View[Any]) -> Offset[float]:
         """Nothing was learned of what keeps the follower off its slot."""

@@ -9,13 +9,14 @@ field's does (conditional integration: Astrom and Hagglund, Advanced PID Control
 """
 
 import math
-from typing import Annotated, Any, Generic
+from typing import Annotated, Any, Generic, Self
 
 import msgspec
 from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import BoolArray, Number, clip, low_pass, where
+from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.slot_integral import nearness
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.mission import quantity
@@ -116,6 +117,26 @@ def axis_step(
     return correction, AxisMemory(integral=clip(grown, -greatest, greatest), rate=rate)
 
 
+def slowed(
+    gains: tuple[float, float, float], *, hold: float, scale: float, bandwidth: float
+) -> tuple[float, float, float]:
+    """Return (P, I, D) of a loop that is no faster than a bandwidth.
+
+    Args:
+        gains: P, I and D as chosen.
+        hold: bandwidth of the hold, 1/s.
+        scale: what a unit of correction makes of the error's rate: m/s.
+        bandwidth: greatest natural frequency of the loop, 1/s.
+    """
+    proportional, integral, derivative = gains
+    frequency = math.sqrt(hold * scale * proportional)
+    if not frequency > bandwidth:
+        return gains
+    ratio = bandwidth / frequency
+    damped = max(ratio * (1.0 + scale * derivative) - 1.0, 0.0) / scale
+    return ratio**2 * proportional, ratio**3 * integral, damped
+
+
 @law("pid")
 class Pid(Law):
     """Two PID controllers.
@@ -132,6 +153,39 @@ class Pid(Law):
         "longitudinal_i_1_s2",
         "longitudinal_d",
     )
+
+    def within(self, bandwidth: Bandwidth) -> Self:
+        """Return both controllers slowed in time until neither is faster than the aircraft bears.
+
+        Around a hold of bandwidth a the loop is e'' + a (1 + c D) e' + a c P e = 0, with c = V for the course
+        and 1 for the speed. Slowed r times in time, P goes with r², I with r³ and 1 + c D with r.
+        """
+        bounded = super().within(bandwidth)
+        gains, airframe = self.gains, self.airframe
+        lateral = slowed(
+            (gains.lateral_p_rad_m, gains.lateral_i_rad_m_s, gains.lateral_d_rad_s_m),
+            hold=airframe.alpha,
+            scale=airframe.cruise,
+            bandwidth=bandwidth.course,
+        )
+        longitudinal = slowed(
+            (gains.longitudinal_p_1_s, gains.longitudinal_i_1_s2, gains.longitudinal_d),
+            hold=airframe.beta,
+            scale=1.0,
+            bandwidth=bandwidth.speed,
+        )
+        names = (
+            "lateral_p_rad_m",
+            "lateral_i_rad_m_s",
+            "lateral_d_rad_s_m",
+            "longitudinal_p_1_s",
+            "longitudinal_i_1_s2",
+            "longitudinal_d",
+        )
+        bounded.gains = gains.model_copy(
+            update=dict(zip(names, (*lateral, *longitudinal), strict=True))
+        )
+        return bounded
 
     def start(self, view: View[Number]) -> PidMemory[Number]:
         """Before the first step: empty integrals, and rates that need not settle."""

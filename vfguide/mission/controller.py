@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
+from vfguide.guidance.bandwidth import factor_of
 from vfguide.guidance.settings import SlotFrame
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Section, Switch
 from vfguide.registry import laws
@@ -46,6 +47,10 @@ class Controller(Section):
 
     type: str = USUAL_LAW
     """`slot`: field around the slot's motion; `article`: around the leader's; `pid`, `mpc`: baselines."""
+
+    sharpness: Annotated[NotNegative, Field(le=1.0)] = 0.5
+    """How quick the loops are, 0 to 1, within what each aircraft bears as well as its response is known: all
+    gains are upper bounds beside it."""
 
     kappa: Annotated[Gain, Field(le=100.0)] = 3.0
     """kappa of the article: rate at which course and speed errors are driven out, per hold bandwidth."""
@@ -93,6 +98,12 @@ class Controller(Section):
     slot_frame: SlotFrame = "path"
     """What slots turn with: `path`: the leader's course, as its path has it where that is shaken; `plan`: its
     path's course wherever it is on it, for autopilots whose courses are noisy; `leader`: as measured."""
+
+    @property
+    def layer_factor(self) -> float:
+        """Boundary layer over kappa times the delay: as chosen, or by `sharpness`."""
+        chosen = "boundary_layer_factor" in self.model_fields_set
+        return self.boundary_layer_factor if chosen else factor_of(self.sharpness)
 
     _gains_of_others: dict[str, Any] = PrivateAttr(default_factory=dict)
     """What the mission holds for other laws, as it is written there, for flights by one of them."""

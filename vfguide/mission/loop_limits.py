@@ -32,7 +32,7 @@ def effective_layer(controller: Controller, period: float) -> float:
         controller.epsilon,
         period=max(period, LEAST_PERIOD),
         delay=controller.loop_delay_s,
-        factor=controller.boundary_layer_factor,
+        factor=controller.layer_factor,
     )
 
 

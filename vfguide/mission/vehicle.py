@@ -96,23 +96,29 @@ class Vehicle(Section):
     speed_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
     """Time constant with which the acceleration then follows, s."""
 
-    speed_hold: SpeedHold = "first-order"
-    """How the speed hold answers. `total-energy`: by throttle and pitch, as ArduPlane's and PX4's TECS does,
+    speed_hold: SpeedHold | None = None
+    """How the speed hold answers; absent: as the autopilot says.
+
+    `total-energy`: by throttle and pitch, as ArduPlane's and PX4's TECS does,
     which swings where setpoints answer the measured speed at once; they follow the slot's speed instead, at
     most as fast as beta lets them."""
 
-    slips: Switch | Literal["auto"] = False
+    slips: Switch | Literal["auto"] | None = None
     """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
     does: wind and direction through the air are then found from the ground velocity, slowly. `auto`: flown as
-    one that does, until its banks and turns have shown in flight that it does not."""
+    one that does, until its banks and turns have shown in flight that it does not; absent: the same where
+    no response is declared, else flown as one that does not, until they have shown that it does."""
 
     may_stop: Switch = True
     """Whether it may come to a standstill in the air, as under a parachute or in a simulator that hangs.
     Followers of a leader that may keep clear of the place where it fell silent; one right behind leaves its
     slot for it."""
 
-    response: Literal["declared", "auto"] = "declared"
-    """`auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
+    response: Literal["declared", "auto"] | None = None
+    """Where its response is first taken from; flight corrects both. Absent: `declared` where alpha_1_s or
+    beta_1_s is given, else `auto`.
+
+    `auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
     TECS_TIME_CONST; PX4's NPFG_PERIOD, NPFG_DAMPING, FW_T_TAS_TC and FW_THR_*), limits the tighter of its own
     and these. What is declared counts until it has told, and where its parameters do not tell."""
 
@@ -129,6 +135,16 @@ class Vehicle(Section):
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
     """Fastest change of speed along the flight path, either way, m/s²."""
+
+    @property
+    def declares_response(self) -> bool:
+        """Whether the mission says how it answers."""
+        return not self.model_fields_set.isdisjoint({"alpha_1_s", "beta_1_s"})
+
+    @property
+    def asks_response(self) -> bool:
+        """Whether its autopilot is asked how it answers before it is steered."""
+        return self.response == "auto" or (self.response is None and not self.declares_response)
 
     @property
     def emulated_autopilot(self) -> str:

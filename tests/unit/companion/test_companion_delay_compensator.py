@@ -19,6 +19,7 @@ from vfguide.guidance.airframe import (
     propagate_inner,
     wanted_bank,
 )
+from vfguide.guidance.bandwidth import AS_DECLARED, Certainty, bandwidth_of
 from vfguide.laws.field import SlotField
 from vfguide.mission import load_mission
 from vfguide.state import Airframe, Setpoint, VehicleState
@@ -188,26 +189,48 @@ def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> 
     return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
 
 
-def law_gain(field: SlotField) -> float:
-    """How fast the laws beneath a field answer, 1/s."""
-    return field.settings.sliding.kappa / field.settings.sliding.layer(0.04)
+def within(field: SlotField, certainty: Certainty = AS_DECLARED, *, slips: bool) -> SlotField:
+    """The field, as slow as its aircraft bears it."""
+    sliding = field.settings.sliding
+    bandwidth = bandwidth_of(
+        field.airframe,
+        certainty,
+        slips=slips,
+        period=0.04,
+        loop_delay=sliding.loop_delay_s,
+        factor=sliding.boundary_layer_factor,
+    )
+    return field.within(bandwidth)
+
+
+def course_gain(field: SlotField) -> float:
+    """How fast the course law beneath a field answers, 1/s."""
+    sliding = field.settings.sliding
+    return sliding.kappa / sliding.layer(0.04, sliding.course_bandwidth)
+
+
+def speed_gain(field: SlotField) -> float:
+    """How fast the speed law beneath a field answers, 1/s."""
+    sliding = field.settings.sliding
+    return sliding.kappa / sliding.layer(0.04, sliding.speed_bandwidth)
 
 
 def test_without_a_delay_nothing_is_slowed() -> None:
     known = field_of()
-    assert known.for_late_course(slips=False, period=0.05) is known
-    assert known.for_late_speed(period=0.05) is known
+    bounded = within(known, slips=False)
+    assert bounded.gains == known.gains
+    assert (course_gain(bounded), speed_gain(bounded)) == (course_gain(known), speed_gain(known))
 
 
 def test_each_field_is_slower_than_the_law_inside_it() -> None:
-    known = field_of(course_dead_time=0.4, course_lag=0.2)
-    slowed = known.for_late_course(slips=False, period=0.04)
-    inside = law_gain(slowed)
+    known = field_of(course_dead_time=0.4, course_lag=0.2, speed_dead_time=0.6)
+    slowed = within(known, slips=False)
     share = 2.0 / math.pi
     lateral = 20.0 * share * slowed.gains.chi_inf * slowed.gains.k_y
-    assert lateral <= inside / 2.0 + 1e-9
-    assert share * slowed.gains.v_inf_m_s * slowed.gains.k_x <= inside / 2.0 + 1e-9
-    assert inside < law_gain(known)
+    assert lateral <= course_gain(slowed) / 2.0 + 1e-9
+    along = share * slowed.gains.v_inf_m_s * slowed.gains.k_x
+    assert along <= speed_gain(slowed) / 2.0 + 1e-9
+    assert course_gain(slowed) < course_gain(known)
 
 
 def test_a_long_memory_hardly_answers_to_a_swing() -> None:
@@ -267,10 +290,10 @@ def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
     known.settings = replace(
         known.settings, sliding=replace(known.settings.sliding, loop_delay_s=0.5)
     )
-    sent = known.for_late_speed(period=0.04)
+    sent = within(known, slips=False).for_speed()
     slope = 2.0 / math.pi * sent.gains.v_inf_m_s * sent.gains.k_x
     # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
-    assert 1.0 - (law_gain(sent) + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    assert 1.0 - (speed_gain(sent) + slope) / beta == pytest.approx(0.0, abs=1e-9)
     # No more than a third of beta, half of what is left to the law inside.
     assert sent.gains.k_x == pytest.approx(expected_k_x)
     assert not sent.answers_course_error
@@ -285,8 +308,8 @@ def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips(
 
 def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
     # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
-    slowed = field_of(course_dead_time=0.5).for_late_course(slips=True, period=0.04)
-    assert law_gain(slowed) == pytest.approx(0.45)
+    slowed = within(field_of(course_dead_time=0.5), slips=True)
+    assert course_gain(slowed) == pytest.approx(0.45)
     assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
 
 

@@ -65,8 +65,8 @@ def test_telemetry_is_asked_for_until_it_flows(flight: Make) -> None:
     flown = flight()
     flown.lose = frozenset({MESSAGE_INTERVAL})
     flown.run(5.5)
-    # Position, airspeed and four messages of its health, once a second, from the first heartbeat on.
-    assert flown.times(MESSAGE_INTERVAL) == [time for second in range(6) for time in [second] * 6]
+    # Position, airspeed, attitude and four messages of its health, each second from the first heartbeat on.
+    assert flown.times(MESSAGE_INTERVAL) == [time for second in range(6) for time in [second] * 7]
     flown.lose = frozenset()
     flown.run(20.0)
     assert flown.times(MESSAGE_INTERVAL)[-1] <= 7.0
@@ -88,7 +88,7 @@ def test_telemetry_is_asked_for_again_when_it_has_stopped(flight: Make) -> None:
     flown.run(10.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.run(20.0)
-    assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0] * 6
+    assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0] * 7
     assert flown.times(HEADING)[-1] > 19.5
 
 

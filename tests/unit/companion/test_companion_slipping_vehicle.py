@@ -52,7 +52,7 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicl
 
 
 def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan) -> None:
-    navigated, own, direction = after_laps(replace(plan(), slips=True), 3.0)
+    navigated, own, direction = after_laps(replace(plan(), slips=True, slip_found=True), 3.0)
     assert own.air.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
     state = navigated.state
     assert (state.wind_north, state.wind_east) == (

@@ -80,7 +80,7 @@ def test_a_little_behind_a_follower_speeds_up(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
     guidance = follower_step(
-        vehicle(-20.1, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
+        vehicle(-20.1, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
     )
     # V_inf (2/pi) atan(0.2 . 0.1) = 0.101846 m/s; layer 0.525: 3 . 0.101846/0.525 + 0.1/50 = 0.58398 m/s²,
     # and a lead of 1/0.8 + 0.05/2 = 1.275 s
@@ -95,7 +95,9 @@ def test_a_follower_that_closes_in_eases_off_as_the_field_does(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
     closing = vehicle(-20.5, 0.0, ground_speed=20.2)
-    guidance = follower_step(closing, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD)
+    guidance = follower_step(
+        closing, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
+    )
     # V~ = 0.2 - 5.09296 atan(0.1) = -0.307608; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
     # 3 . 0.307608/0.525 + 0.5/50 - 0.20170 = 1.56606 m/s²
     assert guidance.setpoint.speed == pytest.approx(20.2 + 1.56606 * 1.275, abs=1e-4)
@@ -131,7 +133,13 @@ def test_left_of_its_slot_a_follower_turns_right(
     leader: Leaders, vehicle: Vehicles, choices: Choices
 ) -> None:
     guidance = follower_step(
-        vehicle(-20.0, -0.5), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
+        vehicle(-20.0, -0.5),
+        leader(),
+        BEHIND,
+        choices(),
+        COURSE_HOLD,
+        period=PERIOD,
+        integral_s=0.0,
     )
     # chi_inf (2/pi) atan(0.2 . 0.5) = 0.5 . 0.09967 = 0.049834 rad; 3 . 0.049834/0.525 = 0.28477 rad/s
     assert guidance.course_error == pytest.approx(-0.04983, abs=1e-5)

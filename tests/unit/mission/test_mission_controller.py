@@ -24,7 +24,7 @@ def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field() -> None
         "chi_inf_deg": 45.0,
         "v_inf_m_s": 8.0,
         "rate_feedforward": True,
-        "integral_s": 0.0,
+        "integral_s": None,
     }
 
 

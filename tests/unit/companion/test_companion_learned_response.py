@@ -1,14 +1,14 @@
-"""Whether a vehicle slips, where its mission says `auto`: words, plans, and how they are flown by."""
+"""What flight shows of a response: whether the vehicle slips, how it answers, and the plans that follow."""
 
 from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
+from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.companion.plan import FlightPlan, flown_by, turning
-from vfguide.companion.slip_finder import SlipFinder
 from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import PositionReport
@@ -33,18 +33,17 @@ def known(value: float) -> TurnEfficiency:
 def test_until_it_is_known_it_is_flown_as_one_that_slips(finding: FlightPlan) -> None:
     assert finding.slips
     assert finding.airframe.speed_hold == "total-energy"
-    finder = SlipFinder()
-    assert finder.step(finding, TurnEfficiency(), 0.0, bank_heard=True) == (None, None)
+    learner = ResponseLearner()
+    assert learner.step(finding, TurnEfficiency(), 0.0, bank_heard=True) == ([], None)
 
 
 def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(
     finding: FlightPlan, plan: MakePlan
 ) -> None:
-    words, found = SlipFinder().step(finding, known(1.0), 0.0, bank_heard=True)
-    assert (
-        words
-        == "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
-    )
+    words, found = ResponseLearner().step(finding, known(1.0), 0.0, bank_heard=True)
+    assert words == [
+        "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
+    ]
     assert found is not None
     assert not found.slips
     assert found.airframe == plan().airframe
@@ -54,17 +53,17 @@ def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding: Flight
     told = AutopilotResponse(alpha=0.745, beta=0.5, coordinated_alpha=1.0)
     flown = flown_by(replace(finding, asks_response=True), told)
     assert flown.airframe.alpha == 0.745
-    finder = SlipFinder()
-    words, found = finder.step(flown, known(0.8), 0.0, bank_heard=True)
-    assert (
-        words == "it turns 0.80 of what its bank says: flown as a vehicle that slips; nothing to do"
-    )
+    learner = ResponseLearner()
+    words, found = learner.step(flown, known(0.8), 0.0, bank_heard=True)
+    assert words == [
+        "it turns 0.80 of what its bank says: flown as a vehicle that slips; nothing to do"
+    ]
     assert found is not None
     assert found.airframe.alpha == pytest.approx(0.8)
     # 0.01 more changes nothing, 0.03 more the alpha and no word.
-    assert finder.step(found, known(0.81), 1.0, bank_heard=True) == (None, None)
-    words, later = finder.step(found, known(0.83), 2.0, bank_heard=True)
-    assert words is None
+    assert learner.step(found, known(0.81), 1.0, bank_heard=True) == ([], None)
+    words, later = learner.step(found, known(0.83), 2.0, bank_heard=True)
+    assert words == []
     assert later is not None
     assert later.airframe.alpha == pytest.approx(0.83)
 
@@ -75,19 +74,22 @@ def test_an_alpha_that_is_declared_stays(finding: FlightPlan) -> None:
 
 def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding: FlightPlan) -> None:
     asking = replace(finding, asks_response=True)
-    assert SlipFinder().step(asking, known(1.0), 0.0, bank_heard=True) == (None, None)
+    assert ResponseLearner().step(asking, known(1.0), 0.0, bank_heard=True) == ([], None)
 
 
 def test_a_mission_that_says_it_is_believed(plan: MakePlan) -> None:
-    assert SlipFinder().step(plan(), known(0.7), 0.0, bank_heard=True) == (None, None)
+    assert ResponseLearner().step(
+        replace(plan(), finds_slip=False), known(0.7), 0.0, bank_heard=True
+    ) == ([], None)
 
 
 def test_without_a_bank_the_pilot_hears_so_once(finding: FlightPlan) -> None:
-    finder = SlipFinder()
+    learner = ResponseLearner()
     told = [
-        finder.step(finding, TurnEfficiency(), float(now), bank_heard=False)[0] for now in range(60)
+        learner.step(finding, TurnEfficiency(), float(now), bank_heard=False)[0]
+        for now in range(60)
     ]
-    assert [now for now, words in enumerate(told) if words is not None] == [20]
+    assert [now for now, words in enumerate(told) if words] == [20]
     assert "no ATTITUDE is heard" in str(told[20])
 
 

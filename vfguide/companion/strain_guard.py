@@ -1,0 +1,269 @@
+"""A guard that needs no model: an aircraft is never thrashed, whatever was believed of its response.
+
+An aircraft is strained while, over some seconds, its setpoints throw it from side to side: the turn or the
+acceleration that is asked for changes its side again and again while it is great, or its bank swings without
+end. Then everything is flown more softly at once, the pilot hears it once, and quickness comes back slowly.
+What softness does not end within `PATIENCE_S` is handed back to the autopilot.
+"""
+
+import math
+from collections import deque
+from itertools import pairwise
+
+import msgspec
+
+from vfguide.elementwise import low_pass
+from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.bandwidth import Softness
+from vfguide.state import Airframe, Setpoint, VehicleState
+
+WINDOW_S = 5.0
+"""Setpoints and banks are looked at over so long, s."""
+
+JOINING_S = 10.0
+"""After engaging, or arriving, an aircraft comes onto its slot as hard as it can, s."""
+
+AT_LIMIT = 0.95
+"""Share of a limit that counts as being there."""
+
+LIMIT_SHARE = 0.2
+"""Share of the window at a limit that strains a vehicle in its place."""
+
+GREAT_COURSE = 0.5
+"""Share of the greatest turn rate from which a turn that is asked for counts as great."""
+
+GREAT_SPEED = 0.5
+"""The same of the greatest acceleration."""
+
+SMOOTHED_S = 0.3
+"""Time constant on all three, s: what is shorter moves no aircraft."""
+
+SIDES = 3
+"""Changes of side from great to great within the window that strain."""
+
+SWING = math.radians(75.0)
+"""rad over the window: to and fro of the bank beyond one roll into a turn and out of it again."""
+
+SOFTER = 0.5
+"""Factor on the bandwidth at each step of the guard."""
+
+SOFTEST = 0.2
+"""Softness below which nothing is gained."""
+
+AGAIN_S = 2.5
+"""What softness does is seen after so long, s."""
+
+RECOVERY_S = 60.0
+"""Time constant with which quickness comes back, s."""
+
+PATIENCE_S = 15.0
+"""Strain that lasts longer although everything is soft is handed back, s."""
+
+STEP = 1.1
+"""Factor by which softness has changed before it is flown by anew."""
+
+SOFTENED = (
+    "the setpoints throw the aircraft from side to side: flown more softly; its response is another than"
+    " was said, it is being learned"
+)
+"""What the pilot hears once."""
+
+HANDED_BACK = (
+    "flown as softly as can be it is still thrown from side to side: handed back; take over, and see how it"
+    " answers by `vfguide identify`"
+)
+"""What the pilot hears when nothing helps."""
+
+
+class Moment(msgspec.Struct, frozen=True, kw_only=True):
+    """What was asked for and flown at one moment."""
+
+    time_s: float
+    """s."""
+    turn: float
+    """Turn rate that is asked for, in parts of the greatest; -1 to 1."""
+    push: float
+    """Acceleration that is asked for, in parts of the greatest; -1 to 1."""
+    bank: float
+    """rad; NaN where none is heard."""
+    turn_limited: bool
+    """Whether the vehicle is in place, and its greatest turn is asked for."""
+    push_limited: bool
+    """Whether the vehicle is in place, and its greatest acceleration or a bound of its speed is asked for."""
+
+
+class AxisGuard:
+    """Watches what is asked of one axis: turns or accelerations, in parts of the greatest."""
+
+    def __init__(self) -> None:
+        """Have seen nothing yet."""
+        self.softness = 1.0
+        """Factor on the bandwidth of this axis."""
+        self._softened_s = self._strained_s = -math.inf
+        self._since: float | None = None
+
+    def reset(self) -> None:
+        """The vehicle is not steered: nothing is asked of it."""
+        self._since = None
+
+    def judge(self, now: float, period: float, *, is_strained: bool, is_thrown: bool) -> bool:
+        """Soften where the last step has had its time; return whether nothing helps any more.
+
+        Args:
+            now: s.
+            period: since the call before, s.
+            is_strained: whether there is strain at all.
+            is_thrown: whether it is such that the aircraft is better off by its autopilot.
+        """
+        if not is_strained:
+            self.softness = min(self.softness * math.exp(period / RECOVERY_S), 1.0)
+            if now - self._strained_s > WINDOW_S:
+                self._since = None
+            return False
+        self._strained_s = now
+        if is_thrown and self._since is None:
+            self._since = now
+        if now - self._softened_s >= AGAIN_S:
+            self._softened_s = now
+            self.softness = max(SOFTER * self.softness, SOFTEST)
+        lasts = self._since is not None and now - self._since > PATIENCE_S
+        return is_thrown and lasts and self.softness <= SOFTEST
+
+
+class StrainGuard:
+    """Watches the setpoints of one vehicle while it is steered."""
+
+    def __init__(self) -> None:
+        """Have seen nothing yet."""
+        self.gives_up = False
+        """Whether nothing has helped, so that the vehicle is to be handed back."""
+        self._course, self._speed = AxisGuard(), AxisGuard()
+        self._moments: deque[Moment] = deque()
+        self._begun_s: float | None = None
+        self._placed_s: float | None = None
+        self._said = False
+
+    @property
+    def softness(self) -> Softness:
+        """Factors on the bandwidth of everything that is flown."""
+        return Softness(course=self._course.softness, speed=self._speed.softness)
+
+    def reset(self) -> None:
+        """The vehicle is not steered: nothing is asked of it."""
+        self._moments.clear()
+        self._course.reset()
+        self._speed.reset()
+        self._begun_s = self._placed_s = None
+        self.gives_up = False
+
+    def watch(
+        self,
+        state: VehicleState[float],
+        setpoint: Setpoint[float],
+        airframe: Airframe,
+        bank: float | None,
+        *,
+        in_place: bool,
+    ) -> str | None:
+        """Take a setpoint that goes out; return a sentence for the pilot, or None.
+
+        Args:
+            state: of the vehicle.
+            setpoint: checked, within its limits.
+            airframe: by which it is flown.
+            bank: rad; None where none is heard.
+            in_place: whether the vehicle is on its slot, or path: there nothing asks for a limit for long.
+        """
+        now = state.time_s
+        if not in_place or self._placed_s is None:
+            self._placed_s = now
+        placed = now - self._placed_s >= JOINING_S
+        if self._moments and not 0.0 <= now - self._moments[-1].time_s <= WINDOW_S:
+            self._moments.clear()
+        greatest = bank_limited_turn_rate(airframe.max_bank, max(state.airspeed, 1.0))
+        course_error = math.remainder(setpoint.course - state.course, math.tau)
+        held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
+        turn = airframe.alpha * course_error / greatest
+        push = airframe.beta * (setpoint.speed - held) / airframe.max_acceleration
+        asked = Moment(
+            time_s=now,
+            turn=min(max(turn, -1.0), 1.0),
+            push=min(max(push, -1.0), 1.0),
+            bank=math.nan if bank is None else bank,
+            turn_limited=placed and abs(turn) >= AT_LIMIT,
+            push_limited=placed and bool(setpoint.limited) and abs(turn) < AT_LIMIT,
+        )
+        self._moments.append(smoothed(self._moments[-1], asked) if self._moments else asked)
+        while now - self._moments[0].time_s > WINDOW_S:
+            self._moments.popleft()
+        if self._begun_s is None:
+            self._begun_s = now
+        return None if now - self._begun_s < JOINING_S else self._judge(now)
+
+    def _judge(self, now: float) -> str | None:
+        """Soften what is strained; return a sentence for the pilot, or None."""
+        moments = list(self._moments)
+        period = now - moments[-2].time_s if len(moments) > 1 else 0.0
+        swings = swing([one.bank for one in moments if not math.isnan(one.bank)]) > SWING
+        turned = swings or is_thrown([one.turn for one in moments], GREAT_COURSE)
+        pushed = is_thrown([one.push for one in moments], GREAT_SPEED)
+        turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
+        push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
+        lost = self._course.judge(now, period, is_strained=turned or turn_limited, is_thrown=turned)
+        lost |= self._speed.judge(now, period, is_strained=pushed or push_limited, is_thrown=pushed)
+        if lost:
+            said, self.gives_up = self.gives_up, True
+            return None if said else HANDED_BACK
+        if turned or pushed:
+            said, self._said = self._said, True
+            return None if said else SOFTENED
+        return None
+
+
+def is_other(softness: Softness, flown: Softness) -> bool:
+    """Return whether a softness is worth flying by in place of another."""
+    pairs = ((softness.course, flown.course), (softness.speed, flown.speed))
+    return any(
+        max(new / old, old / new) >= STEP or (new == 1.0 and old < 1.0) for new, old in pairs
+    )
+
+
+def smoothed(before: Moment, asked: Moment) -> Moment:
+    """Return a moment after the low-pass."""
+    period = asked.time_s - before.time_s
+    bank = before.bank
+    if not math.isnan(asked.bank):
+        bank = asked.bank if math.isnan(bank) else low_pass(bank, asked.bank, period, SMOOTHED_S)
+    return Moment(
+        time_s=asked.time_s,
+        turn=low_pass(before.turn, asked.turn, period, SMOOTHED_S),
+        push=low_pass(before.push, asked.push, period, SMOOTHED_S),
+        bank=bank,
+        turn_limited=asked.turn_limited,
+        push_limited=asked.push_limited,
+    )
+
+
+def is_thrown(asked: list[float], great: float) -> bool:
+    """Return whether what is asked for changes its side again and again while it is great.
+
+    Args:
+        asked: turns or accelerations over the window, in parts of the greatest.
+        great: share from which one counts.
+    """
+    side, changes = 0.0, 0
+    for value in asked:
+        if abs(value) < great:
+            continue
+        if side * value < 0.0:
+            changes += 1
+        side = value
+    return changes >= SIDES
+
+
+def swing(banks: list[float]) -> float:
+    """Return how far a bank goes to and fro beyond twice its range, rad."""
+    if len(banks) < 2:
+        return 0.0
+    way = sum(abs(after - before) for before, after in pairwise(banks))
+    return way - 2.0 * (max(banks) - min(banks))
