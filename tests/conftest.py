@@ -56,6 +56,8 @@ FLYING = (
     "unit/identification",
     "unit/bench",
     "unit/autopilots/test_recorded_answers.py",
+    "unit/autopilots/test_recorded_flights.py",
+    "unit/autopilots/test_recorded_responses.py",
     "unit/basics/test_api_pages.py",
     "unit/formation/test_formation_order_desk.py",
     "unit/guidance/test_guidance_racetrack.py",

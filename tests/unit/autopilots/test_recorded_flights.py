@@ -1,0 +1,63 @@
+"""What is told of flights with real autopilots by the telemetry logs that their companions wrote."""
+
+import lzma
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.autopilots.answers import RECORDINGS
+from vfguide.commands.report import answers_of, slips_of
+from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
+from vfguide.lab.report.geometry import slot_error
+from vfguide.mission import Mission, load_mission
+
+JOINED_S = 101.5
+"""The second half of both flights: all were in their places."""
+
+
+def flight_of(name: str, vehicles: list[str], directory: Path) -> tuple[Mission, LoggedFlight]:
+    """A recorded flight by some of its telemetry logs."""
+    place = RECORDINGS / "flights" / name
+    mission = load_mission(place / "mission.yaml")
+    logs = []
+    for vehicle in vehicles:
+        path = directory / f"{vehicle}.tlog"
+        path.write_bytes(lzma.decompress((place / f"{vehicle}.tlog.xz").read_bytes()))
+        logs += read_log(path, mission)
+    return mission, logged_flight(mission, logs)
+
+
+@pytest.mark.parametrize(
+    ("name", "mean_m", "p95_m"), [("arduplane-circle", 0.20, 0.43), ("px4-line", 0.54, 1.25)]
+)
+def test_a_recorded_follower_kept_its_slot_as_well_as_was_told(
+    name: str, mean_m: float, p95_m: float, tmp_path: Path
+) -> None:
+    # By the autopilots' own estimates. In truth it were 0.19 m on the circle; EKF2 is off by decimetres.
+    _, flight = flight_of(name, ["leader", "f1"], tmp_path)
+    record = flight.record
+    leader, follower = record.vehicles
+    distance_m = slot_error(leader, follower).distance_m[record.time_s >= JOINED_S]
+    assert np.nanmean(distance_m) == pytest.approx(mean_m, abs=0.01)
+    assert np.nanpercentile(distance_m, 95.0) == pytest.approx(p95_m, abs=0.02)
+
+
+def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path: Path) -> None:
+    # Long steps show 0.72 1/s with GUIDED_P 12000, steady turns 0.78 to 0.84.
+    mission, flight = flight_of("arduplane-circle", ["leader"], tmp_path)
+    course, speed = answers_of(mission, flight)
+    assert course.good
+    assert course.response is not None
+    assert 0.72 <= course.response.bandwidth.value <= 0.84
+    assert course.response.bandwidth.half_width <= 0.14
+    assert 0.05 <= course.response.dead_time.value <= 0.2
+    # TECS is no hold of first order, and the circle hardly asked for other speeds.
+    assert speed.response is None
+
+
+def test_a_recorded_px4_turns_as_its_bank_says(tmp_path: Path) -> None:
+    mission, flight = flight_of("px4-line", ["leader", "f1"], tmp_path)
+    for told in slips_of(mission, flight):
+        assert told.slip is not None
+        assert told.slip.efficiency.value == pytest.approx(1.0, abs=0.05)
