@@ -449,10 +449,7 @@ def judge(flight: UntunedFlight) -> Judged:
 def judged(flight: UntunedFlight, record: FlightRecord) -> Judged:
     """Judge what was flown."""
     summary, window = summarise(record), in_window(record)
-    rolls = {
-        one.name: or_nan(roll_rate_rms(record.time_s[window], one.bank_rad[window]))
-        for one in record.vehicles
-    }
+    rolls = {name: or_nan(one.roll_rate_rad_s) for name, one in summary.vehicles.items()}
     steered = {"joining", "tracking", "predicting"}
     settled = summary.formation.settle_10m_s
     errors = [slot_error(record.reference, one).distance_m[window] for one in record.followers]

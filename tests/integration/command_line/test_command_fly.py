@@ -26,6 +26,27 @@ def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(
     assert "is above 0.0001 m" in outcome.out
 
 
+def test_followers_that_do_not_come_to_their_slots_are_no_success_of_a_mission_that_asks_for_nothing(
+    command: Make, pair_with: Make, tmp_path: Path
+) -> None:
+    """The aircraft answers a tenth as fast as it is declared, and starts far away."""
+    mission = pair_with()
+    out = tmp_path / "out"
+    outcome = command(
+        "fly",
+        mission,
+        *("--duration", 12, "--out", out),
+        *("--set", "acceptance={}", "--set", "rehearsal.emulator.vehicles.wing.alpha_1_s=0.02"),
+        *("--set", "rehearsal.start.wing={forward_m: -60, right_m: -60, course_deg: 180}"),
+    )
+    assert outcome.status == 1
+    assert "Not accepted" in outcome.out
+    assert "m from its slot in the last half" in outcome.out
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "m from its slot in the last half" in page
+    assert "Not accepted" in page
+
+
 def test_a_leader_alone_is_flown_and_accepted(command: Make, alone_with: Make) -> None:
     outcome = command("fly", alone_with(), "--duration", 10)
     assert outcome.status == 0

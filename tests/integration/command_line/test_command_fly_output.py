@@ -54,6 +54,10 @@ SUMMARY = {
             "cross_track_error_m": SPREAD,
             "height_error_m": SPREAD,
             "limited_fraction": NUMBER,
+            "bank_limited_fraction": NUMBER,
+            "speed_limited_fraction": NUMBER,
+            "roll_rate_rad_s": NUMBER,
+            "speed_setpoint_variation_m_s2": NUMBER,
         },
     },
 }

@@ -23,7 +23,7 @@ from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import FollowerSummary
 from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, VehicleRecord
 from vfguide.record.latency import Latency, Percentiles, Promptness
-from vfguide.record.vehicle import SLOT_SERIES
+from vfguide.record.vehicle import SLOT_SERIES, FlightLimits
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -345,7 +345,89 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecor
     )
     assert summarise(record).rejections == (
         "a follower was still 10 m or more from its slot at the end",
+        "f1 was 40 m from its slot in the last half",
     )
+
+
+@pytest.mark.parametrize(
+    ("acceptance", "away_m", "accepted"),
+    [
+        (Acceptance(), 9.0, True),
+        (Acceptance(), 30.0, False),
+        (Acceptance(min_separation_m=5.0, settle_1m_s=None), 30.0, False),
+        # Who wants no more than that has said so.
+        (Acceptance(mean_error_m=40.0), 30.0, True),
+        (Acceptance(max_error_m=40.0), 30.0, True),
+        (Acceptance(mean_error_m=20.0), 30.0, False),
+    ],
+)
+def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by_any_mission(
+    stepped_flight: FlightRecord, acceptance: Acceptance, away_m: float, accepted: bool
+) -> None:
+    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -20.0 - away_m))
+    vehicles = (stepped_flight.leader, away)
+    summary = summarise(replace(stepped_flight, vehicles=vehicles, acceptance=acceptance))
+    assert summary.accepted == accepted
+    if not accepted:
+        assert summary.rejections[-1] == "f1 was 30 m from its slot in the last half"
+
+
+@pytest.mark.parametrize(
+    ("gone_s", "reasons"), [(3.0, ()), (8.0, ("f1 was 30 m from its slot in the last half",))]
+)
+def test_a_follower_that_was_ordered_out_is_not_asked_to_be_in_a_slot(
+    stepped_flight: FlightRecord, gone_s: float, reasons: tuple[str, ...]
+) -> None:
+    slots = {
+        name: np.where(gone_s <= TIME, math.nan, value)
+        for name, value in zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
+    }
+    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -50.0), **slots)
+    vehicles = (stepped_flight.leader, away)
+    summary = summarise(
+        replace(stepped_flight, vehicles=vehicles, acceptance=Acceptance(min_separation_m=0.0))
+    )
+    assert summary.rejections == reasons
+
+
+def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(
+    stepped_flight: FlightRecord,
+) -> None:
+    """Six samples from 5 s on: bank 0, 4, 0, 4, 44.5, 45 degrees; speeds 20, 12, 32, 20, 20, 20 m/s."""
+    leader, follower = stepped_flight.vehicles
+    banks = np.radians([0, 0, 0, 0, 0, 0.0, 4.0, 0.0, 4.0, 44.5, 45.0])
+    speeds = np.array([12.0] * 5 + [20.0, 12.0, 32.0, 20.0, 20.0, 20.0])
+    limits = FlightLimits(
+        least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0
+    )
+    flown = replace(follower, bank_rad=banks, airspeed_setpoint_m_s=speeds, limits=limits)
+    own = summarise(replace(stepped_flight, vehicles=(leader, flown))).vehicles["f1"]
+    steps_deg = (4.0, 4.0, 4.0, 40.5, 0.5)
+    rms = math.radians(math.sqrt(sum(step**2 for step in steps_deg) / 5.0))
+    assert own.roll_rate_rad_s == pytest.approx(rms)
+    assert own.speed_setpoint_variation_m_s2 == pytest.approx((8.0 + 20.0 + 12.0) / 5.0)
+    assert own.bank_limited_fraction == pytest.approx(2 / 6)
+    assert own.speed_limited_fraction == pytest.approx(2 / 6)
+
+
+def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(
+    stepped_flight: FlightRecord,
+) -> None:
+    leader, follower = stepped_flight.vehicles
+    limits = FlightLimits(
+        least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0
+    )
+    unknown = np.full_like(TIME, math.nan)
+    silent = replace(follower, limits=limits, airspeed_setpoint_m_s=unknown, bank_rad=unknown)
+    summary = summarise(replace(stepped_flight, vehicles=(leader, silent)))
+    lead, own = summary.vehicles["leader"], summary.vehicles["f1"]
+    assert (lead.bank_limited_fraction, lead.speed_limited_fraction) == (None, None)
+    assert (own.bank_limited_fraction, own.speed_limited_fraction) == (None, None)
+    assert own.roll_rate_rad_s is None
+    # Ground speeds are what such a vehicle is told.
+    ground = replace(silent, ground_speed_setpoint_m_s=20.0 + TIME)
+    told = summarise(replace(stepped_flight, vehicles=(leader, ground))).vehicles["f1"]
+    assert told.speed_setpoint_variation_m_s2 == pytest.approx(1.0)
 
 
 def test_a_lone_leader_has_no_formation_and_is_accepted(make_flight: MakeFlight) -> None:

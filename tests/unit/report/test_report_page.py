@@ -110,6 +110,27 @@ def test_a_rejected_flight_says_why_at_the_top(rejected_page: str) -> None:
     assert text.index("Not accepted") < text.index(reason) < text.index("Mean formation error")
 
 
+def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(
+    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path
+) -> None:
+    time_s = np.arange(11.0)
+    rolling = make_vehicle(
+        "f1",
+        "follower",
+        time_s,
+        north_m=time_s * 0.0 - 30.0,
+        bank_rad=np.radians(np.where(time_s % 2 > 0, 8.0, 0.0)),
+    )
+    flight = make_flight(
+        time_s, make_vehicle("leader", "leader", time_s), rolling, acceptance=Acceptance()
+    )
+    text = read(write_report(flight, tmp_path).read_text(encoding="utf-8")).text
+    assert "Not accepted" in text
+    assert "All that the mission asks for was reached" not in text
+    assert "f1 was 30 m from its slot in the last half" in text
+    assert text.index("Roll rate, rms, °/s") < text.index("8.00")
+
+
 def test_names_cannot_break_out_of_the_page(rejected_page: str) -> None:
     outline = read(rejected_page)
     assert outline.tags.count("script") == 2, "the replay's numbers and its program"

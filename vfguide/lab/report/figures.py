@@ -10,6 +10,7 @@ import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.record.flight import FlightRecord
+from vfguide.record.vehicle import FlightLimits, VehicleRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +119,14 @@ def excess_variation_rate(time_s: FloatArray, angles_rad: FloatArray) -> float |
     return max(float(np.sum(np.abs(steps)) - abs(np.sum(steps))), 0.0) / seconds
 
 
+def speed_variation_rate(time_s: FloatArray, speeds_m_s: FloatArray) -> float | None:
+    """Total variation of a speed per second, m/s²; None with fewer than two samples that are numbers."""
+    seconds = _span(time_s, speeds_m_s)
+    if seconds is None:
+        return None
+    return float(np.nansum(np.abs(np.diff(speeds_m_s)))) / seconds
+
+
 def roll_rate_rms(time_s: FloatArray, bank_rad: FloatArray) -> float | None:
     """Root mean square of the roll rate, rad/s; None with fewer than two samples that are numbers."""
     known = np.isfinite(bank_rad)
@@ -138,6 +147,27 @@ def _span(time_s: FloatArray, values: FloatArray) -> float | None:
 def share(flags: BoolArray) -> float | None:
     """Share of the samples for which something holds, 0 to 1; None without samples."""
     return float(np.mean(flags)) if flags.size else None
+
+
+BANK_SLACK_DEG, SPEED_SLACK_M_S = 1.0, 0.05
+"""A lagging roll comes near its limit only, and setpoints are rounded on the wire."""
+
+
+def at_bank_limit(vehicle: VehicleRecord, limits: FlightLimits) -> BoolArray:
+    """Which samples are at the greatest bank."""
+    found: BoolArray = np.abs(np.degrees(vehicle.bank_rad)) >= (
+        limits.greatest_bank_deg - BANK_SLACK_DEG
+    )
+    return found
+
+
+def at_speed_limit(vehicle: VehicleRecord, limits: FlightLimits) -> BoolArray:
+    """Which samples have the lowest or highest airspeed as setpoint."""
+    setpoint = vehicle.airspeed_setpoint_m_s
+    slowest = setpoint <= limits.least_airspeed_m_s + SPEED_SLACK_M_S
+    fastest = setpoint >= limits.greatest_airspeed_m_s - SPEED_SLACK_M_S
+    found: BoolArray = slowest | fastest
+    return found
 
 
 def least_separation(distances_m: list[FloatArray]) -> float | None:

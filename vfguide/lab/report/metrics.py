@@ -15,13 +15,18 @@ import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.lab.report.figures import (
+    Spread,
+    at_bank_limit,
+    at_speed_limit,
     errors_that_count,
     excess_variation_rate,
     in_formation,
     in_window,
     least_separation,
+    roll_rate_rms,
     settling_time,
     share,
+    speed_variation_rate,
     spread,
     variation_rate,
     window_s,
@@ -30,6 +35,9 @@ from vfguide.lab.report.geometry import intended_leader, pair_separations, slot_
 from vfguide.lab.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
 from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
 from vfguide.record.latency import describe_latency
+
+IN_PLACE_M = 10.0
+"""Within this distance of its slot a follower has come to it: see `vfguide.companion.supervisor`."""
 
 
 def find_rejections(acceptance: Acceptance, formation: FormationSummary) -> tuple[str, ...]:
@@ -83,6 +91,17 @@ def reject_separation(least_m: float | None, limit_m: float) -> str | None:
     return f"two vehicles came within {least} m of each other, closer than {limit} m"
 
 
+def reject_absence(name: str, error: Spread | None, acceptance: Acceptance) -> str | None:
+    """Why a follower was not in its slot, whatever the mission asks for; None if it was.
+
+    A mission whose own limit is wider accepts that.
+    """
+    limits = (IN_PLACE_M, acceptance.mean_error_m, acceptance.max_error_m)
+    if error is None or error.mean <= max(limit for limit in limits if limit is not None):
+        return None
+    return f"{name} was {error.mean:.0f} m from its slot in the last half"
+
+
 def tell_apart(first: float, second: float) -> tuple[str, str]:
     """Two figures in as few digits, three at least, as show which is the greater."""
     for digits in range(3, 17):
@@ -101,13 +120,16 @@ def summarise(record: FlightRecord) -> Summary:
     formation = _summarise_formation(record, window)
     # Without followers there is no formation to ask anything of.
     rejections = find_rejections(record.acceptance, formation) if record.followers else ()
-    if record.interrupted:
-        rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
     vehicles: dict[str, LeaderSummary | FollowerSummary] = {
         record.leader.name: _summarise_leader(record, window)
     }
     for follower in record.followers:
-        vehicles[follower.name] = _summarise_follower(record, follower, window)
+        own = _summarise_follower(record, follower, window)
+        vehicles[follower.name] = own
+        absent = reject_absence(follower.name, own.formation_error_m, record.acceptance)
+        rejections += () if absent is None else (absent,)
+    if record.interrupted:
+        rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
     return Summary(
         mission=record.mission,
         controller=record.controller,
@@ -211,14 +233,10 @@ def slot_distances_3d(record: FlightRecord) -> FloatArray:
 def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
     """The leader against its path."""
     leader = record.leader
-    time_s, setpoint = record.time_s[window], leader.course_setpoint_rad[window]
     beside, on_a_path = leader.path_cross_track_error_m, np.isfinite(leader.path_course_rad)
     return LeaderSummary(
-        role="leader",
         cross_track_error_m=spread(measured(record, beside[window], on_a_path[window])),
-        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
-        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
-        limited_fraction=share(leader.limited[window]),
+        **_handling(record, leader, window),
     )
 
 
@@ -227,14 +245,33 @@ def _summarise_follower(
 ) -> FollowerSummary:
     """A follower against its slot."""
     error, counts = slot_error(record.reference, follower), follower.in_formation[window]
-    time_s, setpoint = record.time_s[window], follower.course_setpoint_rad[window]
     return FollowerSummary(
-        role="follower",
         formation_error_m=spread(measured(record, error.distance_m[window], counts)),
         along_track_error_m=spread(measured(record, error.along_track_m[window], counts)),
         cross_track_error_m=spread(measured(record, error.cross_track_m[window], counts)),
         height_error_m=spread(measured(record, error.up_m[window], counts)),
-        course_setpoint_variation_rad_s=variation_rate(time_s, setpoint),
-        course_setpoint_excess_variation_rad_s=excess_variation_rate(time_s, setpoint),
-        limited_fraction=share(follower.limited[window]),
+        **_handling(record, follower, window),
     )
+
+
+def _handling(record: FlightRecord, vehicle: VehicleRecord, window: BoolArray) -> dict[str, Any]:
+    """How hard a vehicle was flown: the fields of `Handling`."""
+    time_s, course = record.time_s[window], vehicle.course_setpoint_rad[window]
+    limits, airspeed = vehicle.limits, vehicle.airspeed_setpoint_m_s[window]
+    told = np.isfinite(airspeed)
+    speed = airspeed if told.any() else vehicle.ground_speed_setpoint_m_s[window]
+    banked = np.isfinite(vehicle.bank_rad[window])
+    return {
+        "role": vehicle.role,
+        "course_setpoint_variation_rad_s": variation_rate(time_s, course),
+        "course_setpoint_excess_variation_rad_s": excess_variation_rate(time_s, course),
+        "speed_setpoint_variation_m_s2": speed_variation_rate(time_s, speed),
+        "roll_rate_rad_s": roll_rate_rms(time_s, vehicle.bank_rad[window]),
+        "limited_fraction": share(vehicle.limited[window]),
+        "bank_limited_fraction": (
+            share(at_bank_limit(vehicle, limits)[window][banked]) if limits else None
+        ),
+        "speed_limited_fraction": (
+            share(at_speed_limit(vehicle, limits)[window][told]) if limits else None
+        ),
+    }

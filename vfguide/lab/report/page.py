@@ -15,10 +15,11 @@ from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.picture import as_webp
 from vfguide.lab.report.plots import Plot, draw_narrow, plots_for, write_plots
 from vfguide.lab.report.replay.page_part import hash_source, replay_of
-from vfguide.lab.report.summary import LeaderSummary, Summary
+from vfguide.lab.report.summary import Handling, LeaderSummary, Summary
 from vfguide.lab.report.wording import (
     NOT_REQUIRED,
     compare,
+    in_degrees,
     in_digits,
     in_percent,
     main_error,
@@ -60,9 +61,16 @@ VEHICLE_HEADINGS = (
     "Greatest, m",
     "Along track, mean, m",
     "Across, mean, m",
-    "Setpoint variation, rad/s",
+)
+
+HANDLING_HEADINGS = (
+    "Course setpoints vary, rad/s",
     "of it not net turning, rad/s",
-    "Cut by limits",
+    "Speed setpoints vary, m/s²",
+    "Roll rate, rms, °/s",
+    "Setpoints cut by a limit",
+    "At the greatest bank",
+    "At the lowest or highest airspeed",
 )
 
 
@@ -106,6 +114,8 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
         not_required=NOT_REQUIRED,
         headings=VEHICLE_HEADINGS,
         rows=[(one.name, _vehicle_cells(summary, one)) for one in record.vehicles],
+        handling_headings=HANDLING_HEADINGS,
+        handling=[(name, _handling_cells(one)) for name, one in summary.vehicles.items()],
         plots=[
             _plot_part(record, plot, picture)
             for plot, picture in zip(plots_for(record), pictures, strict=True)
@@ -137,9 +147,19 @@ def _vehicle_cells(summary: Summary, recorded: VehicleRecord) -> tuple[str, ...]
         *main_error(vehicle),
         along,
         across,
-        in_digits(vehicle.course_setpoint_variation_rad_s),
-        in_digits(vehicle.course_setpoint_excess_variation_rad_s),
-        in_percent(vehicle.limited_fraction),
+    )
+
+
+def _handling_cells(handling: Handling) -> tuple[str, ...]:
+    """How hard a vehicle was flown, in the order of the headings."""
+    return (
+        in_digits(handling.course_setpoint_variation_rad_s),
+        in_digits(handling.course_setpoint_excess_variation_rad_s),
+        in_digits(handling.speed_setpoint_variation_m_s2),
+        in_degrees(handling.roll_rate_rad_s),
+        in_percent(handling.limited_fraction),
+        in_percent(handling.bank_limited_fraction),
+        in_percent(handling.speed_limited_fraction),
     )
 
 

@@ -34,27 +34,39 @@ class FormationSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeaderSummary:
-    """How well the leader held the path, over the window."""
+class Handling:
+    """How hard a vehicle was flown, over the window."""
 
     role: Role
-    """`leader`."""
-    cross_track_error_m: Spread | None
-    """Distance from the path."""
+    """`leader` or `follower`."""
     course_setpoint_variation_rad_s: float | None
     """Total variation of the course setpoint per second."""
     course_setpoint_excess_variation_rad_s: float | None
     """What of that is not net turning: chatter, and the path's own bends one way and the other."""
+    speed_setpoint_variation_m_s2: float | None
+    """Total variation of the speed setpoint per second."""
+    roll_rate_rad_s: float | None
+    """Root mean square of the roll rate."""
     limited_fraction: float | None
     """Share of setpoints that a limit of the vehicle cut."""
+    bank_limited_fraction: float | None
+    """Share of the time at the greatest bank; None where the record does not hold limits."""
+    speed_limited_fraction: float | None
+    """Share of the time with the lowest or highest airspeed as setpoint; None where that is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FollowerSummary:
+class LeaderSummary(Handling):
+    """How well the leader held the path, over the window."""
+
+    cross_track_error_m: Spread | None
+    """Distance from the path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowerSummary(Handling):
     """How well one follower held its slot, over the window."""
 
-    role: Role
-    """`follower`."""
     formation_error_m: Spread | None
     """Distance from the slot."""
     along_track_error_m: Spread | None
@@ -63,12 +75,6 @@ class FollowerSummary:
     """Size of its component across the leader's course."""
     height_error_m: Spread | None
     """Height between it and its slot."""
-    course_setpoint_variation_rad_s: float | None
-    """Total variation of the course setpoint per second."""
-    course_setpoint_excess_variation_rad_s: float | None
-    """What of that is not net turning."""
-    limited_fraction: float | None
-    """Share of setpoints that a limit of the vehicle cut."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

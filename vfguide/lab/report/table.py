@@ -7,6 +7,7 @@ from rich.text import Text
 
 from vfguide.lab.report.summary import LeaderSummary, Summary
 from vfguide.lab.report.wording import (
+    in_degrees,
     in_digits,
     in_percent,
     main_error,
@@ -26,7 +27,7 @@ def summary_table(summary: Summary) -> Group:
         box=box.SIMPLE_HEAD,
     )
     table.add_column(Text(f"error in m, {begin:g} to {end:g} s"))
-    for heading in ("mean", "95 %", "greatest", "cut by limits"):
+    for heading in ("mean", "95 %", "greatest", "cut by limits", "roll, °/s"):
         table.add_column(heading, justify="right")
     for name, vehicle in summary.vehicles.items():
         of = "path" if isinstance(vehicle, LeaderSummary) else "slot"
@@ -34,6 +35,7 @@ def summary_table(summary: Summary) -> Group:
             Text(f"{name}, from its {of}"),
             *main_error(vehicle),
             in_percent(vehicle.limited_fraction),
+            in_degrees(vehicle.roll_rate_rad_s),
         )
     if len(summary.vehicles) > 1:
         formation = summary.formation
@@ -44,14 +46,13 @@ def summary_table(summary: Summary) -> Group:
             in_digits(formation.p95_error_m),
             in_digits(formation.max_error_m),
             "",
+            "",
         )
-        table.add_row(Text("formation, in space"), in_digits(formation.mean_error_3d_m), "", "", "")
+        table.add_row(Text("formation, in space"), in_digits(formation.mean_error_3d_m), *[""] * 4)
         table.add_row(
             Text("formation, as its path means it"),
             in_digits(formation.intended_error_m),
-            "",
-            "",
-            "",
+            *[""] * 4,
         )
     # A caption would be wrapped to the table's width; a text below it has the whole terminal.
     return Group(table, verdict_text(summary))

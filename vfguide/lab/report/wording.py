@@ -1,5 +1,6 @@
 """Figures in words, the same for the page and the terminal."""
 
+import math
 from dataclasses import dataclass
 
 from vfguide.lab.report.figures import Spread
@@ -41,6 +42,11 @@ def mean_in_digits(spread: Spread | None) -> str:
 def in_percent(fraction: float | None) -> str:
     """A fraction as a percentage."""
     return UNKNOWN if fraction is None else f"{100.0 * fraction:.1f} %"
+
+
+def in_degrees(angle_rad: float | None) -> str:
+    """An angle or a rate of one in degrees."""
+    return in_digits(None if angle_rad is None else math.degrees(angle_rad))
 
 
 def settled_after(settled_s: float | None) -> str:

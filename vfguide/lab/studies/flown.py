@@ -262,16 +262,11 @@ def figures_of(record: FlightRecord) -> Figures:
     formation = summary.formation
     window = in_window(record)
     followers = [one for one in summary.vehicles.values() if isinstance(one, FollowerSummary)]
-    span = record.duration_s / 2.0
-    efforts, speed_variations = [], []
+    efforts = []
     for vehicle in record.followers:
         turning = GRAVITY * np.tan(vehicle.bank_rad[window])
         along = np.gradient(vehicle.airspeed_m_s, record.time_s)[window]
         efforts.append(float(np.mean(turning**2 + along**2)))
-        speeds = vehicle.airspeed_setpoint_m_s
-        if not np.isfinite(speeds[-1]):
-            speeds = vehicle.ground_speed_setpoint_m_s
-        speed_variations.append(float(np.nansum(np.abs(np.diff(speeds[window])))) / span)
     return Figures(
         mean_error_m=or_nan(formation.mean_error_m),
         p95_error_m=or_nan(formation.p95_error_m),
@@ -283,7 +278,9 @@ def figures_of(record: FlightRecord) -> Figures:
         course_variation_rad_s=float(
             np.mean([or_nan(one.course_setpoint_excess_variation_rad_s) for one in followers])
         ),
-        speed_variation_m_s2=float(np.mean(speed_variations)),
+        speed_variation_m_s2=float(
+            np.mean([or_nan(one.speed_setpoint_variation_m_s2) for one in followers])
+        ),
         limited=float(np.mean([or_nan(one.limited_fraction) for one in followers])),
         wall_s=or_nan(record.wall_s),
     )
