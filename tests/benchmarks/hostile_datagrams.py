@@ -260,7 +260,6 @@ class Heard:
     def take(self, datagram: bytes) -> None:
         """What a companion does with a datagram."""
         self.telemetry.take(datagram, self.now)
-        self.telemetry.words()
         self.telemetry.say(self.now)
 
     def true_report(self) -> bytes:

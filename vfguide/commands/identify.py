@@ -12,12 +12,13 @@ from msgspec.structs import replace
 from vfguide.commands.companion import read_key
 from vfguide.commands.credentials import check_flies
 from vfguide.commands.shared_options import stop_event
+from vfguide.companion.alerts import Event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import POLL_S, take_leave
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event, Outgoing
+from vfguide.companion.role import Outgoing
 from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Identification
 from vfguide.identification.plot import draw_findings

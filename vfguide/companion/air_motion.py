@@ -4,6 +4,7 @@ import math
 
 import msgspec
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AirspeedGate
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import low_pass, wrap_angle
@@ -49,14 +50,15 @@ class AirData(msgspec.Struct, frozen=True, kw_only=True):
 class AirMotion:
     """What one vehicle's airspeed, bank and heading reports say, and the calibration of its airspeed."""
 
-    def __init__(self, plan: FlightPlan, *, calibrates: bool) -> None:
+    def __init__(self, plan: FlightPlan, alerts: Alerts | None = None, *, calibrates: bool) -> None:
         """Make one that has heard nothing yet.
 
         Args:
             plan: the vehicle's part of the mission.
+            alerts: takes what a pilot should know.
             calibrates: whether its setpoints are airspeeds, whose scale has to be learned.
         """
-        self.gate = AirspeedGate(plan.airframe)
+        self.gate = AirspeedGate(plan.airframe, alerts)
         """Which airspeeds can be true."""
         self.turn_efficiency = TurnEfficiency()
         """What it turns of what its bank says; nothing is learned where no bank is heard."""

@@ -1,25 +1,14 @@
-"""What the pilot's ground station is told: texts, each once and never a flood, and values to plot."""
+"""What the pilot's ground station is sent: texts, changes of mode in words, and values to plot."""
 
 import math
-from collections import OrderedDict
 from collections.abc import Callable
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.role import RoleStep
 from vfguide.companion.supervisor import Control, Mode
-from vfguide.mavlink.announcements import INFO, NOTICE, WARNING, named_value, status_texts
-
-QUIET_S = 30.0
-"""Until the same warning is sent again."""
-
-PAUSE_S = 2.0
-"""From one text to the next: ground stations show them for some seconds, and a radio has little room."""
-
-MOST_WAITING = 16
-"""Texts that wait for their turn: when so many wait, the least severe is left to the log."""
-
-MOST_REMEMBERED = 64
+from vfguide.mavlink.announcements import named_value, status_texts
 
 LASTS_S = 2.0
 """Why nothing is steered is told once it has lasted for so long: it changes on the way into steering."""
@@ -45,49 +34,19 @@ MODE_NUMBERS = {
 class Announcer:
     """Texts of one companion."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, alerts: Alerts) -> None:
         """Before the first text.
 
         Args:
             name: of the vehicle.
+            alerts: what is said.
         """
         self._name = name
-        self._waiting: list[tuple[int, str]] = []
-        self._told: OrderedDict[str, float] = OrderedDict()
-        self._sent_s = self._changed_s = -math.inf
+        self._alerts = alerts
         self._number = 0
         self._mode = Mode.WAITING
         self._control = self._announced = Control.UNKNOWN
         self._control_since = -math.inf
-
-    def warn(self, text: str, now: float) -> None:
-        """Send a warning, unless it was sent a short while ago."""
-        self._tell(WARNING, text, now)
-
-    def inform(self, text: str, now: float) -> None:
-        """Send something that is nothing to worry about, unless it was sent a short while ago."""
-        self._tell(INFO, text, now)
-
-    def _tell(self, severity: int, text: str, now: float) -> None:
-        if now - self._told.get(text, -math.inf) < QUIET_S or not self._makes_room(severity):
-            return
-        self._told[text] = now
-        self._told.move_to_end(text)
-        if len(self._told) > MOST_REMEMBERED:
-            self._told.popitem(last=False)
-        self._waiting.append((severity, text))
-
-    def _makes_room(self, severity: int) -> bool:
-        """Whether another text can wait, after the newest of the least severe ones has made way for it."""
-        if len(self._waiting) < MOST_WAITING:
-            return True
-        least = max(waiting for waiting, _ in self._waiting)
-        if least <= severity:
-            return False
-        newest = max(place for place, (waiting, _) in enumerate(self._waiting) if waiting == least)
-        _, text = self._waiting.pop(newest)
-        self._told.pop(text, None)
-        return True
 
     def watch(self, mode: Mode, control: Control, sentence: Callable[[], str], now: float) -> None:
         """Announce a change of mode at once, and another reason for not steering once it lasts.
@@ -105,33 +64,14 @@ class Announcer:
         lasts = now - self._control_since >= LASTS_S
         if changed or (idle and lasts and control is not self._announced):
             self._announced = control
-            self.change(sentence())
-
-    def change(self, text: str) -> None:
-        """Send a change of mode; texts about the mode before, which still wait, are out of date."""
-        self._waiting = [one for one in self._waiting if one[0] != NOTICE]
-        self._waiting.append((NOTICE, text))
+            self._alerts.show_mode(sentence())
 
     def due(self, now: float) -> list[MAVLink_message]:
-        """Messages for the text that may be sent now: the most severe, of several the one that came first.
-
-        A change of mode goes before all, waits for no other text and keeps none waiting: it says who steers.
-        """
-        if not self._waiting:
+        """Messages for the text that may be sent now."""
+        alert = self._alerts.due(now)
+        if alert is None:
             return []
-        # Severities of MAVLink fall as matters get worse.
-        first = min(
-            range(len(self._waiting)),
-            key=lambda place: (self._waiting[place][0] != NOTICE, self._waiting[place][0]),
-        )
-        changes = self._waiting[first][0] == NOTICE
-        if now - (self._changed_s if changes else self._sent_s) < PAUSE_S:
-            return []
-        severity, text = self._waiting.pop(first)
-        if changes:
-            self._changed_s = now
-        else:
-            self._sent_s = now
+        severity, text = alert
         self._number = self._number % 65_535 + 1
         return status_texts(f"vfguide {self._name}: {text}", severity, self._number)
 

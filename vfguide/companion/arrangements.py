@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.order_limits import (
     age_objection,
     ceiling_objection,
@@ -48,6 +49,7 @@ from vfguide.link.order_codec import (
     decode_reply,
     encode_reply,
 )
+from vfguide.mavlink.announcements import INFO, WARNING
 from vfguide.state import HeardState
 
 REPLY_S = 0.25
@@ -90,12 +92,13 @@ class Arrangements:
     leader_height: Callable[[float], float] | None
     """Height of the leader in so many seconds, m above the origin; None while it is not known."""
 
-    def __init__(self, plan: FlightPlan, clock: SharedClock) -> None:
+    def __init__(self, plan: FlightPlan, clock: SharedClock, alerts: Alerts | None = None) -> None:
         """Begin with the slots of the mission.
 
         Args:
             plan: of this vehicle.
             clock: that the formation shares: orders are timed by it.
+            alerts: takes what people should know.
         """
         self._plan = plan
         self._clock = clock
@@ -125,7 +128,7 @@ class Arrangements:
         self._complained = False
         self._replies: list[bytes] = []
         self._repeats: list[bytes] = []
-        self._words: list[tuple[str, bool]] = []
+        self._alerts = alerts or Alerts()
         self.counters: Counter[str] = Counter()
         """Orders and answers that were not used, by reason."""
 
@@ -348,11 +351,6 @@ class Arrangements:
         self._replies, self._repeats = [], []
         return said
 
-    def words(self) -> list[tuple[str, bool]]:
-        """(what people should know, whether it is to worry about), each once."""
-        words, self._words = self._words, []
-        return words
-
     def _is_known(self, given: Order) -> bool:
         """Whether an order of this number was taken already; it is answered again where that is not to come.
 
@@ -418,7 +416,8 @@ class Arrangements:
     def _refuse(self, order: Order, reason: str) -> None:
         self._refused = order, reason
         self._reply(order, Verdict.REFUSED, reason)
-        self._say(f"order {order.arrangement.number} is refused: {reason}", warning=True)
+        text = f"order {order.arrangement.number} is refused: {reason}"
+        self._alerts.say("refused order", WARNING, text, about="order")
 
     def _decide(self, order: Order, time_s: float, now: float) -> None:
         """As the leader: once all have agreed in time, it is certain."""
@@ -522,4 +521,4 @@ class Arrangements:
         self._replies.append(encode_reply(reply))
 
     def _say(self, text: str, *, warning: bool = False) -> None:
-        self._words.append((text, warning))
+        self._alerts.say("order", WARNING if warning else INFO, text, about="order")

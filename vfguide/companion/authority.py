@@ -15,10 +15,12 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.consent import Consent, ConsentStore
 from vfguide.companion.flight_phase import FlightPhase
 from vfguide.companion.supervisor import Control
 from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import CommandReport, HeartbeatReport
 
 SETTLED_S = 2.5
@@ -103,6 +105,7 @@ class ModeAuthority:
         rule: EngageRule,
         store: ConsentStore,
         phase: FlightPhase,
+        alerts: Alerts | None = None,
     ) -> None:
         """Start from what is known of this flight.
 
@@ -111,6 +114,7 @@ class ModeAuthority:
             rule: when the guided mode may be entered.
             store: keeps the consent over restarts.
             phase: tells whether the vehicle flies, and when a flight has ended.
+            alerts: takes what the pilot should know.
         """
         self._adapter = adapter
         self._rule = rule
@@ -120,8 +124,7 @@ class ModeAuthority:
         # What a companion before this one has steered is this one's to answer for.
         self._inherited = self._consent.steered
         self._stranger: str | None = None
-        self._noticed: set[str] = set()
-        self._notices: list[str] = []
+        self._alerts = alerts or Alerts()
         self._asking: int | None = None
         self._asks = 0
         self._next_ask = self._request_time = -math.inf
@@ -188,12 +191,10 @@ class ModeAuthority:
         taken = self._consent.is_spent and self._asking is None
         return Control.PILOT if taken else Control.FREE
 
-    def notices(self) -> list[str]:
-        """What the pilot should know, each once."""
+    def note_store(self) -> None:
+        """Tell the pilot where the consent cannot be kept."""
         if self._rule.allowed and self._store.fault is not None:
             self._notice(self._store.fault)
-        notices, self._notices = self._notices, []
-        return notices
 
     def forget(self) -> None:
         """What was heard is too old to go by, as after a hang of this process."""
@@ -331,7 +332,7 @@ class ModeAuthority:
             self._steered = self._inherited = False
             self._asking, self._asks, self._next_ask = None, 0, -math.inf
             self._seen_guided = False
-            self._noticed.clear()
+            self._alerts.forget("authority")
             self._set(Consent())
         self._watch_gap(now)
         if not report.armed:
@@ -402,9 +403,11 @@ class ModeAuthority:
             return []
         self._returns += 1
         if self._returns > MOST_RETURNS:
-            self._notices.append(
+            self._alerts.say(
+                "hand-back",
+                WARNING,
                 f"the autopilot stays in {self.mode_name()} although it was handed back"
-                f" {MOST_RETURNS} times: take it by hand"
+                f" {MOST_RETURNS} times: take it by hand",
             )
             return []
         self._return_time = now
@@ -460,6 +463,5 @@ class ModeAuthority:
         return self._phase.obstacle(now, holds_altitude=self._adapter.holds_altitude)
 
     def _notice(self, text: str) -> None:
-        if text not in self._noticed:
-            self._noticed.add(text)
-            self._notices.append(text)
+        """Tell the pilot something, once in a flight."""
+        self._alerts.say(f"authority: {text}", WARNING, text, quiet_s=math.inf)

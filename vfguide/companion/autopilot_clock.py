@@ -22,7 +22,9 @@ from dataclasses import dataclass
 
 import msgspec
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.lost_time import LostTime
+from vfguide.mavlink.announcements import WARNING
 
 RATE_WINDOW_S = 10.0
 """Of the answers that are looked at: their ways there and back of some milliseconds leave 0.02 %."""
@@ -187,14 +189,14 @@ class Elsewhere:
 class AutopilotClock:
     """Puts an autopilot's boot times onto the companion's clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, alerts: Alerts | None = None) -> None:
+        self._alerts = alerts or Alerts()
         self._asked: dict[int, float] = {}
         self._rate = ClockRate()
         self._anchor = (0.0, 0.0)
         self._reported_skew = 0.0
         self._explained_skew = self._sooner_s = 0.0
-        self._lost = LostTime()
-        self._word: str | None = None
+        self._lost = LostTime(self._alerts)
         self._elsewhere: Elsewhere | None = None
         self._least = self._least_before = self._recent = math.inf
         self._window_ends = self._look_ends = -math.inf
@@ -203,12 +205,6 @@ class AutopilotClock:
         self._asked_time = self._answered = -math.inf
         self._first_asked: float | None = None
         self._newest_answered: float | None = None
-
-    @property
-    def word(self) -> str | None:
-        """What a pilot should know of the clock, once."""
-        word, self._word = self._word, None
-        return word or self._lost.word
 
     def read(self, boot_time_s: float, now: float) -> Reading | None:
         """When a report that is read now was true; None where its boot time cannot be believed.
@@ -301,9 +297,11 @@ class AutopilotClock:
         self._reported_skew = skew
         if abs(skew) < REPORTED_SKEW:
             return
-        self._word = (
+        self._alerts.say(
+            "clock",
+            WARNING,
             f"the autopilot's clock runs {abs(skew):.1%} {'slow' if skew > 0.0 else 'fast'}: its times are"
-            " put right; see whether it is overloaded"
+            " put right; see whether it is overloaded",
         )
 
     def _forget(self) -> None:

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.height_beside import (
     HEIGHT_OFF_M,
     LEAST_UP_M,
@@ -40,6 +41,7 @@ from vfguide.guidance.height import (
 )
 from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
 from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
+from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
@@ -102,9 +104,10 @@ class Intent(msgspec.Struct, frozen=True, kw_only=True):
 class KeepClear:
     """Looks at all others in every step."""
 
-    def __init__(self, plan: FlightPlan, traffic: Traffic) -> None:
+    def __init__(self, plan: FlightPlan, traffic: Traffic, alerts: Alerts | None = None) -> None:
         self._plan = plan
         self._traffic = traffic
+        self._alerts = alerts or Alerts()
         foreign = plan.foreign_leader
         self.aircraft = OtherAircraft(
             plan.frame,
@@ -119,17 +122,10 @@ class KeepClear:
         self._tight_since = math.inf
         self._changed_since = math.inf
         self._changed_s = -math.inf
-        self._said: set[str] = set()
-        self._words: list[str] = []
 
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle."""
         self._plan = plan
-
-    def words(self) -> list[str]:
-        """What the pilot should know of it, each once: one sentence each."""
-        words, self._words = self._words, []
-        return words
 
     def step(
         self,
@@ -332,7 +328,7 @@ class KeepClear:
             self._changed_since = math.inf
             return
         if now - self._changed_s > EPISODE_S:
-            self._said.clear()
+            self._alerts.forget("separation")
         self._changed_s = now
         self._changed_since = min(self._changed_since, now)
         if now - self._changed_since < REPORT_S and climb_m == 0.0:
@@ -345,9 +341,12 @@ class KeepClear:
             doing = f"keeping clear of {other}, {step} until that is past"
             if turns:
                 doing = f"too near to {other}, turning away and {step}"
-        if doing not in self._said:
-            self._said.add(doing)
-            self._words.append(f"{doing}; watch {other}, be ready to take over")
+        self._alerts.say(
+            f"separation: {doing}",
+            WARNING,
+            f"{doing}; watch {other}, be ready to take over",
+            quiet_s=math.inf,
+        )
 
     def _is_tight(self, room_m: float, now: float) -> bool:
         """Whether the plane is not enough: the best manoeuvre leaves so much room (m) beyond the floor."""

@@ -7,9 +7,9 @@ leads to one guidance step and one pair of setpoints at once.
 import math
 from collections import Counter
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import Announcer, mode_sentence
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
@@ -20,12 +20,13 @@ from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event, Outgoing, Snapshot
+from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
 from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.framing import Signing
 from vfguide.mavlink.reports import (
@@ -90,13 +91,15 @@ class Companion:
             altitude_amsl=plan.altitude_amsl,
             ground_amsl=plan.frame.altitude_m,
         )
+        self._alerts = Alerts()
         self._authority = ModeAuthority(
             adapter,
             EngageRule(allowed=engage, modes=plan.engage_from),
             consent or MemoryStore(),
             self._phase,
+            self._alerts,
         )
-        self._announcer = Announcer(plan.name)
+        self._announcer = Announcer(plan.name, self._alerts)
         self._wakefulness = Wakefulness()
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
@@ -110,13 +113,14 @@ class Companion:
             hears_attitude=plan.hears_bank,
         )
         self._clock = clock
-        self._arrangements = Arrangements(plan, clock)
+        self._arrangements = Arrangements(plan, clock, self._alerts)
         self._vehicle = GuidedVehicle(
             plan,
             adapter,
             self._authority,
             clock,
             self._arrangements,
+            alerts=self._alerts,
             sends_target=sends_target,
             role=role,
         )
@@ -125,7 +129,9 @@ class Companion:
         self._greeting_s = greeting_s
         self._stands_back = self._stopped = self._leaving = False
         self._loiter_height = LoiterHeight(plan, adapter)
-        self._housekeeping = Housekeeping(plan, adapter, self._authority, inspect=inspect)
+        self._housekeeping = Housekeeping(
+            plan, adapter, self._authority, self._alerts, inspect=inspect
+        )
 
     @property
     def flight_mode(self) -> str:
@@ -225,10 +231,10 @@ class Companion:
         """
         out = Outgoing()
         messages: list[MAVLink_message] = []
-        if self._is_waking(now, out):
+        if self._is_waking(now):
             self._old_datagrams += 1
         elif self._stopped:
-            messages += self._hear_out(data, now, out)
+            messages += self._hear_out(data, now)
         else:
             for report in self._codec.decode(data):
                 if isinstance(report, OrderRequest):
@@ -238,6 +244,7 @@ class Companion:
                     self._authority.note_life(now)
                 messages += self._take(report, now, out)
         out.to_autopilot = self._encode(messages, now)
+        out.events += self._alerts.heard(now)
         return out
 
     def settle(self, out: Outgoing, now: float) -> None:
@@ -247,14 +254,13 @@ class Companion:
     def poll(self, now: float) -> Outgoing:
         """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""
         out = Outgoing()
-        self._is_waking(now, out)
+        self._is_waking(now)
         return self._finish([], now, out)
 
     def tell(self, text: str, now: float, *, warning: bool = True) -> Outgoing:
         """Tell operator and pilot something that the program around it has found."""
-        out = Outgoing()
-        out.events.append(Event(time_s=now, text=text, warning=warning, tell=True))
-        return self._finish([], now, out)
+        self._alerts.say("program", WARNING if warning else INFO, text)
+        return self._finish([], now, Outgoing())
 
     def stop(self, now: float) -> Outgoing:
         """The last words; then bytes and calls of `poll` are to go on until `released`.
@@ -265,9 +271,9 @@ class Companion:
         out = Outgoing()
         # An autopilot that was steered holds its last setpoint, also while it waits for the next.
         if self._authority.answers_for_vehicle and not self._stopped:
-            out.events.append(Event(time_s=now, text="stopping: handing back"))
+            self._alerts.say("mode", NOTICE, "stopping: handing back", told=False)
             self._leaving = True
-            self._announcer.change("stopping, handing back to the autopilot; watch that it does")
+            self._alerts.show_mode("stopping, handing back to the autopilot; watch that it does")
         if not self._stopped:
             out.share(self._vehicle.role.leave())
         self._stopped = True
@@ -279,7 +285,7 @@ class Companion:
         """Whether a vehicle that was steered until the stop is seen to fly by itself, or none was."""
         return not (self._leaving and self._authority.answers_for_vehicle)
 
-    def _hear_out(self, data: bytes, now: float, out: Outgoing) -> list[MAVLink_message]:
+    def _hear_out(self, data: bytes, now: float) -> list[MAVLink_message]:
         """After the last words: has the autopilot taken over?"""
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
@@ -287,7 +293,7 @@ class Companion:
                 continue
             if isinstance(report, HeartbeatReport):
                 self._authority.hear(report, now)
-                messages += self._command_mode(now, out)
+                messages += self._command_mode(now)
                 continue
             self._authority.note_life(now)
             if isinstance(report, CommandReport):
@@ -296,16 +302,17 @@ class Companion:
                 self._vehicle.own.note(report, now)
         return messages
 
-    def _is_waking(self, now: float, out: Outgoing) -> bool:
+    def _is_waking(self, now: float) -> bool:
         """Whether what arrives now has waited while this process was stopped: then nothing goes by it."""
         hung_s = self._wakefulness.note_call(now)
         if hung_s:
             self._authority.forget()
             self._vehicle.telemetry_time = -math.inf
-            out.warn(
+            self._alerts.say(
+                "computer",
+                WARNING,
                 f"this companion stood still for {hung_s:.0f} s, and steers again by what it hears"
                 " from now on; check the load of its computer",
-                now,
             )
         return self._wakefulness.is_waking(now)
 
@@ -313,22 +320,17 @@ class Companion:
         """What is due by time, and texts for the pilot; in one datagram with the rest."""
         if not self._stopped:
             self._follow_orders(now, out)
-            self._change_mode(now, out)
+            self._change_mode(now)
         messages += self._housekeeping.due(
             self._vehicle,
             self._mode,
             now,
-            out,
             stopped=self._stopped,
             returns=lambda: self._wish(now) is Wish.RETURN,
         )
         self._vehicle.adopt(self._housekeeping.plan)
-        for text in self._authority.notices():
-            out.warn(text, now)
-        for event in out.events:
-            if event.tell:
-                tell = self._announcer.warn if event.warning else self._announcer.inform
-                tell(event.text, now)
+        self._authority.note_store()
+        out.events += self._alerts.heard(now)
         messages += self._announcer.due(now)
         if self._authority.connected and not self._stopped:
             messages += self._vehicle.plotted.due(self._mode, now)
@@ -337,13 +339,10 @@ class Companion:
         return out
 
     def _follow_orders(self, now: float, out: Outgoing) -> None:
-        """What is due of the orders, and what is to be said of them."""
+        """What is due of the orders."""
         arrangements = self._arrangements
         arrangements.step(now)
         out.replies, out.repeats = arrangements.to_say()
-        for text, warning in arrangements.words():
-            event = Event(time_s=now, text=text, warning=warning, tell=True, kind="order")
-            out.events.append(event)
         if arrangements.returns_to_formation():
             self._authority.renew()
 
@@ -420,25 +419,31 @@ class Companion:
             ):
                 self._vehicle.own.note(report, now)
             case HeartbeatReport():
-                out.warn(self._authority.hear(report, now), now)
-                self._change_mode(now, out)
-                return self._command_mode(now, out) + self._loiter_height_due(now)
+                self._warn("autopilot", self._authority.hear(report, now))
+                self._change_mode(now)
+                return self._command_mode(now) + self._loiter_height_due(now)
             case TrafficReport() | LandedReport():
                 self._note(report, now)
             case CommandReport():
                 self._authority.hear_answer(report, now)
                 self._loiter_height.answered(report)
-                out.warn(self._housekeeping.commands.answered(report, now), now)
-                out.warn(self._adapter.hear(report), now)
+                self._warn("command", self._housekeeping.commands.answered(report, now))
+                self._warn("autopilot", self._adapter.hear(report))
             case VersionReport():
-                out.tell(self._adapter.hear(report), now)
+                steered = self._adapter.hear(report)
+                if steered is not None:
+                    self._alerts.say("autopilot", INFO, steered, told=False)
             case ParameterReport():
                 self._housekeeping.hear_parameter(report)
             case TextReport():
-                worrying = report.severity <= mavlink.MAV_SEVERITY_WARNING
                 text = f"autopilot: {report.text}"
-                out.events.append(Event(time_s=now, text=text, warning=worrying))
+                self._alerts.say("autopilot", report.severity, text, told=False)
         return []
+
+    def _warn(self, key: str, text: str | None) -> None:
+        """Tell the pilot something to worry about, if there is something."""
+        if text is not None:
+            self._alerts.say(key, WARNING, text)
 
     def _note(self, report: TrafficReport | LandedReport, now: float) -> None:
         """Take what nothing is answered to."""
@@ -451,7 +456,7 @@ class Companion:
         self, report: PositionReport, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
         """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
-        found = self._vehicle.learn(now, out)
+        found = self._vehicle.learn(now)
         if found is not None:
             self._housekeeping.retune(found)
         reboots = self._vehicle.own.reboots
@@ -462,19 +467,13 @@ class Companion:
             self._phase.doubt_position()
         elif navigated is not None:
             self._phase.hear_position(report, navigated.state, now)
-        for words in self._vehicle.own.words():
-            out.warn(words, now)
-        for words in self._vehicle.role.successions():
-            out.warn(words, now, kind="lead")
-        for words in self._vehicle.role.words():
-            out.warn(words, now)
         if navigated is None:
             return []
         step = self._vehicle.step(navigated, self._mode, now, out)
-        self._change_mode(now, out)
+        self._change_mode(now)
         return [] if step is None else self._vehicle.steer(step, navigated, self._mode, now, out)
 
-    def _change_mode(self, now: float, out: Outgoing) -> None:
+    def _change_mode(self, now: float) -> None:
         """Follow the supervisor."""
         control = self._authority.control(now)
         if self._vehicle.plan.asks_response:
@@ -494,7 +493,7 @@ class Companion:
         if self._mode is before:
             return
         text = f"{before.value} -> {self._mode.value}"
-        out.events.append(Event(time_s=now, text=text, kind="mode"))
+        self._alerts.say("mode", NOTICE, text, about="mode", told=False)
         if not before.steers:
             self._vehicle.steering.begin()
         if self._mode.steers is not before.steers:
@@ -508,7 +507,7 @@ class Companion:
         returns_s = self._timeouts.telemetry_lost_s if returns else None
         return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
-    def _command_mode(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+    def _command_mode(self, now: float) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
         wish, age_s = self._wish(now), self._vehicle.own.greatest_age(now)
         if self._wakefulness.is_stale(now - age_s):
@@ -516,10 +515,11 @@ class Companion:
         commands = self._authority.commands(wish, now, age_s=age_s)
         told = self._stopped or self._arrangements.flight.has_left
         if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not told:
-            out.warn(
+            self._alerts.say(
+                "hand-back",
+                WARNING,
                 "nothing to steer by: handed back to the autopilot, watch that it loiters;"
                 f" select {self._adapter.engaged_name} once position and leader are heard",
-                now,
             )
         return commands
 

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
@@ -26,7 +27,7 @@ from vfguide.companion.presence_figures import (
     latency_figures,
     refused_messages,
 )
-from vfguide.companion.role import Event, Outgoing, flight_event
+from vfguide.companion.role import Outgoing, flight_event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress

@@ -12,6 +12,7 @@ from collections import Counter
 
 import msgspec
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.plausibility import (
     CARRIED_S,
     OVERSPEED,
@@ -19,6 +20,7 @@ from vfguide.companion.plausibility import (
     Judgement,
     Verdict,
 )
+from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe
 
@@ -236,19 +238,13 @@ class FrozenPosition:
 class AirspeedGate:
     """Passes airspeeds that can be true."""
 
-    def __init__(self, airframe: Airframe) -> None:
+    def __init__(self, airframe: Airframe, alerts: Alerts | None = None) -> None:
+        self._alerts = alerts or Alerts()
         self._fastest = OVERSPEED * airframe.airspeed_max
         self._slowest = UNDERSPEED * airframe.airspeed_min
-        self._good_time = self._bad_time = self._reported_time = -math.inf
-        self._word: str | None = None
+        self._good_time = self._bad_time = -math.inf
         self.counters: Counter[str] = Counter()
         """Airspeeds that were not passed."""
-
-    @property
-    def word(self) -> str | None:
-        """What a pilot should know, once."""
-        word, self._word = self._word, None
-        return word
 
     def passes(self, airspeed: float, expected: float | None, now: float) -> bool:
         """Whether an airspeed can be used.
@@ -262,9 +258,8 @@ class AirspeedGate:
         if fault is not None:
             self._bad_time = now
             self.counters["airspeed not believed"] += 1
-            if now - self._reported_time >= QUIET_S:
-                self._reported_time = now
-                self._word = f"{fault}: flown by the wind known before; check the airspeed sensor"
+            text = f"{fault}: flown by the wind known before; check the airspeed sensor"
+            self._alerts.say("airspeed", WARNING, text, quiet_s=QUIET_S)
         if now - self._bad_time < RETURN_S:
             return False
         self._good_time = now
@@ -289,34 +284,25 @@ class AirspeedGate:
 class Doubt:
     """Words for what an innovation gate decides, and counts."""
 
-    def __init__(self) -> None:
+    def __init__(self, alerts: Alerts | None = None) -> None:
+        self._alerts = alerts or Alerts()
         self.counters: Counter[str] = Counter()
         """Reports that were not believed, by reason."""
-        self._words: list[str] = []
         self._told: Verdict | None = None
         self._since = math.inf
         self._reported_time = -math.inf
         self._times = 0
 
-    def words(self) -> list[str]:
-        """What a pilot should know, each once."""
-        words, self._words = self._words, []
-        return words
-
-    def say(self, word: str) -> None:
-        """Add a sentence of another gate."""
-        self._words.append(word)
-
     def note(self, judgement: Judgement, now: float) -> None:
         """Take a judgement."""
         if judgement.verdict is Verdict.BELIEVED:
             if judgement.moved is not None:
-                self._words.append(
+                self._say(
                     f"the position is believed again, {judgement.off:.0f} m from where it was expected:"
                     " steered by it where the autopilot is still in the guided mode; check it"
                 )
             elif self._told is not None:
-                self._words.append(
+                self._say(
                     f"position and velocity are right again{self._count}: believed, nothing to do"
                 )
             self._told, self._since = None, math.inf
@@ -344,7 +330,10 @@ class Doubt:
 
     def _tell(self, judgement: Judgement, now: float) -> None:
         self._told, self._reported_time = judgement.verdict, now
-        self._words.append(self._sentence(judgement) + self._count)
+        self._say(self._sentence(judgement) + self._count)
+
+    def _say(self, text: str) -> None:
+        self._alerts.say("position", WARNING, text)
 
     @property
     def _count(self) -> str:

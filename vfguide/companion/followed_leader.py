@@ -4,6 +4,7 @@ import math
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
@@ -62,7 +63,12 @@ class FollowedLeader:
     """The leader that one follower flies by: the mission's, or the one by which a deputy leads."""
 
     def __init__(
-        self, plan: FlightPlan, task: FollowerTask, clock: SharedClock, arrangements: Arrangements
+        self,
+        plan: FlightPlan,
+        task: FollowerTask,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        alerts: Alerts | None = None,
     ) -> None:
         """Begin with nothing heard.
 
@@ -71,6 +77,7 @@ class FollowedLeader:
             task: its slot, and what the mission tells of the leader.
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
+            alerts: takes what a pilot should know of the leader's states.
         """
         self._plan = plan
         self._task = task
@@ -80,10 +87,10 @@ class FollowedLeader:
         self._moved_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
         self.receiver: StateReceiver | LeaderTelemetry = (
             LeaderTelemetry(
-                task.leader, plan.frame, moved_s=self._moved_s, system_id=plan.system_id
+                task.leader, plan.frame, alerts, moved_s=self._moved_s, system_id=plan.system_id
             )
             if isinstance(task.leader, ForeignLeader)
-            else StateReceiver(plan.frame, clock, moved_s=self._moved_s)
+            else StateReceiver(plan.frame, clock, alerts, whose="the leader", moved_s=self._moved_s)
         )
         """Hears the mission's leader."""
         self._followed = self.receiver
@@ -174,10 +181,6 @@ class FollowedLeader:
     def to_say(self, now: float) -> bytes:
         """Heartbeats and questions for the time, where the leader has no companion."""
         return self.receiver.say(now) if isinstance(self.receiver, LeaderTelemetry) else b""
-
-    def words(self) -> list[str]:
-        """What the pilot should know of the leader's states."""
-        return [f"the leader {words}" for words in self.receiver.words()]
 
     def _known_leader(self) -> KnownLeader | ForeignLeader:
         """What is known of the leader: on a path of the mission, or on the circle of a hold."""

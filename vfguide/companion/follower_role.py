@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from functools import partial
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.delay_compensator import Law
@@ -71,6 +72,8 @@ class FollowerRole(Role):
         clock: SharedClock,
         arrangements: Arrangements,
         report: StatePublisher | None = None,
+        *,
+        alerts: Alerts | None = None,
     ) -> None:
         """Make a follower that has heard nothing yet.
 
@@ -80,15 +83,16 @@ class FollowerRole(Role):
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
             report: says how the vehicle moves; a new one if absent.
+            alerts: takes what a pilot should know.
         """
         self._arrangements = arrangements
         self._plan = plan
         self._task = task
         self._clock = clock
-        self.followed = FollowedLeader(plan, task, clock, arrangements)
+        self.followed = FollowedLeader(plan, task, clock, arrangements, alerts)
         """What it knows of its leader."""
-        self._traffic = Traffic(plan.others, plan.frame, clock)
-        self._keep_clear = KeepClear(plan, self._traffic)
+        self._traffic = Traffic(plan.others, plan.frame, clock, alerts)
+        self._keep_clear = KeepClear(plan, self._traffic, alerts)
         self._report = report or StatePublisher(plan)
         self._published_time = -math.inf
         self._distance = math.inf
@@ -200,10 +204,6 @@ class FollowerRole(Role):
     def to_leader(self, now: float) -> bytes:
         """Heartbeats and questions for the time, where the leader has no companion."""
         return self.followed.to_say(now)
-
-    def words(self) -> list[str]:
-        """What the pilot should know of the states of leader and neighbours, and of keeping clear of them."""
-        return self.followed.words() + self._traffic.words() + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
         """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""

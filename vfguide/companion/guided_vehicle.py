@@ -6,6 +6,7 @@ import struct
 from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import PlottedValues
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
@@ -22,6 +23,7 @@ from vfguide.companion.timing import SharedClock
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import Point
 from vfguide.mavlink.adapter import AutopilotAdapter
+from vfguide.mavlink.announcements import WARNING
 
 FAILURE_S = 10.0
 """Between two texts that guidance fails."""
@@ -41,6 +43,7 @@ class GuidedVehicle:
         clock: SharedClock,
         arrangements: Arrangements,
         *,
+        alerts: Alerts,
         sends_target: bool,
         role: RoleMaker = role_of,
     ) -> None:
@@ -52,6 +55,7 @@ class GuidedVehicle:
             authority: who may steer.
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
+            alerts: takes what the pilot should know.
             sends_target: whether to send FOLLOW_TARGET, if this is the leader.
             role: makes its part in the formation.
         """
@@ -60,6 +64,7 @@ class GuidedVehicle:
         self._authority = authority
         self._clock = clock
         self._arrangements = arrangements
+        self._alerts = alerts
         self._fly_by(plan)
         self._learner = ResponseLearner()
         self._guard = StrainGuard()
@@ -83,16 +88,15 @@ class GuidedVehicle:
         """Whether a setpoint has been computed that may be flown."""
         self.has_steered = False
         """Whether one was ever flown."""
-        self._failure_time = -math.inf
 
     def _fly_by(self, plan: FlightPlan) -> None:
         self.plan = plan
         """By which it flies."""
-        self.own = OwnVehicle(plan)
+        self.own = OwnVehicle(plan, self._alerts)
         """Its navigation."""
-        self.role = self._make_role(plan, self._clock, self._arrangements)
+        self.role = self._make_role(plan, self._clock, self._arrangements, self._alerts)
         """Its part in the formation."""
-        self.steering = Steering(plan, self._adapter, self.own)
+        self.steering = Steering(plan, self._adapter, self.own, self._alerts)
         """What goes to its autopilot."""
 
     def adopt(self, plan: FlightPlan) -> None:
@@ -102,7 +106,7 @@ class GuidedVehicle:
         self._arrangements.adopt(plan)
         self._fly_by(plan)
 
-    def learn(self, now: float, out: Outgoing) -> FlightPlan | None:
+    def learn(self, now: float) -> FlightPlan | None:
         """Return another plan, where the flight has shown another response than the one that is flown by.
 
         What is known of the formation is kept, and the pilot hears of it.
@@ -112,7 +116,7 @@ class GuidedVehicle:
             self.plan, own.air.turn_efficiency, now, bank_heard=own.air.bank_heard
         )
         for sentence in words:
-            out.warn(sentence, now)
+            self._alerts.say("response", WARNING, sentence)
         if is_other(softness, self.plan.softness):
             plan = replace(plan or self.plan, softness=softness)
         if plan is None:
@@ -141,7 +145,7 @@ class GuidedVehicle:
             step = self.role.step(navigated, mode)
         except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
             # Without a step telemetry counts as lost: the vehicle is handed back soon.
-            self._tell_of_failure(error, now, out)
+            self._tell_of_failure(error)
             return None
         self.telemetry_time = now
         self.interval = navigated.interval
@@ -157,14 +161,6 @@ class GuidedVehicle:
         self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
         """What a step sends to the autopilot."""
-        messages = self._flown(step, navigated, mode, now, out)
-        for words in self.steering.words():
-            out.warn(words, now)
-        return messages
-
-    def _flown(
-        self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
-    ) -> list[MAVLink_message]:
         ceiling = self._arrangements.flight.ceiling
         setpoint = self.steering.check(step, now, ceiling=ceiling)
         steers = mode.steers and self._authority.is_current(now)
@@ -176,16 +172,15 @@ class GuidedVehicle:
             return []
         self.is_ready = True
         if steers:
-            out.warn(
-                self._guard.watch(
-                    navigated.state,
-                    setpoint,
-                    self.plan.airframe,
-                    self.own.air.fresh_bank(now),
-                    in_place=mode is Mode.TRACKING,
-                ),
-                now,
+            strain = self._guard.watch(
+                navigated.state,
+                setpoint,
+                self.plan.airframe,
+                self.own.air.fresh_bank(now),
+                in_place=mode is Mode.TRACKING,
             )
+            if strain is not None:
+                self._alerts.say("strain", WARNING, strain)
             self._authority.note_steering()
             self.lyapunov = step.lyapunov
             out.steered = self.has_steered = True
@@ -194,14 +189,10 @@ class GuidedVehicle:
             return self.steering.stay_ready(setpoint, navigated, now)
         return []
 
-    def _tell_of_failure(self, error: Exception, now: float, out: Outgoing) -> None:
+    def _tell_of_failure(self, error: Exception) -> None:
         """Tell the pilot, now and then, that guidance has failed."""
-        if now - self._failure_time >= FAILURE_S:
-            self._failure_time = now
-            out.warn(
-                f"guidance fails ({described_error(error)}): take over; mend the law or the path",
-                now,
-            )
+        text = f"guidance fails ({described_error(error)}): take over; mend the law or the path"
+        self._alerts.say("guidance", WARNING, text, quiet_s=FAILURE_S)
 
     def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
         """FOLLOW_TARGET for aircraft without a companion; a failure to send it ends no flight."""
@@ -213,4 +204,4 @@ class GuidedVehicle:
             text = (
                 f"FOLLOW_TARGET cannot be sent ({error}): aircraft that follow it are on their own"
             )
-            out.warn(text, navigated.state.time_s)
+            self._alerts.say("follow target", WARNING, text)

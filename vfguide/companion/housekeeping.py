@@ -5,14 +5,15 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Outgoing
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import (
+    WARNING,
     Acknowledgements,
     ground_station_heartbeat,
     heartbeat,
@@ -44,6 +45,7 @@ class Housekeeping:
         plan: FlightPlan,
         adapter: AutopilotAdapter,
         authority: ModeAuthority,
+        alerts: Alerts,
         *,
         inspect: bool,
     ) -> None:
@@ -53,11 +55,13 @@ class Housekeeping:
             plan: of the vehicle.
             adapter: how to speak to its autopilot.
             authority: who may steer.
+            alerts: takes what the pilot should know.
             inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
         """
         self._plan = plan
         self._adapter = adapter
         self._authority = authority
+        self._alerts = alerts
         self._timeouts = plan.timeouts
         self._parameter_check = (
             ParameterCheck(plan, adapter) if inspect or plan.asks_response else None
@@ -93,7 +97,6 @@ class Housekeeping:
         vehicle: GuidedVehicle,
         mode: Mode,
         now: float,
-        out: Outgoing,
         *,
         stopped: bool,
         returns: Callable[[], bool],
@@ -104,7 +107,6 @@ class Housekeeping:
             vehicle: that is guided.
             mode: of the companion.
             now: s.
-            out: takes what the pilot should know.
             stopped: whether the companion has said its last words: then nothing is asked any more.
             returns: tells whether the vehicle is to be handed back.
         """
@@ -114,7 +116,7 @@ class Housekeeping:
         if now - self._time < HEARTBEAT_S:
             return messages
         self._time = now
-        if not self._leaves_to_fail_safe(now, out, returns):
+        if not self._leaves_to_fail_safe(now, returns):
             messages += self._heartbeats(mode)
         if stopped:
             return messages
@@ -128,12 +130,12 @@ class Housekeeping:
                 messages += self._adapter.request_attitude(self._plan.rate_hz)
         if not silent:
             for text in self.commands.overdue(now):
-                out.warn(text, now)
+                self._alerts.say("command", WARNING, text)
         if authority.connected and authority.recognised:
-            messages += self._questions(now, out)
+            messages += self._questions()
         return messages
 
-    def _leaves_to_fail_safe(self, now: float, out: Outgoing, returns: Callable[[], bool]) -> bool:
+    def _leaves_to_fail_safe(self, now: float, returns: Callable[[], bool]) -> bool:
         """Whether a vehicle flies on by old setpoints although it should have been handed back.
 
         Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
@@ -145,7 +147,7 @@ class Housekeeping:
         self._return_since = min(self._return_since, now) if wanted else math.inf
         if now - self._return_since <= FAIL_SAFE_S:
             return False
-        out.warn(FAIL_SAFE, now)
+        self._alerts.say("fail-safe", WARNING, FAIL_SAFE)
         return True
 
     def _heartbeats(self, mode: Mode) -> list[MAVLink_message]:
@@ -154,9 +156,11 @@ class Housekeeping:
             return [heartbeat(), ground_station_heartbeat()]
         return [heartbeat()]
 
-    def _questions(self, now: float, out: Outgoing) -> list[MAVLink_message]:
+    def _questions(self) -> list[MAVLink_message]:
         """What is not known of the autopilot yet."""
         messages = self._adapter.questions()
         if self._parameter_check is not None:
-            messages += self._parameter_check.requests(lambda text: out.warn(text, now))
+            messages += self._parameter_check.requests(
+                lambda text: self._alerts.say("parameter", WARNING, text)
+            )
         return messages

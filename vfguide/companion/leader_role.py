@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.height_keeper import HeightKeeper
@@ -41,6 +42,8 @@ class LeaderRole(Role):
         clock: SharedClock,
         arrangements: Arrangements,
         report: StatePublisher | None = None,
+        *,
+        alerts: Alerts | None = None,
     ) -> None:
         """Make a leader that has heard no follower yet.
 
@@ -50,6 +53,7 @@ class LeaderRole(Role):
             clock: that the formation shares: the leader's own.
             arrangements: what was ordered of the formation.
             report: says how the vehicle moves; a new one if absent.
+            alerts: takes what a pilot should know.
         """
         self._plan = plan
         self._mission_task = self._task = task
@@ -57,8 +61,8 @@ class LeaderRole(Role):
         self._report = report or StatePublisher(plan)
         self._law = leader_law(plan, task)
         self._memory: Any = FIRST
-        self._traffic = Traffic(plan.others, plan.frame, clock)
-        self._keep_clear = KeepClear(plan, self._traffic)
+        self._traffic = Traffic(plan.others, plan.frame, clock, alerts)
+        self._keep_clear = KeepClear(plan, self._traffic, alerts)
         self._height = HeightKeeper(plan)
         self._planned = PlannedHeight(plan.climb_limits)
 
@@ -224,10 +228,6 @@ class LeaderRole(Role):
         """The leader follows no vehicle."""
         del now
         return b""
-
-    def words(self) -> list[str]:
-        """What the pilot should know of the followers' states, and of keeping clear of them."""
-        return self._traffic.words() + self._keep_clear.words()
 
     def leader_age(self, now: float) -> float:
         """The leader knows itself."""

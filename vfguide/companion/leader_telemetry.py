@@ -9,6 +9,7 @@ from collections import Counter
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
@@ -22,7 +23,7 @@ from vfguide.guidance.leader_motion import (
     observed_at_first,
     observed_motion,
 )
-from vfguide.mavlink.announcements import heartbeat, time_question
+from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
 from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
 from vfguide.mavlink.reports import TimeReport
@@ -69,13 +70,20 @@ class LeaderTelemetry:
     """The newest motion of one aircraft."""
 
     def __init__(
-        self, leader: ForeignLeader, frame: LocalFrame, *, moved_s: float, system_id: int
+        self,
+        leader: ForeignLeader,
+        frame: LocalFrame,
+        alerts: Alerts | None = None,
+        *,
+        moved_s: float,
+        system_id: int,
     ) -> None:
         """Make it, with nothing heard yet.
 
         Args:
             leader: who is listened for, and what it can do.
             frame: the formation's local frame.
+            alerts: takes what a pilot should know.
             moved_s: for how long reports from where it cannot be have to agree before they are believed.
             system_id: of one's own vehicle.
         """
@@ -100,7 +108,7 @@ class LeaderTelemetry:
         self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
         self._doubted = self._late = self._complained = self._stands = False
-        self._words: list[str] = []
+        self._alerts = alerts or Alerts()
         self._counters: Counter[str] = Counter()
         self.newest: HeardState | None = None
         """Times on one's own clock."""
@@ -115,10 +123,9 @@ class LeaderTelemetry:
             total += clock.counters
         return total
 
-    def words(self) -> list[str]:
-        """What a pilot should know of it, each once; a sentence's end, after "the leader"."""
-        words, self._words = self._words, []
-        return words
+    def _say(self, text: str) -> None:
+        """Tell a pilot something of it; a sentence's end."""
+        self._alerts.say("state of the leader", WARNING, f"the leader {text}")
 
     def take(self, data: bytes, now: float) -> bool:
         """Take a datagram; whether it had a newer motion that can be true."""
@@ -137,7 +144,7 @@ class LeaderTelemetry:
         for system_id, count in self._codec.others.most_common(1):
             if count >= OTHERS_HEARD:
                 self._complained = True
-                self._words.append(
+                self._say(
                     f"is not heard, system {system_id} is: see whether leader.system_id and the connection"
                     " are right"
                 )
@@ -204,29 +211,27 @@ class LeaderTelemetry:
         self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
         self._altitude = AltitudeGate()
         if restarted:
-            self._words.append(
-                "has another clock, as after a restart: followed by that from now on"
-            )
+            self._say("has another clock, as after a restart: followed by that from now on")
 
     def _tell_of_lateness(self, age_s: float) -> None:
         """Tell the pilot when it is heard late, and when it is not any more."""
         if age_s > STALE_S and not self._late:
             self._late = True
-            self._words.append(
+            self._say(
                 f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"
             )
         elif age_s < 0.5 * STALE_S and self._late:
             self._late = False
-            self._words.append("is heard in time again: nothing to do")
+            self._say("is heard in time again: nothing to do")
 
     def _tell_of_standing(self, *, stands: bool) -> None:
         """Tell the pilot when it stops flying, and when it flies again."""
         if stands and not self._stands:
-            self._words.append(
+            self._say(
                 f"does not fly (less than {FLIES_M_S:g} m/s over ground): not followed until it does"
             )
         elif self._stands and not stands:
-            self._words.append("flies: followed, nothing to do")
+            self._say("flies: followed, nothing to do")
         self._stands = stands
 
     def _judge(self, report: LeaderReport, moment: Moment) -> bool:
@@ -247,7 +252,7 @@ class LeaderTelemetry:
             self._doubt(judgement, motion, moment, altitude)
             return False
         if self._doubted:
-            self._words.append("reports what can be again: believed, nothing to do")
+            self._say("reports what can be again: believed, nothing to do")
         self._doubted, self.doubted = False, None
         if motion.speed < FLIES_M_S:
             self._counters["not flying"] += 1
@@ -314,7 +319,7 @@ class LeaderTelemetry:
             carried = replace(there, north=judgement.north, east=judgement.east, steered=True)
             self.doubted = there, carried
         if not self._doubted:
-            self._words.append(
+            self._say(
                 f"reports what cannot be ({judgement.reason}): not believed;"
                 " be ready to take over should it come near"
             )

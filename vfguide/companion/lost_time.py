@@ -10,6 +10,9 @@ and what was lost meanwhile is put down to that.
 import math
 from collections import deque
 
+from vfguide.companion.alerts import Alerts
+from vfguide.mavlink.announcements import WARNING
+
 REPORTED_S = 0.19
 """Lost time that is worth a text to the pilot: 0.2 s, less what the ways of the reports leave open."""
 
@@ -51,10 +54,9 @@ STUTTERS, STUTTERS_WITHIN_S = 10, 60.0
 class LostTime:
     """Tells lost time from time that is made up for."""
 
-    def __init__(self) -> None:
+    def __init__(self, alerts: Alerts | None = None) -> None:
+        self._alerts = alerts or Alerts()
         self._told_s = -math.inf
-        self._stutter_told = False
-        self._word: str | None = None
         self._spans: deque[float] = deque(maxlen=SPANS)
         self._least = math.inf
         self._span_ends = -math.inf
@@ -68,12 +70,6 @@ class LostTime:
         self._before, self._depth, self._stuttered_s = math.inf, 0.0, -math.inf
         self._deepest = 0.0
         self._stutters: deque[float] = deque(maxlen=STUTTERS)
-
-    @property
-    def word(self) -> str | None:
-        """What the pilot should know, once."""
-        word, self._word = self._word, None
-        return word
 
     def slipped(self, before: float, at_least: float, now: float) -> None:
         """The difference has grown, perhaps only for a moment.
@@ -126,9 +122,11 @@ class LostTime:
         since_s = now - self._told_s
         if since_s < SOONEST_S or (since_s < QUIET_S and lost_s < MUCH_LOST_S):
             return
-        self._word = (
+        self._alerts.say(
+            "clock",
+            WARNING,
             f"the autopilot's clock has lost {lost_s:.1f} s: its times are put right;"
-            " see whether it is overloaded"
+            " see whether it is overloaded",
         )
         self._told_s, self._baseline, self._lost_since = now, settled, math.inf
 
@@ -144,9 +142,11 @@ class LostTime:
             self._deepest = max(self._deepest, self._depth)
         self._before, self._depth = math.inf, 0.0
         many = len(self._stutters) == STUTTERS and now - self._stutters[0] <= STUTTERS_WITHIN_S
-        if many and not self._stutter_told:
-            self._stutter_told = True
-            self._word = (
+        if many:
+            self._alerts.say(
+                "clock: stutter",
+                WARNING,
                 f"the autopilot's clock stutters by up to {self._deepest:.2f} s and catches up:"
-                " the computer it runs on is busy"
+                " the computer it runs on is busy",
+                quiet_s=math.inf,
             )

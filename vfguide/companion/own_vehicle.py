@@ -7,6 +7,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.companion.air_motion import LEAST_CALIBRATED, AirData, AirMotion
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import (
@@ -39,6 +40,7 @@ from vfguide.guidance.navigation import (
     with_right_velocity,
 )
 from vfguide.guidance.wind_triangle import polar
+from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import (
     AirspeedReport,
     AttitudeReport,
@@ -158,15 +160,16 @@ class SensorWatch:
 class OwnVehicle:
     """Navigation of one vehicle."""
 
-    def __init__(self, plan: FlightPlan) -> None:
+    def __init__(self, plan: FlightPlan, alerts: Alerts | None = None) -> None:
+        self._alerts = alerts or Alerts()
         self._frame = plan.frame
         self._filters = plan.settings.filters
         # Only the leader's law has an observer; a follower has nothing to fly by without its speed.
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
-        self._clock = AutopilotClock()
+        self._clock = AutopilotClock(self._alerts)
         self._gate = InnovationGate(reach_of(plan.airframe), moved_s=STAYED_S)
-        self._doubt = Doubt()
+        self._doubt = Doubt(self._alerts)
         self._altitude = AltitudeGate()
         self._reading: Reading | None = None
         self._refused = self._comes_back = False
@@ -182,7 +185,7 @@ class OwnVehicle:
         """What the autopilot says of its sensors and batteries."""
         # An autopilot that holds a ground speed gets no airspeed.
         self.air = AirMotion(
-            plan, calibrates=plan.airframe.hold == "heading-hold" and not self._blind
+            plan, self._alerts, calibrates=plan.airframe.hold == "heading-hold" and not self._blind
         )
         """How it moves through the air, as the autopilot's sensors show it."""
         self._state: VehicleState[float] | None = None
@@ -329,11 +332,13 @@ class OwnVehicle:
         before = self._altitude.doubted
         altitude = self._altitude.judge(altitude_amsl, time_s)
         if self._altitude.doubted is not before:
-            self._doubt.say(
+            self._alerts.say(
+                "altitude",
+                WARNING,
                 "the altitude steps: not believed, the others are kept clear of at every height;"
                 " check the barometer"
                 if self._altitude.doubted
-                else "the altitude is believed again, nothing to do"
+                else "the altitude is believed again, nothing to do",
             )
         return altitude
 
@@ -372,12 +377,6 @@ class OwnVehicle:
                 if isinstance(report, SensorsReport):
                     self.sensors.note(report, now)
                 self._health.take(report, now)
-
-    def words(self) -> list[str]:
-        """What a pilot should know of the reports, each once: one sentence each."""
-        words = self._doubt.words()
-        words += [word for word in (self.air.gate.word, self._clock.word) if word is not None]
-        return words
 
     @property
     def counters(self) -> Counter[str]:

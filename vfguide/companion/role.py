@@ -6,12 +6,13 @@ from typing import Protocol
 
 import msgspec
 
+from vfguide.companion.alerts import Event
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import MAIN_PATH, Point
 from vfguide.mavlink.reports import TrafficReport
-from vfguide.record.events import EventKind, FlightEvent, plain
+from vfguide.record.events import FlightEvent, plain
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.state import HeardState, LeaderState, Setpoint
 
@@ -109,30 +110,8 @@ class Role(Protocol):
     def to_leader(self, now: float) -> bytes:
         """What is to be said to a leader without a companion, one datagram."""
 
-    def successions(self) -> list[str]:
-        """What a pilot should know of who leads, each once; nothing where there are no deputies."""
-        return []
-
-    def words(self) -> list[str]:
-        """What a pilot should know of what came over the link, each once: one sentence each."""
-
     def leader_age(self, now: float) -> float:
         """Seconds since the newest leader state was true."""
-
-
-class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """Something an operator should know."""
-
-    time_s: float
-    """When."""
-    text: str
-    """What, in one line."""
-    warning: bool = False
-    """Whether it is something to worry about."""
-    tell: bool = False
-    """Whether the pilot gets it as a text; texts of the autopilot reach the pilot anyway."""
-    kind: EventKind = "text"
-    """What it is about."""
 
 
 def flight_event(vehicle: str, event: Event) -> FlightEvent:
@@ -182,16 +161,6 @@ class Outgoing(msgspec.Struct):
             self.to_link.append(step.publish)
         if step is not None and step.lead is not None:
             self.to_followers.append(step.lead)
-
-    def tell(self, text: str | None, now: float) -> None:
-        """Add an event, if there is one."""
-        if text is not None:
-            self.events.append(Event(time_s=now, text=text))
-
-    def warn(self, text: str | None, now: float, *, kind: EventKind = "text") -> None:
-        """Add an event to worry about, if there is one."""
-        if text is not None:
-            self.events.append(Event(time_s=now, text=text, warning=True, tell=True, kind=kind))
 
 
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.leader_role import LeaderRole
@@ -26,6 +27,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.laws.leader import LeaderTask
 from vfguide.link.codec import LeaderMessage, LinkDataError, encode, is_leaders
+from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState
 
@@ -33,15 +35,20 @@ PASSED_S = 2.0 * COPY_S
 """The last words are said by so much later than the state before: others take them for a newer one."""
 
 
-RoleMaker = Callable[[FlightPlan, SharedClock, Arrangements], Role]
-"""Makes a vehicle's part of its plan, the clock that the formation shares and what was ordered of it."""
+RoleMaker = Callable[[FlightPlan, SharedClock, Arrangements, Alerts], Role]
+"""Makes a vehicle's part of its plan, the formation's clock, what was ordered of it, and its alerts."""
 
 
 class SuccessionRole(Role):
     """Leads, follows, or leads on."""
 
     def __init__(
-        self, plan: FlightPlan, lead: LeadPlan, clock: SharedClock, arrangements: Arrangements
+        self,
+        plan: FlightPlan,
+        lead: LeadPlan,
+        clock: SharedClock,
+        arrangements: Arrangements,
+        alerts: Alerts | None = None,
     ) -> None:
         """Make one that has heard nothing yet.
 
@@ -50,6 +57,7 @@ class SuccessionRole(Role):
             lead: who may lead.
             clock: that the formation shares.
             arrangements: what was ordered of the formation.
+            alerts: takes what a pilot should know.
         """
         self._arrangements = arrangements
         self._plan = lead
@@ -58,19 +66,31 @@ class SuccessionRole(Role):
         self._clock = clock
         self._succession = Succession(plan.name, lead.order, silence_s=plan.timeouts.leader_s)
         self._report = StatePublisher(plan)
+        self._alerts = alerts = alerts or Alerts()
         self._leader_role = (
-            LeaderRole(plan, plan.task, clock, arrangements, self._report)
+            LeaderRole(
+                plan,
+                plan.task,
+                clock,
+                arrangements,
+                self._report,
+                alerts=alerts.only_while(lambda: self._flies_path),
+            )
             if isinstance(plan.task, LeaderTask)
             else None
         )
         self._follower_role = FollowerRole(
-            replace(plan, task=lead.task), lead.task, clock, arrangements, self._report
+            replace(plan, task=lead.task),
+            lead.task,
+            clock,
+            arrangements,
+            self._report,
+            alerts=alerts.only_while(lambda: not self._flies_path),
         )
         self._sequence = 0
         self._told = 0
         self._last: tuple[LeaderState[float], NavigatedState] | None = None
         self._counters: Counter[str] = Counter()
-        self._words: list[str] = []
 
     def retune(self, plan: FlightPlan) -> None:
         """Go on with another response of the same vehicle, in either part."""
@@ -263,18 +283,6 @@ class SuccessionRole(Role):
         del now
         return b""
 
-    def successions(self) -> list[str]:
-        """What the pilot should know of who leads."""
-        words, self._words = self._words, []
-        return words
-
-    def words(self) -> list[str]:
-        """What the pilot should know of others' states and of keeping clear of them."""
-        idle = self._follower_role if self._flies_path else self._leader_role
-        if idle is not None:
-            idle.words()
-        return self._role.words()
-
     def leader_age(self, now: float) -> float:
         """Seconds since the newest leader state was true; infinite while it is not known who leads."""
         if self._succession.listens:
@@ -289,21 +297,25 @@ class SuccessionRole(Role):
         self._told = succession.term
         whose = succession.holder
         if not succession.leads:
-            self._words.append(f"{whose} leads the formation now: nothing to do")
+            text = f"{whose} leads the formation now: nothing to do"
         elif self._flies_path:
-            self._words.append("leads the formation again: nothing to do")
+            text = "leads the formation again: nothing to do"
         else:
-            self._words.append(
-                f"leads the formation in place of {self._leader_name}: nothing to do"
-            )
+            text = f"leads the formation in place of {self._leader_name}: nothing to do"
+        self._alerts.say("lead", WARNING, text, about="lead")
 
 
-def role_of(plan: FlightPlan, clock: SharedClock, arrangements: Arrangements | None = None) -> Role:
+def role_of(
+    plan: FlightPlan,
+    clock: SharedClock,
+    arrangements: Arrangements | None = None,
+    alerts: Alerts | None = None,
+) -> Role:
     """The part that a plan asks for, in a formation that shares this clock and these arrangements."""
     task = plan.task
     arrangements = arrangements or Arrangements(plan, clock)
     if plan.lead is not None:
-        return SuccessionRole(plan, plan.lead, clock, arrangements)
+        return SuccessionRole(plan, plan.lead, clock, arrangements, alerts)
     if isinstance(task, LeaderTask):
-        return LeaderRole(plan, task, clock, arrangements)
-    return FollowerRole(plan, task, clock, arrangements)
+        return LeaderRole(plan, task, clock, arrangements, alerts=alerts)
+    return FollowerRole(plan, task, clock, arrangements, alerts=alerts)

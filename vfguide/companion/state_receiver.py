@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from msgspec.structs import replace
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plausibility import (
     MOVED_S,
@@ -18,6 +19,7 @@ from vfguide.companion.timing import SharedClock
 from vfguide.frames import LocalFrame
 from vfguide.guidance.wind_triangle import polar
 from vfguide.link.codec import LinkDataError, decode
+from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, HeardState
 
 FUTURE_S = 0.25
@@ -40,12 +42,22 @@ REMEMBERED = 1024
 class StateReceiver:
     """The newest state of one other vehicle."""
 
-    def __init__(self, frame: LocalFrame, clock: SharedClock, *, moved_s: float = MOVED_S) -> None:
+    def __init__(
+        self,
+        frame: LocalFrame,
+        clock: SharedClock,
+        alerts: Alerts | None = None,
+        *,
+        whose: str = "it",
+        moved_s: float = MOVED_S,
+    ) -> None:
         """Make it, with nothing heard yet.
 
         Args:
             frame: the formation's local frame.
             clock: that the times of states are on.
+            alerts: takes what a pilot should know.
+            whose: states these are, as texts begin.
             moved_s: for how long states from where it cannot be have to agree before they are believed.
         """
         self._frame = frame
@@ -54,7 +66,8 @@ class StateReceiver:
         self._altitude = AltitudeGate()
         self._doubted = False
         self._judged_s = -math.inf
-        self._words: list[str] = []
+        self._alerts = alerts or Alerts()
+        self._whose = whose
         self.counters: Counter[str] = Counter()
         """States that were not used, by reason."""
         self.newest: HeardState | None = None
@@ -82,10 +95,9 @@ class StateReceiver:
             return self._judge(motion, time_s)
         return False
 
-    def words(self) -> list[str]:
-        """What a pilot should know of the states, each once; a sentence's end, after the sender's name."""
-        words, self._words = self._words, []
-        return words
+    def _say(self, text: str) -> None:
+        """Tell a pilot something of the states; a sentence's end, after the sender's name."""
+        self._alerts.say(f"state of {self._whose}", WARNING, f"{self._whose} {text}")
 
     def _judge_altitude(self, motion: HeardState, time_s: float) -> float:
         """The altitude of a state (m), NaN while it is doubted."""
@@ -93,7 +105,7 @@ class StateReceiver:
         altitude = self._altitude.judge(motion.altitude_amsl, time_s)
         if self._altitude.doubted and not before:
             self.counters["altitude steps"] += 1
-            self._words.append(
+            self._say(
                 "reports an altitude that steps: not believed, kept clear of at every height;"
                 " be ready to take over should it come near"
             )
@@ -127,14 +139,14 @@ class StateReceiver:
                 self.doubted = replace(state, steered=False), carried
             self.counters["impossible"] += 1
             if not self._doubted:
-                self._words.append(
+                self._say(
                     f"reports what cannot be ({judgement.reason}): not believed;"
                     " be ready to take over should it come near"
                 )
             self._doubted = True
             return False
         if self._doubted:
-            self._words.append("reports what can be again: believed, nothing to do")
+            self._say("reports what can be again: believed, nothing to do")
         self._doubted = False
         self.doubted, self.newest = None, state
         return True

@@ -15,6 +15,7 @@ from collections import Counter
 from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
@@ -23,6 +24,7 @@ from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
 from vfguide.guidance.creeping_speed import CreepingSpeed
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
+from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 GUARD_PATIENCE_S = 1.0
@@ -220,13 +222,20 @@ def creeping_speed_of(plan: FlightPlan) -> CreepingSpeed | None:
 class Steering:
     """What one autopilot is sent of what guidance asks for."""
 
-    def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter, own: OwnVehicle) -> None:
+    def __init__(
+        self,
+        plan: FlightPlan,
+        adapter: AutopilotAdapter,
+        own: OwnVehicle,
+        alerts: Alerts | None = None,
+    ) -> None:
         """Have sent nothing yet.
 
         Args:
             plan: its vehicle's part of the mission.
             adapter: how to speak to its autopilot.
             own: what is known of the vehicle: its airspeed sensor and its slip.
+            alerts: takes what a pilot should know.
         """
         self._plan = plan
         self._adapter = adapter
@@ -238,7 +247,7 @@ class Steering:
         self._height = plan.height
         self._ceiling = math.inf
         self._altitude, self._altitude_time = plan.altitude_amsl, -math.inf
-        self._words: list[str | None] = []
+        self._alerts = alerts or Alerts()
         self.setpoint: Setpoint[float] | None = None
         """The last that was flown."""
 
@@ -258,10 +267,9 @@ class Steering:
         """Whether nothing could be passed on for so long that the autopilot is better off by itself."""
         return self._guard.closed(now)
 
-    def words(self) -> list[str]:
-        """What a pilot should know since the last call, one sentence each."""
-        words, self._words = self._words, []
-        return [text for text in words if text is not None]
+    def _say(self, text: str | None) -> None:
+        if text is not None:
+            self._alerts.say("steering", WARNING, text)
 
     def begin(self) -> None:
         """Note that the vehicle is steered from now on: its autopilot may hold another altitude."""
@@ -280,7 +288,7 @@ class Steering:
         """What a step asks for, if it can be flown; no height above the ceiling (m above the origin)."""
         self._ceiling = ceiling
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
-        self._words.append(complaint)
+        self._say(complaint)
         if setpoint is not None:
             self._height = self._safe(step.height)
         return setpoint
@@ -293,15 +301,15 @@ class Steering:
         altitude = self._amsl(self._safe(self._height + climb_m))
         self.setpoint = setpoint
         if climb_m != 0.0 and not self._adapter.holds_altitude:
-            self._words.append(CANNOT_CLIMB)
+            self._say(CANNOT_CLIMB)
         asked = self._asked(setpoint, altitude, navigated)
         asked = replace(asked, speed=self._brought_about(asked.speed, navigated, now))
         messages = self._stream.due(self._adapter.fly(asked), now)
         messages += self._altitude_due(asked.altitude_amsl, now)
-        self._words.append(self._tracking.watch(navigated.state, setpoint))
+        self._say(self._tracking.watch(navigated.state, setpoint))
         if not self._adapter.holds_altitude:
             off = navigated.place.altitude_amsl - wanted
-            self._words.append(self._tracking.watch_altitude(off))
+            self._say(self._tracking.watch_altitude(off))
         return messages
 
     def stay_ready(
@@ -314,7 +322,7 @@ class Steering:
     def _safe(self, height: float) -> float:
         """A height that may be asked for, m above the origin."""
         height, complaint = self._guard.height(height, self._ceiling)
-        self._words.append(complaint)
+        self._say(complaint)
         return height
 
     def _amsl(self, height: float) -> float:

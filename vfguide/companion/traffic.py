@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.ordered_flight import LAYER_CLEAR_M, OtherSlot
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
@@ -81,7 +82,11 @@ class Traffic:
     """The other vehicles of a formation."""
 
     def __init__(
-        self, others: Sequence[OtherVehicle], frame: LocalFrame, clock: SharedClock
+        self,
+        others: Sequence[OtherVehicle],
+        frame: LocalFrame,
+        clock: SharedClock,
+        alerts: Alerts | None = None,
     ) -> None:
         """Make it, with no vehicle heard yet.
 
@@ -89,11 +94,15 @@ class Traffic:
             others: the other vehicles; for a follower the leader among them.
             frame: the formation's local frame.
             clock: that the formation shares.
+            alerts: takes what a pilot should know of their states.
         """
         self.vehicles = tuple(others)
         self._rows = {one.name: row for row, one in enumerate(others)}
-        self._receivers = {one.name: StateReceiver(frame, clock) for one in others if not one.leads}
-        self._words: list[str] = []
+        self._receivers = {
+            one.name: StateReceiver(frame, clock, alerts, whose=one.name)
+            for one in others
+            if not one.leads
+        }
         self._arranged: Sequence[OtherSlot] | None = None
         self._link_lost_s = -math.inf
         self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
@@ -145,7 +154,6 @@ class Traffic:
             return None
         taken = receiver.take(data, now)
         self.note(vehicle, receiver)
-        self._words += [f"{vehicle} {words}" for words in receiver.words()]
         return receiver.newest if taken else None
 
     def unheard(self) -> list[str]:
@@ -155,11 +163,6 @@ class Traffic:
     def lose_link(self, now: float) -> None:
         """Note that there is no connection to the link now."""
         self._link_lost_s = now
-
-    def words(self) -> list[str]:
-        """What a pilot should know of their states, each once: one sentence each."""
-        words, self._words = self._words, []
-        return words
 
     def note(self, vehicle: str, receiver: StateReceiver | LeaderTelemetry) -> None:
         """Take what is heard of a vehicle: its state, or both places where it may be."""

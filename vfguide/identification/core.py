@@ -12,11 +12,12 @@ from itertools import accumulate
 from msgspec.structs import replace
 
 from vfguide.companion.air_motion import AirData
+from vfguide.companion.alerts import Event
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.role import Event, Outgoing, Role, RoleStep
+from vfguide.companion.role import Outgoing, Role, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import wrap_angle
 from vfguide.identification.recording import Recording, Segment, segments
@@ -165,10 +166,6 @@ class StepsRole(Role):
         """It follows nobody."""
         del now
         return b""
-
-    def words(self) -> list[str]:
-        """Nothing comes over the link."""
-        return []
 
     def leader_age(self, now: float) -> float:
         """It needs no leader."""

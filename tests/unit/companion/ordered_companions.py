@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
@@ -44,6 +45,7 @@ class Formation:
     said: list[tuple[str, Reply]] = field(default_factory=list)
     words: list[str] = field(default_factory=list)
     silent: set[str] = field(default_factory=set)
+    alerts: Alerts = field(default_factory=Alerts)
 
     def __post_init__(self) -> None:
         for name in NAMES:
@@ -51,7 +53,7 @@ class Formation:
 
     def start(self, name: str) -> None:
         """A companion that knows nothing yet."""
-        self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK)
+        self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK, self.alerts)
 
     def give(self, order: Arrangement) -> None:
         """An operator's order, on its way to everybody."""
@@ -66,7 +68,7 @@ class Formation:
             self.now = round(self.now + STEP_S, 3)
             for name, member in self.members.items():
                 member.step(self.now)
-                self.words += [text for text, _ in member.words()]
+                self.words += [one.text for one in self.alerts.heard(self.now)]
                 replies, repeats = member.to_say()
                 for other, receiver in self.members.items():
                     if other == name or name in self.silent:

@@ -2,6 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 
 
@@ -68,20 +69,22 @@ def test_a_fast_report_is_remembered_for_one_to_two_windows() -> None:
 
 
 def test_a_link_that_becomes_slower_is_no_slip_where_the_autopilot_answers() -> None:
-    clock = AutopilotClock()
+    alerts = Alerts()
+    clock = AutopilotClock(alerts)
     for step in range(20 * 20):
         boot_time_s = step / 20
         way_s = 0.005 if step < 100 else 0.4
         now = boot_time_s + 100.0 + way_s
         ask(clock, lambda time_s: time_s - 100.0, now, way_s)
         assert time_of(clock, boot_time_s, now) == pytest.approx(boot_time_s + 100.0, abs=0.006)
-    assert clock.word is None
+    assert alerts.heard(now) == []
 
 
 @pytest.mark.parametrize("lost_s", [0.05, 0.3, 5.0])
 def test_a_slip_is_found_within_a_second(lost_s: float) -> None:
     """Reports go on every 50 ms after the clock has stood still, and take 5 ms."""
-    clock = AutopilotClock()
+    alerts = Alerts()
+    clock = AutopilotClock(alerts)
 
     def autopilot(time_s: float) -> float:
         return time_s - 100.0 - (lost_s if time_s >= 130.0 + lost_s else 0.0)
@@ -95,16 +98,15 @@ def test_a_slip_is_found_within_a_second(lost_s: float) -> None:
         time_s = time_of(clock, autopilot(made), now)
         if made < 130.0 or made > 131.0 + lost_s:
             assert time_s == pytest.approx(made, abs=0.012)
-    word = clock.word
-    assert (word is not None) == (lost_s >= 0.2)
-    assert clock.word is None
-    if word is not None:
-        assert f"lost {lost_s:.1f} s" in word
+    said = [one.text for one in alerts.heard(now)]
+    assert len(said) == (lost_s >= 0.2)
+    assert all(f"lost {lost_s:.1f} s" in text for text in said)
 
 
 @pytest.mark.parametrize("rate", [0.96, 0.99, 1.02])
 def test_a_clock_that_does_not_run_at_the_walls_rate_is_followed(rate: float) -> None:
-    clock = AutopilotClock()
+    alerts = Alerts()
+    clock = AutopilotClock(alerts)
     words = []
     for step in range(20 * 200):
         now = 100.0 + step / 20
@@ -112,8 +114,7 @@ def test_a_clock_that_does_not_run_at_the_walls_rate_is_followed(rate: float) ->
         allowed_s = 0.045 if now < 112.0 else 0.01
         made = (now - 0.004 - 50.0) * rate
         assert time_of(clock, made, now) == pytest.approx(now, abs=allowed_s)
-        word = clock.word
-        words += [] if word is None else [word]
+        words += [one.text for one in alerts.heard(now)]
     # Until its rate is known it looks like one that slips.
     assert len(words) <= 2
     assert {0.96: "4.2% slow", 0.99: "1.0% slow", 1.02: "2.0% fast"}[rate] in words[-1]

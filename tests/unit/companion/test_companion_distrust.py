@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, Truth
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate, Doubt, NavigationHealth
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import Judgement, Verdict
@@ -26,13 +27,14 @@ RTL = 11
 
 def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[float, str]]:
     """When what is said of a speed that is wrong in these spans, at ten reports a second."""
-    doubt, spans, words = Doubt(), list(faults), []
+    alerts = Alerts()
+    doubt, spans, words = Doubt(alerts), list(faults), []
     for step in range(round(until_s * 10)):
         now = step / 10
         wrong = any(begin <= now < end for begin, end in spans)
         verdict = Verdict.REFUSED if wrong else Verdict.BELIEVED
         doubt.note(Judgement(verdict=verdict, north=0.0, east=0.0, reason="a speed"), now)
-        words += [(now, word) for word in doubt.words()]
+        words += [(now, one.text) for one in alerts.heard(now)]
     return words
 
 
@@ -167,14 +169,16 @@ def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes() ->
 def test_a_neighbour_whose_altitude_steps_has_none(
     plan: Callable[..., FlightPlan], leader_bytes: Make, step: float
 ) -> None:
-    receiver = StateReceiver(plan().frame, SAME_CLOCK)
+    alerts = Alerts()
+    receiver = StateReceiver(plan().frame, SAME_CLOCK, alerts, whose="f2")
     for number in range(20):
         time_s = number / 5
         altitude = 588.0 + (step if number >= 10 else 0.0)
         assert receiver.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
         assert receiver.newest is not None
         assert math.isnan(receiver.newest.altitude_amsl) is (number >= 10)
-    assert [word.split(":")[0] for word in receiver.words()] == ["reports an altitude that steps"]
+    (said,) = alerts.heard(4.0)
+    assert said.text.startswith("f2 reports an altitude that steps")
 
 
 Word = GpsReport | EstimatorReport | SensorsReport

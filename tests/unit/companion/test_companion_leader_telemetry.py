@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import ForeignLeader
 from vfguide.frames import LocalFrame
@@ -28,8 +29,13 @@ LEADER = ForeignLeader(
 )
 
 
-def listener(**changes: Any) -> LeaderTelemetry:  # noqa: ANN401 - any field of the leader
-    return LeaderTelemetry(replace(LEADER, **changes), FRAME, moved_s=5.0, system_id=2)
+def listener(alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:  # noqa: ANN401 - any field of the leader
+    return LeaderTelemetry(replace(LEADER, **changes), FRAME, alerts, moved_s=5.0, system_id=2)
+
+
+def said(alerts: Alerts) -> list[str]:
+    """What the pilot should know of the leader, without its beginning."""
+    return [one.text.removeprefix("the leader ") for one in alerts.heard(0.0)]
 
 
 def packed(message: MAVLink_message, system_id: int = 7) -> bytes:
@@ -155,11 +161,12 @@ def test_what_another_system_says_is_not_heard() -> None:
 
 
 def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
-    telemetry = listener()
+    alerts = Alerts()
+    telemetry = listener(alerts)
     for step in range(40):
         sent_s = 0.25 * step
         telemetry.take(packed(position(sent_s, 5.0 * step, 0.0), system_id=8), sent_s + 0.2)
-    (words,) = telemetry.words()
+    (words,) = said(alerts)
     assert words.startswith("is not heard, system 8 is")
 
 
@@ -170,18 +177,20 @@ def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
 def test_one_message_that_cannot_be_true_moves_nothing(
     north: float, velocity: tuple[float, float]
 ) -> None:
-    telemetry = listener()
+    alerts = Alerts()
+    telemetry = listener(alerts)
     fly(telemetry, 5.0)
     before = telemetry.newest
     assert not telemetry.take(packed(position(5.25, north, 0.0, velocity)), 5.45)
     assert telemetry.newest is before
     assert telemetry.counters["impossible"] == 1
-    (words,) = telemetry.words()
+    (words,) = said(alerts)
     assert words.startswith("reports what cannot be")
 
 
 def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
-    telemetry = listener()
+    alerts = Alerts()
+    telemetry = listener(alerts)
     for step in range(8):
         telemetry.take(packed(position(0.25 * step, 0.0, 0.0, (0.0, 0.0))), 0.25 * step + 0.2)
     assert telemetry.newest is None
@@ -193,7 +202,7 @@ def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
         sent_s = 1.75 + 0.25 * step
         telemetry.take(packed(position(sent_s, north, 0.0, (speed, 0.0))), sent_s + 0.2)
     assert telemetry.newest is not None
-    assert [words.split(":")[0].split(" (")[0] for words in telemetry.words()] == [
+    assert [words.split(":")[0].split(" (")[0] for words in said(alerts)] == [
         "does not fly",
         "flies",
     ]
@@ -207,7 +216,8 @@ def test_time_that_runs_backward_once_is_not_believed() -> None:
 
 
 def test_after_a_reboot_it_is_followed_again_by_its_new_clock() -> None:
-    telemetry = listener()
+    alerts = Alerts()
+    telemetry = listener(alerts)
     fly(telemetry, 5.0)
     for step in range(12):
         sent_s = 8.0 + 0.25 * step
@@ -217,17 +227,18 @@ def test_after_a_reboot_it_is_followed_again_by_its_new_clock() -> None:
     assert telemetry.newest is not None
     assert telemetry.newest.time_s == pytest.approx(10.75, abs=2e-3)
     assert telemetry.newest.north == pytest.approx(215.0, abs=0.1)
-    assert any("another clock" in words for words in telemetry.words())
+    assert any("another clock" in words for words in said(alerts))
 
 
 def test_a_late_leader_is_told_once_and_again_when_it_is_in_time() -> None:
-    telemetry = listener()
+    alerts = Alerts()
+    telemetry = listener(alerts)
     fly(telemetry, 5.0)
     for step in range(4):
         sent_s = 5.25 + 0.25 * step
         telemetry.take(northbound(sent_s), sent_s + 1.7)
     fly(telemetry, 12.0, begin_s=10.0)
-    assert [words.split(":")[0] for words in telemetry.words()] == [
+    assert [words.split(":")[0] for words in said(alerts)] == [
         "is heard 1.7 s late",
         "is heard in time again",
     ]

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock
 
 BOOTED_S = 50.0
@@ -57,7 +58,8 @@ def heard(
         answers: whether TIMESYNC is answered.
         seed: of the ways.
     """
-    clock, random = AutopilotClock(), Random(seed)
+    alerts = Alerts()
+    clock, random = AutopilotClock(alerts), Random(seed)
 
     def boot_time(time_s: float) -> float:
         return rate * (time_s - lag(time_s)) + BOOTED_S
@@ -81,8 +83,7 @@ def heard(
         elif (stamp := clock.ask(now)) is not None and answers:
             there = time_s + random.uniform(*ways)
             replies.append((there + random.uniform(*ways), stamp, boot_time(there)))
-        word = clock.word
-        said += [] if word is None else [(time_s, word)]
+        said += [(time_s, one.text) for one in alerts.heard(now)]
     return said
 
 

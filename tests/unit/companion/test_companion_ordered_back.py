@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.mission_plan import adapter_of
@@ -46,11 +47,13 @@ class Vehicle:
     """Heartbeats of an autopilot, and what they are answered with."""
 
     def __init__(self, mission: Mission) -> None:
+        self.alerts = Alerts()
         self.authority = ModeAuthority(
             adapter_of(mission.vehicles["f1"]),
             EngageRule(allowed=True, modes=("LOITER",)),
             MemoryStore(),
             cast("FlightPhase", InTheAir()),
+            self.alerts,
         )
 
     def beat(
@@ -120,5 +123,5 @@ def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(
     happens(vehicle)
     assert not vehicle.engages(from_s)
     assert vehicle.authority.control(from_s + 5.0) is Control.PILOT
-    said = vehicle.authority.notices()
+    said = [one.text for one in vehicle.alerts.heard(from_s + 5.0)]
     assert any(text.startswith("ordered back into the formation: select GUIDED") for text in said)

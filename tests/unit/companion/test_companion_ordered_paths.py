@@ -55,7 +55,7 @@ def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
     plan: MakePlan, slots: dict[str, Point]
 ) -> None:
     formation = Formation(with_paths(plan))
-    formation.members["f2"] = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+    formation.members["f2"] = Arrangements(plan(vehicle="f2"), SAME_CLOCK, formation.alerts)
     formation.run(5.0)
     formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
     formation.run(60.0)
@@ -70,7 +70,9 @@ def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
     formation = Formation(with_paths(plan))
     other = with_paths(plan)(vehicle="f2")
     paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.members["f2"] = Arrangements(
+        replace(other, paths=paths), SAME_CLOCK, formation.alerts
+    )
     formation.run(5.0)
     formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
     formation.run(60.0)
@@ -87,7 +89,9 @@ def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_
     formation = Formation(with_paths(plan))
     other = with_paths(plan)(vehicle="f1")
     paths = {**other.paths, "main": replace(other.paths["main"], check=7)}
-    formation.members["f1"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.members["f1"] = Arrangements(
+        replace(other, paths=paths), SAME_CLOCK, formation.alerts
+    )
     formation.run(5.0)
     formation.give(replace(further(slots), lead="f1", path_check=8))
     formation.run(60.0)
@@ -105,7 +109,9 @@ def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_d
     formation.run(11.0)
     other = with_paths(plan)(vehicle="f2")
     paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(replace(other, paths=paths), SAME_CLOCK)
+    formation.members["f2"] = Arrangements(
+        replace(other, paths=paths), SAME_CLOCK, formation.alerts
+    )
     formation.run(30.0)
     assert formation.flown["f2"] == 0
     assert formation.members["f2"].obstacle(formation.now) is not None

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from vfguide.companion.alerts import Alerts
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK
@@ -13,8 +14,13 @@ LeaderBytes = Callable[..., bytes]
 
 
 @pytest.fixture
-def receiver(plan: Callable[..., FlightPlan]) -> StateReceiver:
-    return StateReceiver(plan().frame, SAME_CLOCK)
+def alerts() -> Alerts:
+    return Alerts()
+
+
+@pytest.fixture
+def receiver(plan: Callable[..., FlightPlan], alerts: Alerts) -> StateReceiver:
+    return StateReceiver(plan().frame, SAME_CLOCK, alerts, whose="f2")
 
 
 @pytest.fixture
@@ -38,23 +44,23 @@ def taken(
 
 
 def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(
-    receiver: StateReceiver, ahead: LeaderBytes
+    receiver: StateReceiver, ahead: LeaderBytes, alerts: Alerts
 ) -> None:
     refused = taken(receiver, ahead, lambda now: 40.0 if now >= 10.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
     assert receiver.counters == {"impossible": 100}
-    first, second = receiver.words()
-    assert first.startswith("reports what cannot be")
-    assert second.startswith("reports what can be again")
-    assert receiver.words() == []
+    first, second = (one.text for one in alerts.heard(20.0))
+    assert first.startswith("f2 reports what cannot be")
+    assert second.startswith("f2 reports what can be again")
+    assert alerts.heard(20.0) == []
 
 
 def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(
-    receiver: StateReceiver, ahead: LeaderBytes
+    receiver: StateReceiver, ahead: LeaderBytes, alerts: Alerts
 ) -> None:
     refused = taken(receiver, ahead, lambda now: 40.0 if 10.0 <= now < 13.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
-    assert len(receiver.words()) == 2
+    assert len(alerts.heard(20.0)) == 2
 
 
 def test_after_a_long_silence_a_leader_may_have_flown_far(

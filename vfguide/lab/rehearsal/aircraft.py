@@ -8,10 +8,10 @@ from struct import Struct
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.companion.alerts import Event
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.role import Event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.lab.rehearsal.emulators import BOOTED_S, emulator_of, foreign_leader_of

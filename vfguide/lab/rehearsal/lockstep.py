@@ -18,8 +18,9 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
+from vfguide.companion.alerts import Event
 from vfguide.companion.follower_role import PUBLISH_S
-from vfguide.companion.role import Event, flight_event
+from vfguide.companion.role import flight_event
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.aircraft import (
     Aircraft,

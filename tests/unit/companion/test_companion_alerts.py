@@ -1,0 +1,237 @@
+"""What operator and pilot of a vehicle hear, and in which order."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vfguide.companion.alerts import MOST_SAID, MOST_WAITING, PAUSE_S, QUIET_S, Alerts
+from vfguide.companion.announcer import Announcer
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.timing import SAME_CLOCK
+from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.link.order_codec import encode_order
+from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
+
+
+def sent(alerts: Alerts, from_s: float, to_s: float) -> list[tuple[float, str]]:
+    """(time, text) of what the pilot gets in a time, looked at ten times a second."""
+    times = [from_s + 0.1 * number for number in range(round(10.0 * (to_s - from_s)))]
+    return [(now, due[1]) for now in times if (due := alerts.due(now)) is not None]
+
+
+def texts(alerts: Alerts, from_s: float, to_s: float) -> list[str]:
+    return [text for _, text in sent(alerts, from_s, to_s)]
+
+
+def said(alerts: Alerts, key: str, severity: int, *words: str, now: float = 0.0) -> list[str]:
+    """Say all of these at once; those that are logged."""
+    for text in words:
+        alerts.say(key, severity, text)
+    return [one.text for one in alerts.heard(now)]
+
+
+def test_the_first_of_many_warnings_is_not_lost() -> None:
+    alerts = Alerts()
+    warnings = [f"warning {number}" for number in range(12)]
+    assert said(alerts, "command", WARNING, *warnings) == warnings
+    assert texts(alerts, 0.0, 24.0) == warnings
+
+
+def test_there_are_two_seconds_between_any_two_texts() -> None:
+    alerts = Alerts()
+    for kind in ("command", "order", "clock"):
+        said(alerts, kind, WARNING, f"a {kind}")
+    times = [time_s for time_s, _ in sent(alerts, 0.0, 10.0)]
+    assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
+
+
+def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it() -> None:
+    alerts = Alerts()
+    said(alerts, "command", WARNING, *(f"warning {number}" for number in range(5)))
+    texts(alerts, 0.0, 0.5)
+    alerts.show_mode("leader lost")
+    assert alerts.due(0.5) == (NOTICE, "leader lost")
+    alerts.show_mode("leader is back")
+    assert texts(alerts, 0.6, 2.5) == []
+    assert alerts.due(2.5) == (NOTICE, "leader is back")
+
+
+def test_a_change_of_mode_that_still_waits_is_out_of_date_with_the_next() -> None:
+    alerts = Alerts()
+    alerts.show_mode("leader lost")
+    alerts.show_mode("leader is back")
+    assert texts(alerts, 0.0, 9.0) == ["leader is back"]
+
+
+def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
+    alerts = Alerts()
+    said(alerts, "order", INFO, "all have agreed")
+    alerts.show_mode("in its place")
+    said(alerts, "separation", WARNING, "too near", "much too near")
+    assert [alerts.due(now) for now in (0.0, 2.0, 4.0, 6.0)] == [
+        (NOTICE, "in its place"),
+        (WARNING, "too near"),
+        (WARNING, "much too near"),
+        (INFO, "all have agreed"),
+    ]
+
+
+def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again() -> None:
+    alerts = Alerts()
+    words = [f"word {number}" for number in range(MOST_WAITING)]
+    said(alerts, "order", INFO, *words)
+    said(alerts, "order", WARNING, "void")
+    assert texts(alerts, 0.0, 40.0) == ["void", *words[:-1]]
+    said(alerts, "order", INFO, words[-1], now=40.0)
+    assert texts(alerts, 40.0, 41.0) == [words[-1]]
+
+
+def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again() -> None:
+    alerts = Alerts()
+    said(alerts, "order", WARNING, *(f"warning {number}" for number in range(MOST_WAITING)))
+    said(alerts, "order", WARNING, "the last straw")
+    assert "the last straw" not in texts(alerts, 0.0, 35.0)
+    said(alerts, "order", WARNING, "the last straw", now=35.0)
+    assert texts(alerts, 35.0, 36.0) == ["the last straw"]
+
+
+def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time() -> None:
+    alerts = Alerts()
+    for now in range(59):
+        assert said(alerts, "fail-safe", WARNING, "take over", now=float(now)) == ["take over"]
+        alerts.due(float(now))
+    assert said(alerts, "fail-safe", WARNING, "take over", now=59.0) == ["take over"]
+    assert texts(alerts, 59.0, 61.0) == []
+    said(alerts, "fail-safe", WARNING, "take over", now=60.0)
+    assert texts(alerts, 60.0, 62.0) == ["take over"]
+
+
+def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not() -> None:
+    alerts = Alerts()
+    logged: list[tuple[int, str]] = []
+    for now in range(25):
+        alerts.say("airspeed", WARNING, f"{now} m/s", quiet_s=10.0)
+        alerts.say("airspeed: range", WARNING, f"range at {now} s")
+        logged += [(now, one.text) for one in alerts.heard(float(now))]
+    assert [now for now, text in logged if text.endswith("m/s")] == [0, 10, 20]
+    assert len([now for now, text in logged if text.startswith("range")]) == 25
+
+
+def test_what_is_said_once_in_a_flight_is_said_again_in_the_next() -> None:
+    alerts = Alerts()
+    for _ in range(3):
+        alerts.say("authority: a", WARNING, "select GUIDED", quiet_s=math.inf)
+    assert len(alerts.heard(0.0)) == 1
+    alerts.forget("authority")
+    alerts.say("authority: a", WARNING, "select GUIDED", quiet_s=math.inf)
+    assert len(alerts.heard(1.0)) == 1
+
+
+def test_a_part_is_heard_only_while_it_is_played() -> None:
+    alerts, played = Alerts(), True
+    part = alerts.only_while(lambda: played)
+    part.say("separation", WARNING, "keeping clear")
+    played = False
+    part.say("separation", WARNING, "unheard")
+    assert [one.text for one in alerts.heard(0.0)] == ["keeping clear"]
+
+
+def test_three_thousand_refused_orders_hide_nothing_else(plan: Callable[..., FlightPlan]) -> None:
+    alerts = Alerts()
+    announcer = Announcer("f1", alerts)
+    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK, alerts)
+    nowhere = Point(-20.0, 0.0, 0.0)
+    place = Place(vehicle="stranger", begin=nowhere, end=nowhere)
+    told: list[tuple[float, str]] = []
+    for step in range(300):
+        now = 10.0 + 0.1 * step
+        for number in range(10):
+            order = Arrangement(
+                number=10 * step + number + 1, time_s=now + 8.0, across_s=5.0, places=(place,)
+            )
+            data = encode_order(order)
+            member.receive_order(data, data, now)
+        if step == 150:
+            alerts.say("clock", WARNING, "the clock has lost 3 s")
+            alerts.say("separation: f2", WARNING, "too near to f2")
+        alerts.heard(now)
+        told += [(now, str(message.text)) for message in announcer.due(now)]
+    assert member.counters == {}
+    assert sum("is refused" in text for _, text in told) >= 10
+    for warning in ("the clock has lost 3 s", "too near to f2"):
+        (when,) = [now for now, text in told if warning in text]
+        # Its turn comes with the second text from then on, at the latest.
+        assert when <= 25.0 + 3.0 * PAUSE_S, warning
+
+
+KINDS = ("order", "refused order", "state of f2", "clock")
+ONE = st.tuples(
+    st.floats(0.0, 3.0),
+    st.sampled_from(KINDS),
+    st.sampled_from((WARNING, INFO)),
+    st.integers(0, 40),
+)
+RANDOM = settings(deadline=None, derandomize=True, database=None, max_examples=60)
+
+
+def flown(alerts: Alerts, script: list[tuple[float, str, int, int]]) -> list[tuple[float, str]]:
+    """What the pilot gets where things are said with such pauses, until nothing waits any more."""
+    now, got = 0.0, list[tuple[float, str]]()
+    for pause_s, kind, severity, number in script:
+        got += sent(alerts, now, now + pause_s)
+        now += pause_s
+        alerts.say(kind, severity, f"{kind} {number} {severity}")
+        alerts.heard(now)
+    return got + sent(alerts, now, now + PAUSE_S * MOST_WAITING * len(KINDS) + PAUSE_S)
+
+
+@RANDOM
+@given(st.lists(ONE, max_size=60))
+def test_whatever_is_said_nobody_is_flooded_and_nothing_comes_twice_in_a_short_while(
+    script: list[tuple[float, str, int, int]],
+) -> None:
+    got = flown(Alerts(), script)
+    assert all(later - earlier > PAUSE_S - 1e-6 for (earlier, _), (later, _) in pairwise(got))
+    for text in {text for _, text in got}:
+        times = [now for now, one in got if one == text]
+        # Each waits for its turn: the time of quiet counts from when it was said.
+        assert len(times) <= 1 + sum(pause_s for pause_s, *_ in script) / QUIET_S
+
+
+@RANDOM
+@given(st.lists(ONE, max_size=60), st.integers(0, 60))
+def test_a_warning_of_another_kind_is_never_hidden_and_waits_for_three_texts_at_most(
+    script: list[tuple[float, str, int, int]], place: int
+) -> None:
+    alerts, now, began = Alerts(), 0.0, math.nan
+    got: list[tuple[float, str]] = []
+    for number, (pause_s, kind, severity, what) in enumerate([*script, (1.0, "order", INFO, 0)]):
+        if number == min(place, len(script)):
+            began = now
+            alerts.say("separation", WARNING, "too near")
+        alerts.say(kind, severity, f"{kind} {what} {severity}")
+        alerts.heard(now)
+        got += sent(alerts, now, now + pause_s)
+        now += pause_s
+    got += sent(alerts, now, now + 20.0)
+    (when,) = [now for now, text in got if text == "too near"]
+    assert when - began <= PAUSE_S * 2 + 0.2
+
+
+@RANDOM
+@given(st.lists(st.integers(0, 2000), max_size=8), st.sampled_from(KINDS))
+def test_a_flood_between_two_looks_is_logged_by_its_first_and_others_whole(
+    sizes: list[int], kind: str
+) -> None:
+    alerts = Alerts()
+    for step, size in enumerate(sizes):
+        for number in range(size):
+            alerts.say(kind, WARNING, f"{number}")
+        alerts.say("separation", WARNING, "too near")
+        logged = [one.text for one in alerts.heard(float(step))]
+        assert logged == [*(str(number) for number in range(min(size, MOST_SAID))), "too near"]
