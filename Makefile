@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-fast test-versions docs image accuracy live sitl bench lint clean
+.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-live test-fast test-versions docs image accuracy live sitl bench lint clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
@@ -15,15 +15,14 @@ help: ## this list
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# Side by side: lint and the flights in lockstep take what processor is left, with the least priority; sockets and brokers,
-# and containers, mostly wait. Then the formations that fly live, with nothing beside them.
-test: $(VENV)/.dev ## lint and the whole test suite, as continuous integration runs it
-	+$(MAKE) --no-print-directory --jobs=4 --keep-going test-lint test-lockstep test-sockets test-containers
-	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
+# tests/stages.py runs test-lint, test-lockstep, test-sockets and test-containers side by side, then test-live.
+test: $(VENV)/.dev ## lint and the whole test suite, as continuous integration runs it; a line a stage, output in test-logs/
+	$(BIN)/python tests/stages.py
 
 test-lint: $(VENV)/.dev
 	+nice -n 19 $(MAKE) --no-print-directory lint
 
+# Flights in lockstep take what processor is left, with the least priority.
 test-lockstep: $(VENV)/.dev
 	nice -n 19 $(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m 'not real_time'
 
@@ -34,6 +33,10 @@ test-sockets: $(VENV)/.dev
 test-containers: $(VENV)/.dev
 	-tests/docker/make-image
 	$(BIN)/pytest tests/docker
+
+# Formations that fly in real time, with nothing beside them.
+test-live: $(VENV)/.dev
+	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
 
 test-fast: $(VENV)/.dev ## the unit tests that fly nothing, in a minute
 	$(BIN)/pytest -n auto -q -m 'not flies' tests/unit
@@ -88,4 +91,4 @@ $(VENV)/.dev: $(VENV)/.runtime
 	@touch $@
 
 clean: ## removes .venv, flights and caches
-	rm -rf $(VENV) $(VENV)-* flights site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-* flights test-logs site build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,180 @@
+"""Runs the stages of `make test`: a line for each when it ends, and one at the end for all.
+
+What a stage prints goes into test-logs/STAGE.log. A stage that fails shows its failures, too.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+LOGS = Path("test-logs")
+
+SHOWN_LINES = 150
+"""Last lines of a failed stage's log that are shown."""
+
+FAILURES = re.compile(r"^=+ (FAILURES|ERRORS) =+$")
+"""Where a log begins to tell what failed."""
+
+PLACE = re.compile(r"^\S+:\d+: ")
+"""Where a test was skipped, before the reason."""
+
+ENDS = (("failed", "failures"), ("errors", "errors"), ("skipped", "skipped"))
+"""How tests end, by our words and by those of the results' file; the others have passed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Something that runs by itself and succeeds or fails."""
+
+    name: str
+    command: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A stage that has ended."""
+
+    name: str
+    seconds: float
+    status: int
+    """Exit status; 0 for success."""
+    counts: Counter[str] = field(default_factory=Counter)
+    """Tests by how they ended; none of a stage without tests."""
+    reasons: Counter[str] = field(default_factory=Counter)
+    """Skipped tests by the reason."""
+
+
+def made(name: str) -> Stage:
+    """A target of the Makefile as a stage."""
+    return Stage(name, ("make", "--no-print-directory", f"test-{name}"))
+
+
+BESIDE = tuple(map(made, ("lint", "lockstep", "sockets", "containers")))
+"""Side by side: lint and the flights in lockstep take what processor is left; the others mostly wait."""
+
+ALONE = (made("live"),)
+"""Afterwards, one after the other: formations that fly in real time, which need the processor."""
+
+
+def main(beside: Sequence[Stage] = BESIDE, alone: Sequence[Stage] = ALONE) -> int:
+    """Run all stages; return 0 where each has succeeded, else 1."""
+    began_s = time.monotonic()
+    LOGS.mkdir(exist_ok=True)
+    ended = []
+    with ThreadPoolExecutor(max_workers=len(beside)) as pool:
+        for future in as_completed([pool.submit(run, stage) for stage in beside]):
+            ended.append(future.result())
+            tell(ended[-1])
+    for stage in alone:
+        ended.append(run(stage))
+        tell(ended[-1])
+    say(total_line(ended, time.monotonic() - began_s))
+    return int(any(one.status for one in ended))
+
+
+def run(stage: Stage) -> Ended:
+    """Run a stage to its end."""
+    began_s = time.monotonic()
+    results = LOGS / f"{stage.name}.xml"
+    results.unlink(missing_ok=True)
+    with log_of(stage.name).open("wb") as log:
+        done = subprocess.run(
+            stage.command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=environment(os.environ, results),
+            check=False,
+        )
+    counts, reasons = counted(results.read_text()) if results.exists() else (Counter(), Counter())
+    return Ended(stage.name, time.monotonic() - began_s, done.returncode, counts, reasons)
+
+
+def environment(own: Mapping[str, str], results: Path) -> dict[str, str]:
+    """What a stage runs in: pytest writes its results, and make's processes are not shared out anew.
+
+    Of make's own flags only variables of its command line are passed on: stages run side by side here.
+    """
+    passed = {name: value for name, value in own.items() if name not in {"MFLAGS", "MAKELEVEL"}}
+    variables = passed.pop("MAKEFLAGS", "").partition("-- ")[2]
+    if variables:
+        passed["MAKEFLAGS"] = f"-- {variables}"
+    options = f"{own.get('PYTEST_ADDOPTS', '')} --junit-xml={results.absolute()}"
+    return {**passed, "PYTEST_ADDOPTS": options.strip()}
+
+
+def counted(results: str) -> tuple[Counter[str], Counter[str]]:
+    """(tests by how they ended, skipped ones by the reason) of pytest's results in JUnit's form."""
+    counts: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
+    root = ET.fromstring(results)  # noqa: S314 - pytest itself wrote it
+    for suite in root.iter("testsuite"):
+        ends = {word: int(suite.get(name, 0)) for word, name in ENDS}
+        counts.update(passed=int(suite.get("tests", 0)) - sum(ends.values()), **ends)
+    for skipped in root.iter("skipped"):
+        reasons[PLACE.sub("", skipped.get("message", "")).removeprefix("Skipped: ")] += 1
+    return counts, reasons
+
+
+def outcome(counts: Counter[str], *, failed: bool) -> str:
+    """How many tests ended how; of a stage without any, whether it succeeded."""
+    told = [f"{counts[word]} {word}" for word in ("passed", "failed", "errors", "skipped")]
+    told = [words for words in told if not words.startswith("0 ")]
+    if failed and not counts["failed"] and not counts["errors"]:
+        told.insert(0, "FAILED")
+    return ", ".join(told) or "ok"
+
+
+def stage_line(one: Ended) -> str:
+    """The line of a stage that has ended."""
+    log = f"  see {log_of(one.name)}" if one.status else ""
+    return (
+        f"{one.name:<12}{one.seconds:6.0f} s  {outcome(one.counts, failed=bool(one.status))}{log}"
+    )
+
+
+def total_line(ended: Sequence[Ended], seconds: float) -> str:
+    """The line of all stages, with the reasons why tests were skipped."""
+    counts: Counter[str] = sum((one.counts for one in ended), Counter())
+    reasons: Counter[str] = sum((one.reasons for one in ended), Counter())
+    why = "; ".join(f"{count}: {reason}" for reason, count in reasons.most_common())
+    failed = any(one.status for one in ended)
+    told = outcome(counts, failed=failed) + (f" ({why})" if why else "")
+    return f"{'all':<12}{seconds:6.0f} s  {told}"
+
+
+def failures(log: str) -> str:
+    """The end of a log, from where it begins to tell what failed."""
+    lines = log.splitlines()
+    first = next((n for n, line in enumerate(lines) if FAILURES.match(line)), 0)
+    return "\n".join(lines[first:][-SHOWN_LINES:])
+
+
+def tell(one: Ended) -> None:
+    """Say how a stage ended, and what failed in it."""
+    say(stage_line(one))
+    if one.status:
+        say(failures(log_of(one.name).read_text(errors="replace")))
+
+
+def log_of(name: str) -> Path:
+    """Where a stage's output goes."""
+    return LOGS / f"{name}.log"
+
+
+def say(text: str) -> None:
+    """Print at once: others wait for the line."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
