@@ -15,13 +15,14 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from sitl_stub.autopilot import flight_at_start
 from sitl_stub.registry import autopilots
